@@ -11,9 +11,9 @@ from contextlib import suppress
 from typing import Literal, NamedTuple
 
 from bench.rig import CLOSE_S, GRACE_S, bring_to_safety
-from drivers.awake import Deadline, patience
 from drivers.capabilities import Device, Source, ThermalChamber
 from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
+from drivers.timing.awake import Deadline, patience
 
 CONNECT_S = 10.0
 STAYS_S = 1.0  # after which an output is looked at once more

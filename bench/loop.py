@@ -24,7 +24,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, TypeVarTuple, Unpack
 
 from bench.errors import TimeError
-from drivers.awake import came_true
+from drivers.timing.awake import came_true
 from drivers.transport.memory import Line, join
 
 T = TypeVar("T")

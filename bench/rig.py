@@ -11,7 +11,6 @@ from typing import Any, Self
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.errors import BenchError
-from drivers.awake import patience
 from drivers.capabilities import (
     Device,
     FrameSource,
@@ -25,6 +24,7 @@ from drivers.capabilities import (
 from drivers.description import Setup, make_driver, unheard
 from drivers.errors import DriverError, Refused, WrongIdentity
 from drivers.person import NOBODY, Person
+from drivers.timing.awake import patience
 from drivers.transport.wires import Wires
 from drivers.values import Identity
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import cantools
 import numpy as np
 
-from drivers.dbc import Dbc
-from drivers.frame_block import FrameBlock
+from drivers.can.dbc import Dbc
+from drivers.can.frame_block import FrameBlock
 
 DBC = Path(__file__).parents[1] / "config" / "if_counter.dbc"
 REPEATS = 5

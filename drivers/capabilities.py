@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 from drivers.values import Approach as Approach
 
 if TYPE_CHECKING:  # checking a sequence needs the names here, and not numpy
-    from drivers.frame_block import FrameBlock
+    from drivers.can.frame_block import FrameBlock
     from drivers.values import ChamberState, Heard, Identity, Reading, SourceReading
 
 

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import BaseModel, Field
 
-from drivers.busy import BUSY_S
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
-from drivers.fields import Spelled, StrictModel
 from drivers.installed import Installed
 from drivers.person import NOBODY, Person
 from drivers.safe_state import NOT_DESCRIBED, SafeState
+from drivers.schema.fields import Spelled, StrictModel
 from drivers.shipped import DRIVERS
+from drivers.timing.busy import BUSY_S
 
 if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
-    from drivers.recognition import Recognition
+    from drivers.discovery.recognition import Recognition
     from drivers.transport.address import Address
     from drivers.transport.wires import Wires
     from drivers.values import Identity

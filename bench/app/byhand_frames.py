@@ -7,10 +7,10 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
-from drivers.can_options import text_of
+from drivers.can.dbc import Dbc, Message
+from drivers.can.frame_block import EXTENDED, FrameBlock
+from drivers.can.options import text_of
 from drivers.capabilities import FrameSource
-from drivers.dbc import Dbc, Message
-from drivers.frame_block import EXTENDED, FrameBlock
 
 
 async def decoded_frames(device: FrameSource, options: Any, for_s: float) -> AsyncIterator[str]:

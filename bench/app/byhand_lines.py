@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from bench.config.devices import DeviceEntry
+from drivers.discovery.recognition import MODBUS
 from drivers.errors import BadAnswer, NoAnswer
-from drivers.recognition import MODBUS
+from drivers.protocols.modbus_frames import Framing, Pdu, ReadFunction, frames_of, read_request, write_request
 from drivers.transport.byhand import SharedWires
 from drivers.transport.exchange import LineExchange
-from drivers.transport.modbus_frames import Framing, Pdu, ReadFunction, frames_of, read_request, write_request
 
 QUESTION_S, COMMAND_S, MODBUS_S = 5.0, 1.0, 3.0  # how long an answer is waited for
 _SMALL, _LARGE = 1e-6, 1e9  # a float32 beyond is none, or its words are in the other order

@@ -6,20 +6,20 @@ from collections.abc import Mapping
 
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from drivers.can_counter.binding import format_of
-from drivers.can_counter.description import CounterOptions
-from drivers.can_options import text_of
-from drivers.can_telemetry.binding import encoders_of, formats_of
-from drivers.can_telemetry.description import TelemetryOptions
-from drivers.corrections import ARCSEC_PER_DEG
-from drivers.dbc import Dbc
-from simulators.can_counter import CounterSettings
-from simulators.can_telemetry import ChannelSettings, EncoderSettings, TelemetrySettings
-from simulators.gyro_unit import GyroFile
-from simulators.imu import CHANNELS, SENSORS
-from simulators.imu_file import ImuFile
-from simulators.unit_file import UnitFile
-from simulators.uut import Decoding
+from drivers.can.dbc import Dbc
+from drivers.can.options import text_of
+from drivers.certificates.corrections import ARCSEC_PER_DEG
+from drivers.dialects.can_counter.binding import format_of
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.description import TelemetryOptions
+from simulators.instruments.can_nodes.can_counter import CounterSettings
+from simulators.instruments.can_nodes.can_telemetry import ChannelSettings, EncoderSettings, TelemetrySettings
+from simulators.units.accelerometer import Decoding
+from simulators.units.gyro_unit import GyroFile
+from simulators.units.imu import CHANNELS, SENSORS
+from simulators.units.imu_file import ImuFile
+from simulators.units.unit_file import UnitFile
 
 
 def counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> CounterSettings:

@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager, suppress
 from bench.clock import ClockWatch, Stopwatch
 from bench.errors import StoreError
 from bench.store.writer import RunWriter
-from drivers.awake import stalled_s
+from drivers.timing.awake import stalled_s
 
 LOOK_EVERY_S = 10.0
 STALL_TOLD_S = 1.0

@@ -15,10 +15,10 @@ from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import device_of
 from bench.runner.held import holding
-from drivers.can_options import FRAME_SCHEMES
+from drivers.can.options import FRAME_SCHEMES
 from drivers.capabilities import Device, FrameSource, Positioner, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
-from drivers.suggest import did_you_mean
+from drivers.schema.suggest import did_you_mean
 from drivers.transport.byhand import SharedWires
 from drivers.transport.trace import RECEIVED, Passed, TracedWires
 from drivers.values import ChamberState, Identity, SourceReading

@@ -22,14 +22,14 @@ from drivers.capabilities import Device
 from drivers.description import DriverDescription, IdentityPin, Setup, make_driver
 from drivers.errors import CannotConnect, DriverError, WrongIdentity
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
-from simulators.faults import LINE_FAULTS, FaultKind, FaultPlan, begin, end, mishaps_of
-from simulators.line_faults import BadLine
-from simulators.serve import protocol_factory
-from simulators.settings import WorldSettings
-from simulators.setup import InstrumentSetup, make_instrument
-from simulators.world import World
+from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, begin, end, mishaps_of
+from simulators.faults.line_faults import BadLine
+from simulators.instruments.setup import InstrumentSetup, make_instrument
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.serving.serve import protocol_factory
 
 P = TypeVar("P", bound=asyncio.Protocol)
 NAME = "subject"

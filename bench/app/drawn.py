@@ -20,22 +20,23 @@ from bench.errors import InputError
 from bench.report.bench_record import HOUR_S, bench_record
 from bench.report.corrections import Table as CorrectionTable
 from bench.report.corrections import corrections_of
-from drivers.corrections import ARCSEC_PER_DEG
-from simulators import attitude
-from simulators.attitude import SOUTH, Fixture, Vector, tilted
-from simulators.carried import NOWHERE, TableErrors
-from simulators.corrections import Table
-from simulators.current_source import CurrentErrors
-from simulators.gyro_unit import GyroFile
-from simulators.imu import SENSORS, ImuPlace
-from simulators.imu_file import ImuFile
-from simulators.meter_inputs import CurrentInSeries, VoltmeterSettings
-from simulators.motion import AxisErrors
-from simulators.settings import PlaceSettings, WorldSettings
-from simulators.table import Loop, Ripple
-from simulators.thermal import ChamberPhysics
-from simulators.unit_file import UnitFile, stream
-from simulators.world import World
+from drivers.certificates.corrections import ARCSEC_PER_DEG
+from simulators.instruments.meters.meter_inputs import CurrentInSeries
+from simulators.physics import attitude
+from simulators.physics.attitude import SOUTH, Fixture, Vector, tilted
+from simulators.physics.corrections import Table
+from simulators.physics.motion import AxisErrors
+from simulators.physics.servo import Loop, Ripple
+from simulators.physics.settings import PlaceSettings, WorldSettings
+from simulators.physics.source_errors import CurrentErrors
+from simulators.physics.table_kinematics import NOWHERE, TableErrors
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.voltmeter import VoltmeterSettings
+from simulators.physics.world import World
+from simulators.units.gyro_unit import GyroFile
+from simulators.units.imu import SENSORS, ImuPlace
+from simulators.units.imu_file import ImuFile
+from simulators.units.unit_file import UnitFile, stream
 
 AnyUnitFile = UnitFile | GyroFile | ImuFile
 

@@ -7,7 +7,7 @@ from bench.app.scenario import with_faults
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
-from simulators.unit_file import stream
+from simulators.units.unit_file import stream
 
 MOST_FAULTS = 3
 # What each kind of instrument can suffer; others cannot measure wrongly without being silent, or restart unseen.

@@ -14,8 +14,8 @@ from bench.errors import StoreError
 from bench.sequence.dwells import first_visit
 from bench.sequence.plan import PlannedStep
 from bench.store.writer import RunWriter
-from simulators import faults
-from simulators.faults import Breakable
+from simulators.faults import instrument_faults as faults
+from simulators.faults.instrument_faults import Breakable
 
 BEGINS, ENDS = "fault_begins", "fault_ends"  # in the journal
 Tell = Callable[[str, FaultSimulation], object]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from bench.app.request import PreparedRun
 from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, released_copy
-from drivers.can_counter.description import CounterOptions
-from drivers.can_options import text_of
-from drivers.can_telemetry.description import TelemetryOptions
-from drivers.fields import DocumentFile
+from drivers.can.options import text_of
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
+from drivers.schema.fields import DocumentFile
 
 SCENARIO_COPY = "scenario.yaml"
 CALLED = "called"  # the folder of sequences that the one of a run calls

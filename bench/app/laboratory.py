@@ -26,29 +26,30 @@ from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.loop import BenchLoop
 from bench.report.corrections import corrections_of
-from drivers.can_counter.description import CounterOptions
-from drivers.can_telemetry.description import TelemetryOptions
 from drivers.description import DriverDescription
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
 from drivers.transport.wires import RealWires
-from simulators.can_counter import SimulatedCounter
-from simulators.can_node import CanNode
-from simulators.can_telemetry import SimulatedTelemetry
-from simulators.current_source import CurrentSource, Feed
-from simulators.faults import LINE_FAULTS, FaultPlan
-from simulators.gyro_unit import GyroFile
-from simulators.imu_file import ImuFile
-from simulators.keysight_3458a import Simulated3458A
-from simulators.line_faults import BadLine, LineFault
-from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
-from simulators.operator_head import HandTurnedHead
-from simulators.serve import Instrument, protocol_factory
-from simulators.settings import WorldSettings
-from simulators.setup import InstrumentSetup, make_instrument, simulator_class
-from simulators.unit_file import UnitFile
-from simulators.world import World
+from simulators.faults.instrument_faults import LINE_FAULTS, FaultPlan
+from simulators.faults.line_faults import BadLine, LineFault
+from simulators.instruments.axes.operator_head import HandTurnedHead
+from simulators.instruments.can_nodes.can_counter import SimulatedCounter
+from simulators.instruments.can_nodes.can_node import CanNode
+from simulators.instruments.can_nodes.can_telemetry import SimulatedTelemetry
+from simulators.instruments.meters.keysight_3458a import Simulated3458A
+from simulators.instruments.meters.meter_inputs import VoltsOnLoad
+from simulators.instruments.setup import InstrumentSetup, make_instrument, simulator_class
+from simulators.physics.settings import WorldSettings
+from simulators.physics.source_errors import CurrentSource, Feed
+from simulators.physics.voltmeter import VoltmeterSettings
+from simulators.physics.world import World
+from simulators.serving.serve import Instrument, protocol_factory
+from simulators.units.gyro_unit import GyroFile
+from simulators.units.imu_file import ImuFile
+from simulators.units.unit_file import UnitFile
 
 P = TypeVar("P", bound=asyncio.Protocol)
 TCP = Line(latency_s=0.002)

@@ -23,8 +23,8 @@ from bench.runner.takeover import END_BEYOND_S, take_over
 from bench.store.energised import Energised, energised, note_safe, record_made_safe
 from bench.store.machine_state import printable, problem_to_write
 from bench.store.runs import summary
-from drivers.awake import came_true
 from drivers.safe_state import LONGEST_S
+from drivers.timing.awake import came_true
 from drivers.transport.address import Address
 
 _pause = threading.Event().wait

@@ -12,9 +12,9 @@ from bench.config.load import shipped
 from bench.errors import InputError
 from bench.files import folder_made_whole
 from drivers.description import known_drivers
-from drivers.fields import Name
-from drivers.suggest import did_you_mean
-from drivers.wording import in_plain_words
+from drivers.schema.fields import Name
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import in_plain_words
 
 _TOY = "toy_"
 _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")

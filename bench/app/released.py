@@ -14,7 +14,7 @@ from bench.sequence.methods import known_methods
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark
 from bench.sequence.stimulus import Ramp
-from drivers.suggest import did_you_mean
+from drivers.schema.suggest import did_you_mean
 
 if TYPE_CHECKING:  # checking a sequence that needs none loads no arithmetic
     from bench.report.calibration import CalibrationFile

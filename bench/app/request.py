@@ -25,9 +25,9 @@ from bench.sequence.load import load_judged_plan
 from bench.sequence.occupied import occupied
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark
-from drivers.fields import Instant
-from drivers.suggest import did_you_mean
-from drivers.wording import in_plain_words
+from drivers.schema.fields import Instant
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import in_plain_words
 
 if TYPE_CHECKING:  # checking a sequence needs no simulators
     from bench.app.technician import Script

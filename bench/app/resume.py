@@ -21,7 +21,7 @@ from bench.store.manifest_form import WHOLE_FORM
 from bench.store.reader import Event, RunReader
 from bench.store.runs import MANIFEST, summary
 from bench.store.verify import examine
-from drivers.bounded import expect_bounded
+from drivers.schema.bounded import expect_bounded
 
 REQUEST, RESUMED = "request", "run_resumed"  # a key of the manifest, and a kind of entry of the journal
 _FILES = ("sequence", "bench", "parameters", "uut_model", "answers", "scenario")

@@ -14,12 +14,12 @@ from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.runner.held import holding
 from drivers.description import DriverDescription, known_drivers
+from drivers.discovery.questions import QuestionPort
+from drivers.discovery.recognition import Found, Language, Recognition
 from drivers.errors import CannotConnect
-from drivers.recognition import Found, Language, Recognition
-from drivers.suggest import did_you_mean
+from drivers.schema.suggest import did_you_mean
 from drivers.transport.address import Address, AddressError
 from drivers.transport.exchange import printable
-from drivers.transport.questions import QuestionPort
 from drivers.transport.serial import serial_ports
 from drivers.transport.wires import RealWires, Wires
 

@@ -15,10 +15,10 @@ from bench.config.simulation import FaultSimulation
 from bench.errors import InputError
 from bench.sequence.plan import Plan
 from drivers.description import DriverDescription
-from drivers.suggest import did_you_mean
-from simulators.can_node import CanNode
-from simulators.faults import LINE_FAULTS, mishaps_of
-from simulators.operator_head import HandTurnedHead
+from drivers.schema.suggest import did_you_mean
+from simulators.faults.instrument_faults import LINE_FAULTS, mishaps_of
+from simulators.instruments.axes.operator_head import HandTurnedHead
+from simulators.instruments.can_nodes.can_node import CanNode
 
 IN_BENCH: Place = ("simulation", "faults")
 IN_SCENARIO: Place = ("faults",)

@@ -18,8 +18,8 @@ from bench.sequence.dwells import first_visit
 from bench.sequence.plan import Plan
 from bench.sequence.talk import PhysicalChange, Prompt, TypedInput
 from drivers.person import Errand
-from drivers.quantities import Quantity
-from drivers.suggest import did_you_mean
+from drivers.quantity.quantities import Quantity
+from drivers.schema.suggest import did_you_mean
 
 Script = Mapping[str, ScriptedAnswer]
 USUAL = ScriptedAnswer()

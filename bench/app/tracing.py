@@ -18,8 +18,8 @@ from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import Rig
 from bench.runner.held import holding, real_addresses
-from drivers.bounded import read_bounded
 from drivers.errors import DriverError
+from drivers.schema.bounded import read_bounded
 from drivers.transport.trace import Passed, head_of, read_trace
 
 TRACE_LIMIT_BYTES = 2**30

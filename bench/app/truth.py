@@ -15,11 +15,11 @@ from bench.analysis.rundata import UnitUnderTest
 from bench.app.laboratory import Laboratory
 from bench.report.stored import StoredRun
 from bench.sequence.methods import CountsAt
-from simulators.attitude import Mount
-from simulators.truth import DwellAsMeasured, LegAsMeasured, Lies, truth_record
-from simulators.truth_channel import LevelAsMeasured, levels_record
-from simulators.truth_imu import WindowAsMeasured, imu_record
-from simulators.truth_ladder import LadderAsMeasured, ladders_record
+from simulators.physics.attitude import Mount
+from simulators.truth.channel import LevelAsMeasured, levels_record
+from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Lies, truth_record
+from simulators.truth.imu import WindowAsMeasured, imu_record
+from simulators.truth.ladder import LadderAsMeasured, ladders_record
 
 
 def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:

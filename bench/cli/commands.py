@@ -174,7 +174,7 @@ class Parser(argparse.ArgumentParser):
             if word == "--":
                 return
             if _is_option(word) and word.partition("=")[0] not in known:
-                from drivers.suggest import nearest
+                from drivers.schema.suggest import nearest
 
                 close = nearest(word.partition("=")[0], known)
                 self.error(

@@ -93,7 +93,7 @@ def _done(words: Sequence[str]) -> int:
 def _command(name: str, known: dict[str, Command]) -> Command:
     """The command of that name; InputError."""
     if name not in known:
-        from drivers.suggest import nearest
+        from drivers.schema.suggest import nearest
 
         close = nearest(name, [*known, *GROUPS, "--help", "--version"])
         raise InputError(

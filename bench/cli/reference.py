@@ -14,7 +14,7 @@ from bench.cli.commands import Argument
 from bench.cli.exits import MEANINGS
 from bench.errors import InputError
 from bench.files import written_whole
-from drivers.suggest import did_you_mean
+from drivers.schema.suggest import did_you_mean
 
 INDEX = "README"
 

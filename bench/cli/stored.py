@@ -105,7 +105,7 @@ def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None,
 def _expect_one_of(option: str, known: Iterable[str], given: str) -> None:
     """Raises InputError for a value that an option does not have."""
     from bench.errors import InputError
-    from drivers.suggest import nearest
+    from drivers.schema.suggest import nearest
 
     if given not in known:
         hint = f"; did you mean '{close}'?" if (close := nearest(given, known)) else ""

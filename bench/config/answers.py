@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from drivers.fields import Degrees, Name, Seconds, StrictModel
-from drivers.wording import expected
+from drivers.schema.fields import Degrees, Name, Seconds, StrictModel
+from drivers.schema.wording import expected
 
 SCRIPTED = "scripted technician"  # his name, unless the file gives him another
 

@@ -15,8 +15,8 @@ from bench.config.models import BenchFile, ReadingEntry
 from bench.config.places import PlaceEntry
 from bench.config.simulation import FaultSimulation
 from bench.errors import InputError
-from drivers.suggest import did_you_mean
-from drivers.units import parse_unit
+from drivers.quantity.units import parse_unit
+from drivers.schema.suggest import did_you_mean
 
 LOOKS_WITHIN_A_WATCHDOG = 3
 

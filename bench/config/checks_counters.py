@@ -8,10 +8,10 @@ from typing import Any
 from bench.config.devices import DeviceEntry
 from bench.config.document import Place, Problem
 from bench.config.models import BenchFile
-from drivers.can_counter.description import CounterOptions, bus_bits_per_latch
-from drivers.can_options import PositionOptions, position_bits, text_of
-from drivers.can_telemetry.description import TelemetryOptions, bus_bits_per_s
-from drivers.suggest import did_you_mean
+from drivers.can.options import PositionOptions, position_bits, text_of
+from drivers.dialects.can_counter.description import CounterOptions, bus_bits_per_latch
+from drivers.dialects.can_telemetry.description import TelemetryOptions, bus_bits_per_s
+from drivers.schema.suggest import did_you_mean
 from drivers.transport.address import Address
 
 MOST_LOAD = 0.8  # of a bus; what is left is for the other frames on it, and for those that are sent again

@@ -16,9 +16,9 @@ from bench.config.interlocks import (
     rate_unit,
 )
 from bench.config.models import BenchFile
-from drivers.quantities import Quantity
-from drivers.suggest import did_you_mean
-from drivers.units import NO_DIMENSION, QuantityError
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import NO_DIMENSION, QuantityError
+from drivers.schema.suggest import did_you_mean
 
 
 def interlock_misfits(entries: Mapping[str, AnyInterlock], bench: BenchFile) -> Iterator[Problem]:

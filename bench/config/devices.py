@@ -21,12 +21,12 @@ from pydantic import (
 from pydantic_core import InitErrorDetails
 
 from drivers.description import DriverDescription, IdentityPin, known_drivers
-from drivers.fields import Date, Number, StrictModel, inner_errors, note_named
+from drivers.quantity.units import quoted
 from drivers.safe_state import LONGEST_S, SafeState
-from drivers.suggest import did_you_mean
+from drivers.schema.fields import Date, Number, StrictModel, inner_errors, note_named
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import expected, problem_at, telling
 from drivers.transport.address import Address, AddressError
-from drivers.units import quoted
-from drivers.wording import expected, problem_at, telling
 
 Text = Annotated[str, Field(min_length=1, max_length=200)]
 CoverageFactor = Annotated[Number, Field(gt=0, le=4)]

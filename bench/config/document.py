@@ -21,8 +21,8 @@ import yaml
 from yaml import MarkedYAMLError, YAMLError, events
 
 from bench.errors import InputError
-from drivers.bounded import UnfitFileError, read_bounded
-from drivers.wording import in_words
+from drivers.schema.bounded import UnfitFileError, read_bounded
+from drivers.schema.wording import in_words
 
 SIZE_LIMIT_BYTES = 32 * 1024
 LINE_LIMIT = 4000

@@ -10,8 +10,8 @@ from pydantic import Field, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
 from bench.config.devices import CoverageFactor, Text
-from drivers.fields import Arcseconds, Date, Degrees, InUnit, Name, Range, StrictModel
-from drivers.wording import telling
+from drivers.schema.fields import Arcseconds, Date, Degrees, InUnit, Name, Range, StrictModel
+from drivers.schema.wording import telling
 
 Vector = tuple[float, float, float]
 Compass = Literal["east", "west", "north", "south", "up", "down"]

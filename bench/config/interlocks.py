@@ -17,11 +17,11 @@ from pydantic import (
     model_validator,
 )
 
-from drivers.fields import AnyQuantity, PositiveSeconds, Seconds, StrictModel, TextLike
-from drivers.quantities import Quantity
-from drivers.suggest import did_you_mean
-from drivers.units import quoted
-from drivers.wording import expected, telling
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import quoted
+from drivers.schema.fields import AnyQuantity, PositiveSeconds, Seconds, StrictModel, TextLike
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import expected, telling
 
 # Hold: the chamber's set point stays where it is, and no further step begins. Pause: no further step begins. Stop: the
 # step under way ends, the teardown runs. Abort: everything is made safe at once.

@@ -11,8 +11,8 @@ from pydantic import BaseModel, ValidationError
 
 from bench.config.document import Document, Place, Problem, read_document
 from bench.errors import InputError
-from drivers.suggest import did_you_mean
-from drivers.wording import in_plain_words
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import in_plain_words
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Kind = Literal["sequences", "config"]

@@ -16,9 +16,9 @@ from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry, drawn_together
 from bench.config.power import PowerEntry
 from bench.config.simulation import Simulation
-from drivers.can_telemetry.description import SampleOptions, TelemetryOptions
-from drivers.corrections import TemperatureTable
-from drivers.fields import (
+from drivers.certificates.corrections import TemperatureTable
+from drivers.dialects.can_telemetry.description import SampleOptions, TelemetryOptions
+from drivers.schema.fields import (
     NOT_EMPTY,
     Celsius,
     CelsiusPerMinute,
@@ -31,7 +31,7 @@ from drivers.fields import (
     TextLike,
     WholeNumber,
 )
-from drivers.wording import expected
+from drivers.schema.wording import expected
 
 
 def _zone(name: str) -> str:

@@ -13,8 +13,8 @@ from bench.config.load import find
 from bench.config.schema_file import way_to_schema
 from bench.errors import InputError
 from bench.files import written_new
-from drivers.fields import Name
-from drivers.wording import in_plain_words
+from drivers.schema.fields import Name
+from drivers.schema.wording import in_plain_words
 
 _SCHEMA = re.compile(r"(?<=\$schema=)\S*bench\.schema\.json")
 _TITLE = re.compile(r"^title: .*$", re.MULTILINE)

@@ -10,7 +10,8 @@ from pydantic import ConfigDict, Field, model_validator
 
 from bench.config.devices import CoverageFactor, Text
 from bench.config.fixture import Vector
-from drivers.fields import (
+from drivers.quantity.quantities import Quantity, parse
+from drivers.schema.fields import (
     NOT_EMPTY,
     Amperes,
     AnyQuantity,
@@ -22,8 +23,7 @@ from drivers.fields import (
     Ratio,
     StrictModel,
 )
-from drivers.quantities import Quantity, parse
-from drivers.wording import telling
+from drivers.schema.wording import telling
 
 UnitKind = Literal["channel", "inertial unit"]
 UNIT_KINDS: Mapping[UnitKind, str] = {"channel": "units with one channel", "inertial unit": "inertial units"}

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from drivers.fields import PositiveSeconds, StrictModel
-from drivers.wording import expected
+from drivers.schema.fields import PositiveSeconds, StrictModel
+from drivers.schema.wording import expected
 
 PORT = 3493  # of upsd
 _ADDRESS = r"([\w.-]+)@([\w.-]+|\[[0-9A-Fa-f:]+\])(?::(\d{1,5}))?"

@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 
 from bench.config.devices import Text
 from bench.config.simulation import AnyFault, FaultSimulation
-from drivers.fields import NOT_EMPTY, Seconds, StrictModel
-from drivers.wording import telling
+from drivers.schema.fields import NOT_EMPTY, Seconds, StrictModel
+from drivers.schema.wording import telling
 
 
 class ScriptedFault(FaultSimulation):

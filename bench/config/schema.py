@@ -19,9 +19,9 @@ from pydantic_core import core_schema
 from bench.config.models import BenchFile
 from bench.config.scenario import ScenarioFile
 from drivers.description import DriverDescription, known_drivers
-from drivers.fields import UNIT_KEYWORD
-from drivers.framed.profile import FrameProfile
-from drivers.modbus_chamber.profile import ChamberProfile
+from drivers.dialects.framed.profile import FrameProfile
+from drivers.dialects.modbus_chamber.profile import ChamberProfile
+from drivers.schema.fields import UNIT_KEYWORD
 
 Schema = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from drivers.fields import (
+from drivers.schema.fields import (
     Arcseconds,
     Celsius,
     FileBeside,
@@ -23,7 +23,7 @@ from drivers.fields import (
     StrictModel,
     WholeNumber,
 )
-from drivers.wording import telling
+from drivers.schema.wording import telling
 
 DeviceFault = Literal[
     "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",

@@ -29,8 +29,8 @@ from bench.sequence.waits import Soak, Wait, WaitUntil
 from bench.store.writer import RunWriter
 from drivers.capabilities import Positioner
 from drivers.errors import DriverError
-from drivers.quantities import Quantity
-from drivers.units import customary_unit
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import customary_unit
 
 Found = Mapping[str, Any]  # what a step found, for the journal
 

@@ -20,7 +20,7 @@ from bench.analysis.thermometer import JUMP_C, POSSIBLE_C
 from bench.config.channels import stale_after_s
 from bench.config.models import BenchFile
 from bench.quality import Absent, Fresh, Invalid, Latest, Stale, Valid, Window
-from drivers.awake import awake_s
+from drivers.timing.awake import awake_s
 from drivers.values import Reading
 
 KEPT_S = 4 * 3600.0

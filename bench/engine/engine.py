@@ -26,8 +26,8 @@ from bench.rig import Rig
 from bench.sequence.plan import Plan
 from bench.sequence.stimulus import Ramp
 from bench.store.writer import RunWriter
-from drivers.awake import patience
 from drivers.errors import DriverError, InstrumentFault
+from drivers.timing.awake import patience
 
 END_BEYOND_S = 5.0  # for a step that is to end, beyond the time in which what it has set going can be stopped
 LOOK_S = 1.0  # how often that is looked at

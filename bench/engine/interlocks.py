@@ -23,7 +23,7 @@ from bench.config.interlocks import (
 )
 from bench.config.models import BenchFile
 from bench.quality import Valid
-from drivers.units import parse_unit
+from drivers.quantity.units import parse_unit
 
 Stalled = Callable[[float], float]
 

@@ -21,9 +21,9 @@ from bench.sequence.limits import limits_in
 from bench.sequence.measuring import Measure, Tare
 from bench.sequence.readings import BY_NOMINAL, PULSE_RATE, is_pulse_rate, measured_place
 from bench.store.counts import CountDecoder
-from drivers.can_counter.description import CounterOptions
+from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import PulseCounter
-from drivers.frame_block import FrameBlock
+from drivers.dialects.can_counter.description import CounterOptions
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 from bench.analysis.missed import EVENT, Missed
 from bench.quality import Valid
 from bench.store.missed import missed_in_step
-from drivers.can_counter import wire as counter_wire
-from drivers.can_counter.binding import format_of
-from drivers.can_counter.description import CounterOptions
-from drivers.can_options import text_of
-from drivers.can_telemetry import wire as telemetry_wire
-from drivers.can_telemetry.binding import formats_of
-from drivers.can_telemetry.description import TelemetryOptions
-from drivers.dbc import Dbc
-from drivers.frame_block import FrameBlock
-from drivers.unbroken import Unbroken
+from drivers.can.dbc import Dbc
+from drivers.can.frame_block import FrameBlock
+from drivers.can.gap_detection import Unbroken
+from drivers.can.options import text_of
+from drivers.dialects.can_counter import wire as counter_wire
+from drivers.dialects.can_counter.binding import format_of
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry import wire as telemetry_wire
+from drivers.dialects.can_telemetry.binding import formats_of
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 if TYPE_CHECKING:  # whose steps this watches
     from bench.engine.actions import Bench

@@ -19,9 +19,9 @@ from bench.quality import Absent, Fresh, Judged, Latest, Stale, Valid, Window
 from bench.rig import Rig
 from bench.sequence.readings import unit_of
 from bench.store.writer import RunWriter
-from drivers.awake import awake_s, stalled_s
 from drivers.capabilities import FrameSource
 from drivers.errors import DriverError
+from drivers.timing.awake import awake_s, stalled_s
 from drivers.values import Reading
 
 STOP_WITHIN_S = 3.0  # for a poll in progress

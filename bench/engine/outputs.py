@@ -20,10 +20,10 @@ from bench.quality import Valid
 from bench.rig import Rig
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
-from drivers.can_counter.description import CounterOptions
-from drivers.can_telemetry.description import TelemetryOptions
+from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import Meter
-from drivers.frame_block import FrameBlock
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 
 class Keeper(Protocol):

@@ -13,7 +13,7 @@ from bench.errors import StepError
 from bench.sequence.talk import TypedInput
 from drivers.errors import NoAnswer
 from drivers.person import NOBODY, Errand, Person, Typed
-from drivers.quantities import Quantity
+from drivers.quantity.quantities import Quantity
 
 
 async def answered(desk: Desk, journal: Journal, question: Question, give_up_after_s: float, /, **facts: Any) -> Answer:

@@ -10,9 +10,9 @@ from pathlib import Path
 from bench.errors import InputError, StepError
 from bench.sequence.talk import PhysicalChange, TypedInput
 from drivers.person import Errand
-from drivers.quantities import Quantity, parse
-from drivers.suggest import did_you_mean
-from drivers.units import QuantityError
+from drivers.quantity.quantities import Quantity, parse
+from drivers.quantity.units import QuantityError
+from drivers.schema.suggest import did_you_mean
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,8 @@ from bench.quality import Valid
 from bench.sequence.measuring import Acquire, Stable
 from bench.sequence.stimulus import TURN_DEG
 from bench.store.writer import RunWriter
+from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import RateTable
-from drivers.frame_block import FrameBlock
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from drivers.awake import patience
+from drivers.timing.awake import patience
 
 T = TypeVar("T")
 

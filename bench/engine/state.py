@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 from bench.sequence.expressions import Value
-from drivers.quantities import Quantity
-from drivers.units import parse_unit
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import parse_unit
 
 
 class Entry(Protocol):

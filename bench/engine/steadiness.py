@@ -12,7 +12,7 @@ from bench.engine.outputs import Watched, taken_in
 from bench.errors import StepError
 from bench.sequence.readings import units_at
 from bench.sequence.waits import STEADY_PARTS, Steady, WaitUntil
-from drivers.units import customary_unit
+from drivers.quantity.units import customary_unit
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 from bench.config.devices import DeviceEntry
-from drivers.chamber.arrival import KEPT_WITHIN_C, Arrival
-from drivers.chamber.following import FollowWatch
+from drivers.kinds.chamber.arrival import KEPT_WITHIN_C, Arrival
+from drivers.kinds.chamber.following import FollowWatch
 from drivers.values import ChamberState
 
 GONE_S = 600.0  # for which nobody could look at a chamber, after which its course is over

@@ -35,9 +35,9 @@ from bench.runner.held import (
 )
 from bench.store.energised import note_safe
 from bench.store.followed import FOLLOWED
-from drivers.awake import patience
 from drivers.capabilities import ThermalChamber
-from drivers.chamber.description import ChamberOptions, ChamberSafe
+from drivers.kinds.chamber.description import ChamberOptions, ChamberSafe
+from drivers.timing.awake import patience
 from drivers.transport.wires import RealWires
 
 FIRST_S, EVERY_S = 1.0, 30.0  # between looks: twice as long each time

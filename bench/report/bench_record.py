@@ -10,7 +10,7 @@ import numpy as np
 from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord, Drift, SourceRecord
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile
-from drivers.can_telemetry.description import TelemetryOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 ARCSEC_DEG = 1 / 3600
 HOUR_S = 3600.0

@@ -29,8 +29,8 @@ from bench.report.case_file import Tolerant, read_json, validated
 from bench.report.table import Table, read_table
 from bench.store.runs import SEAL
 from bench.store.seal import file_hash, read_seal
-from drivers.suggest import did_you_mean
-from drivers.wording import telling
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import telling
 
 SCHEMA, DIGEST = "itb-calibration/1", "digest"
 LIMIT_BYTES = 2**24

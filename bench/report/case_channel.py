@@ -18,8 +18,8 @@ from bench.errors import InputError
 from bench.report import case_doubts
 from bench.report.case_file import Case, Limit, Reduction, Reductions, Scale, Settings
 from bench.report.table import Table
-from drivers.suggest import did_you_mean
-from drivers.wording import telling
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import telling
 
 LEVEL_TOLERANCE = 1e-3  # between two ways in which one level is told
 NAMES_SHOWN = 5  # of unknown runs

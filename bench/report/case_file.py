@@ -12,9 +12,9 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from bench.errors import InputError
 from bench.report.table import Table, read_table, read_text
-from drivers.fields import FileBeside, StrictModel, keys_of
-from drivers.suggest import did_you_mean, nearest
-from drivers.wording import in_plain_words, in_words, telling
+from drivers.schema.fields import FileBeside, StrictModel, keys_of
+from drivers.schema.suggest import did_you_mean, nearest
+from drivers.schema.wording import in_plain_words, in_words, telling
 
 CASE_LIMIT_BYTES = 2**20
 DESCRIPTIONS = (

@@ -23,7 +23,7 @@ from bench.report import case_doubts
 from bench.report.case_file import Case, Limit, LocalGravity, Reduction, Reductions, Settings
 from bench.report.table import Table
 from bench.report.table_words import UNITS
-from drivers.wording import telling
+from drivers.schema.wording import telling
 
 Positive = Annotated[float, Field(gt=0)]
 LARGEST_U_GAIN = 0.2  # of the gain

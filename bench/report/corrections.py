@@ -17,7 +17,7 @@ from bench.config.devices import Calibration
 from bench.config.models import BenchFile
 from bench.report.languages import tr
 from bench.store.reader import Series
-from drivers.corrections import (
+from drivers.certificates.corrections import (
     ARCSEC_PER_DEG,
     TURN_DEG,
     AxisCorrections,

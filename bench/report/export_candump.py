@@ -10,7 +10,7 @@ from typing import TextIO
 from bench.errors import InputError
 from bench.files import written_whole
 from bench.report.stored import StoredRun
-from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.transport.trace import RECEIVED, read_trace, run_of
 
 OF_ACQUISITIONS = """\

@@ -15,7 +15,7 @@ from bench.analysis.missed import EVENT, gap_columns
 from bench.report.rundata import acquisitions
 from bench.report.stored import StoredRun
 from bench.store.reader import Event, Series
-from drivers.can_telemetry.description import TelemetryOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from bench.store.kept_json import TEXT, WHOLE, an_object, every, named, one_of, 
 from bench.store.manifest_form import instant
 from bench.store.runs import SEAL, json_text
 from bench.store.seal import file_hash
-from drivers.bounded import UnfitFileError, expect_bounded
+from drivers.schema.bounded import UnfitFileError, expect_bounded
 
 REVISIONS = "report_revisions.json"
 FORMS = ("html", "pdf", "json", "csv")

@@ -19,9 +19,9 @@ from bench.sequence.dwells import DwellNames, first_visit, loop_values
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series
-from drivers.can_counter.description import CounterOptions
-from drivers.can_telemetry.description import TelemetryOptions
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 STOOD = "stood"  # what the record says of an axis that did not need to move
 AS_READ = Corrections({}, {}, {}, {}, {})

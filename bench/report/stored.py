@@ -25,7 +25,7 @@ from bench.store.manifest_form import WHOLE_FORM
 from bench.store.reader import RunReader
 from bench.store.runs import MANIFEST, SEAL, summary
 from bench.store.verify import Record, examine
-from drivers.bounded import UnfitFileError, expect_bounded
+from drivers.schema.bounded import UnfitFileError, expect_bounded
 
 MOST_TOLD = 3  # places of damage
 SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import InputError
-from drivers.bounded import UnfitFileError, read_bounded
-from drivers.suggest import nearest
+from drivers.schema.bounded import UnfitFileError, read_bounded
+from drivers.schema.suggest import nearest
 
 MINUS_SIGNS = str.maketrans(dict.fromkeys("\u2212\u2013\u2014\uff0d", "-"))  # and dashes
 UNIT_BEHIND = re.compile(r"([+-]?[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?)\s*[A-Za-z°º\u2103µμΩ%/'\"]+")

@@ -8,9 +8,9 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from bench.rig import Rig
-from drivers.awake import patience
 from drivers.capabilities import Device, Positioner, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
+from drivers.timing.awake import patience
 
 LOOKED_AT_WITHIN_S = 5.0
 LOOKS_APART_S = 0.5  # of an axis: one that swings is at rest for a moment

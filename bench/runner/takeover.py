@@ -14,7 +14,7 @@ from functools import partial
 
 from bench.rig import CLOSE_S, GRACE_S
 from bench.runner.held import A_VISIT, LOOKS, Owner, owners
-from drivers.awake import came_true
+from drivers.timing.awake import came_true
 from drivers.transport.address import Address
 
 END_BEYOND_S = CLOSE_S + 3 * GRACE_S  # of a run that is told to end, beyond the time in which it makes its bench safe

@@ -12,10 +12,10 @@ from bench.sequence.inside import AnyBlock, Steps
 from bench.sequence.step_fields import OnFailure, RestartAt
 from bench.sequence.values import VALUE_SCHEMA
 from drivers.errors import CODES as DEVICE_CODES
-from drivers.fields import NAME, NOT_EMPTY, Name, Seconds, StrictModel, TextLike, WholeNumber
-from drivers.suggest import did_you_mean
-from drivers.units import quoted
-from drivers.wording import expected, telling
+from drivers.quantity.units import quoted
+from drivers.schema.fields import NAME, NOT_EMPTY, Name, Seconds, StrictModel, TextLike, WholeNumber
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import expected, telling
 
 RETRIED = (*DEVICE_CODES, *CODES)
 

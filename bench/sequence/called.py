@@ -12,7 +12,7 @@ from bench.sequence.expressions import Value, ValueProblem
 from bench.sequence.model import Outline
 from bench.sequence.outline import outline_of
 from bench.sequence.scope import Scope
-from drivers.suggest import did_you_mean
+from drivers.schema.suggest import did_you_mean
 
 DEPTH_LIMIT = 8  # sequences that call one another
 

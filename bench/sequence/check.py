@@ -21,8 +21,8 @@ from bench.sequence.plan import PHASES, Plan
 from bench.sequence.readings import unit_of
 from bench.sequence.travel import angles_before
 from drivers.capabilities import OUTPUT, READING, THERMOMETER
-from drivers.suggest import did_you_mean
-from drivers.units import quoted
+from drivers.quantity.units import quoted
+from drivers.schema.suggest import did_you_mean
 
 
 def check(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from bench.config.models import BenchFile
 from bench.sequence.step_fields import is_known
 from bench.sequence.waits import Steady
-from drivers.units import QuantityError
+from drivers.quantity.units import QuantityError
 
 Found = Iterator[tuple[str, str]]  # the key that is wrong, and what is wrong with it
 

@@ -33,9 +33,9 @@ from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
 from drivers.capabilities import OUTPUT
-from drivers.suggest import did_you_mean
-from drivers.units import QuantityError, quoted
-from drivers.wording import in_plain_words
+from drivers.quantity.units import QuantityError, quoted
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import in_plain_words
 
 COUNTS_OF_A_SINE = 20  # of the encoder, that its peak angle must be at least
 Found = Iterator[tuple[str, str]]  # the key that is wrong, and what is wrong with it

@@ -13,8 +13,8 @@ from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found
 from bench.sequence.stimulus import TURN_DEG, Move
 from bench.sequence.travel import poses_before
-from drivers.quantities import parse
-from drivers.units import NO_DIMENSION
+from drivers.quantity.quantities import parse
+from drivers.quantity.units import NO_DIMENSION
 
 G = parse("1 g")
 

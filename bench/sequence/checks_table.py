@@ -13,8 +13,8 @@ from bench.sequence.model import ResultEntry
 from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.remarks import Found
 from bench.sequence.stimulus import Oscillate, Rotate
-from drivers.can_counter.description import CounterOptions
-from drivers.can_telemetry.description import TelemetryOptions
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 LEAST_STEPS = 30.0  # of a swing, pulses or codes: with fewer the steps are much of its uncertainty
 COUNT_SD = 0.29  # of a pulse, that what is left over in a converter varies by

@@ -13,8 +13,8 @@ from pydantic import BaseModel, Field
 
 from bench.sequence.expressions import Value
 from bench.sequence.step_fields import Resumed, StepBase
-from drivers.fields import Name
 from drivers.installed import Installed
+from drivers.schema.fields import Name
 
 ENTRY_POINTS = "inertial_test_bench.steps"
 SHIPPED: Mapping[str, str] = {"compare_ends": "bench.sequence.methods.indexing:COMPARE_ENDS"}

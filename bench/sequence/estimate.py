@@ -32,7 +32,7 @@ from bench.sequence.steps import Step
 from bench.sequence.stimulus import TURN_DEG, Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
-from drivers.can_telemetry.description import TelemetryOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 COMMAND_S = 0.05
 ANSWER_S = 60.0  # what a person takes to read a question, do what it asks, and answer

@@ -23,7 +23,7 @@ from bench.sequence.scope import Scope, names_mentioned
 from bench.sequence.steps import STEPS, Step
 from bench.sequence.talk import Prompt
 from bench.sequence.unroll import Raw, Wrong, nodes_of, wrong_at
-from drivers.fields import DEFERRED
+from drivers.schema.fields import DEFERRED
 
 STEP_LIMIT = 10_000
 Measured = Callable[[str], Value | None]  # an example of what a reading gives; None when its unit is not known

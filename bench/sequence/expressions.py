@@ -14,10 +14,10 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from drivers.quantities import Quantity, as_quantity, parse
-from drivers.suggest import did_you_mean
-from drivers.units import QuantityError, dimension_of, quoted
-from drivers.wording import in_words
+from drivers.quantity.quantities import Quantity, as_quantity, parse
+from drivers.quantity.units import QuantityError, dimension_of, quoted
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import in_words
 
 Scalar = Quantity | bool | str
 Value = Scalar | tuple[Scalar, ...]

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, PlainValidator, ValidationInfo, ValidatorFunctionWrapHandler, WrapValidator
 
-from drivers.fields import NOT_EMPTY
+from drivers.schema.fields import NOT_EMPTY
 
 UNROLLED = object()  # stands for the steps inside a step that were looked at already
 

@@ -13,10 +13,10 @@ from bench.analysis.limits import Limits
 from bench.sequence.expressions import ValueProblem
 from bench.sequence.step_fields import is_known
 from bench.sequence.values import QUANTITY_SCHEMA, holds_expression, in_words, value_of
-from drivers.fields import UNKNOWN, InUnit, StrictModel, is_deferred
-from drivers.quantities import Quantity
-from drivers.units import NO_DIMENSION, QuantityError
-from drivers.wording import expected, telling
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import NO_DIMENSION, QuantityError
+from drivers.schema.fields import UNKNOWN, InUnit, StrictModel, is_deferred
+from drivers.schema.wording import expected, telling
 
 
 def quantity(raw: Any) -> Quantity:

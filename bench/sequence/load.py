@@ -21,9 +21,9 @@ from bench.sequence.readings import example_of
 from bench.sequence.remarks import Remark
 from bench.sequence.rules import judge
 from bench.sequence.values import value_of
-from drivers.fields import DEFERRED
-from drivers.suggest import did_you_mean
-from drivers.wording import in_words
+from drivers.schema.fields import DEFERRED
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import in_words
 
 
 def load_sequence(path: Path) -> tuple[Document, SequenceFile]:

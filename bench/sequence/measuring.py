@@ -10,8 +10,8 @@ from bench.config.interlocks import ReadingName
 from bench.sequence.inside import Steps
 from bench.sequence.limits import LimitEntry
 from bench.sequence.step_fields import Resumed, StepBase, choice_of, one_of
-from drivers.fields import AnyQuantity, Flag, InUnit, Name, PositiveSeconds, StrictModel
-from drivers.wording import telling
+from drivers.schema.fields import AnyQuantity, Flag, InUnit, Name, PositiveSeconds, StrictModel
+from drivers.schema.wording import telling
 
 
 class Stable(StrictModel):

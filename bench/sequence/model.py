@@ -14,11 +14,11 @@ from bench.sequence.limits import LimitEntry, quantity
 from bench.sequence.steps import NEEDS
 from bench.sequence.values import QUANTITY_SCHEMA, VALUE_SCHEMA, in_words, value_of
 from drivers.capabilities import READING
-from drivers.fields import Name, StrictModel
-from drivers.quantities import Quantity
-from drivers.suggest import did_you_mean
-from drivers.units import NO_DIMENSION, customary_unit, in_unit, quoted
-from drivers.wording import telling
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import NO_DIMENSION, customary_unit, in_unit, quoted
+from drivers.schema.fields import Name, StrictModel
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import telling
 
 Text = Annotated[str, Field(min_length=1, max_length=500)]
 KINDS = (*dict.fromkeys(kind for kinds in NEEDS.values() for kind in kinds), READING)

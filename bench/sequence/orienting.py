@@ -19,10 +19,10 @@ from bench.config.fixture import DIRECTIONS
 from bench.config.models import BenchFile
 from bench.sequence.step_fields import Resumed, StepBase
 from drivers.capabilities import Approach
-from drivers.fields import Seconds, is_deferred
-from drivers.suggest import did_you_mean
-from drivers.units import quoted
-from drivers.wording import expected, telling
+from drivers.quantity.units import quoted
+from drivers.schema.fields import Seconds, is_deferred
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import expected, telling
 
 Row = tuple[int, int, int]
 Rows = tuple[Row, Row, Row]

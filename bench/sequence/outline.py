@@ -9,7 +9,7 @@ from bench.config.load import problems
 from bench.errors import InputError
 from bench.sequence.model import Outline, SequenceFile
 from bench.sequence.plan import PHASES
-from drivers.fields import DEFERRED
+from drivers.schema.fields import DEFERRED
 
 _LISTS = (*PHASES, "then", "else", "during")
 

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from bench.config.models import BenchFile
 from bench.sequence.expressions import Value
 from drivers.capabilities import MEASURES_OUTPUTS, OUTPUT, READING, THERMOMETER
-from drivers.quantities import Quantity
-from drivers.suggest import did_you_mean
-from drivers.units import parse_unit
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import parse_unit
+from drivers.schema.suggest import did_you_mean
 
 PULSE_RATE = "pulse/s"
 BY_NOMINAL = "g"  # the unit that an output is told in where what measures it does not matter

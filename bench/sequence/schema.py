@@ -10,7 +10,7 @@ from bench.sequence.methods import known_methods
 from bench.sequence.model import ResultEntry, SequenceFile
 from bench.sequence.steps import BLOCKS
 from bench.sequence.values import VALUE_SCHEMA
-from drivers.fields import UNIT_KEYWORD
+from drivers.schema.fields import UNIT_KEYWORD
 
 _WORDS = {"description", "default"}  # of a schema that says nothing of the value itself
 _STEP = {"$ref": "#/$defs/AnyBlock"}

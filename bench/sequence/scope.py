@@ -13,9 +13,9 @@ from bench.config.document import Place, Problem
 from bench.sequence.expressions import Value, ValueProblem, names_in
 from bench.sequence.plan import Phase, Waiting
 from bench.sequence.values import holds_expression, in_words, value_of
-from drivers.fields import InUnit
-from drivers.quantities import Quantity
-from drivers.units import QuantityError, customary_unit, quoted
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import QuantityError, customary_unit, quoted
+from drivers.schema.fields import InUnit
 
 TEXTS = ("note", "alarm", "prompt")  # keys of texts, which may hold expressions between words
 _IN_TEXT = re.compile(r"\$\{([^{}]*)\}")

@@ -20,7 +20,7 @@ from bench.sequence.lags import Poles, after_its_end, followed, gain, lag_poles,
 from bench.sequence.readings import unit_of
 from bench.sequence.step_fields import is_known
 from bench.sequence.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
-from drivers.quantities import Quantity
+from drivers.quantity.quantities import Quantity
 
 PEAK_TO_PEAK_SD = 6.0  # what noise spans over a soak, in its standard deviations
 SAMPLES_OF_A_HOLD = 200  # at most; a longer hold time is looked at less often than in the run

@@ -10,8 +10,8 @@ from pydantic import TypeAdapter, ValidationError
 from bench.config.schema_file import way_to_schema
 from bench.errors import InputError
 from bench.files import written_new
-from drivers.fields import Name
-from drivers.wording import in_plain_words
+from drivers.schema.fields import Name
+from drivers.schema.wording import in_plain_words
 
 _PACKAGE = Path(str(files("bench")))
 _SCHEMA = "../../docs/schema/sequence.schema.json"  # as the starter names it

@@ -7,9 +7,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from drivers.fields import PositiveSeconds, StrictModel
-from drivers.quantities import Quantity
-from drivers.wording import telling
+from drivers.quantity.quantities import Quantity
+from drivers.schema.fields import PositiveSeconds, StrictModel
+from drivers.schema.wording import telling
 
 OnFailure = Literal["stop", "continue", "ask"]
 Resumed = Literal["restored", "in full", "again", "anew", "asked", "never"]

@@ -14,9 +14,9 @@ from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.talk import Alarm, Note, Prompt
 from bench.sequence.waits import Soak, Wait, WaitUntil
 from drivers.capabilities import MEASURES_OUTPUTS, THERMOMETER
-from drivers.suggest import did_you_mean
-from drivers.units import quoted
-from drivers.wording import expected, telling
+from drivers.quantity.units import quoted
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import expected, telling
 
 Step = (
     Move | Orient | Rotate | Oscillate | SetOutput | Ramp | Soak | Wait | WaitUntil | Acquire | Measure | Tare | Prompt

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from bench.sequence.inside import Steps
 from bench.sequence.step_fields import Resumed, StepBase, choice_of, one_of
 from drivers.capabilities import Approach
-from drivers.fields import (
+from drivers.schema.fields import (
     Amperes,
     Celsius,
     CelsiusPerMinute,
@@ -24,7 +24,7 @@ from drivers.fields import (
     StrictModel,
     Volts,
 )
-from drivers.wording import telling
+from drivers.schema.wording import telling
 
 TURN_DEG = 360.0
 THERE_DEG = 0.01  # as near is there already: nobody means a whole turn by it

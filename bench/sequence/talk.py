@@ -8,10 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from bench.sequence.step_fields import Resumed, StepBase, Text
-from drivers.fields import NOT_EMPTY, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
-from drivers.quantities import Quantity
-from drivers.units import QuantityError, parse_unit
-from drivers.wording import telling
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import QuantityError, parse_unit
+from drivers.schema.fields import NOT_EMPTY, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
+from drivers.schema.wording import telling
 
 DONE = "done"
 A_DAY_S = 86400.0

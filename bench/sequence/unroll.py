@@ -33,9 +33,9 @@ from bench.sequence.scope import Scope
 from bench.sequence.steps import STEPS
 from bench.sequence.talk import Prompt
 from bench.sequence.values import in_words, spelled
-from drivers.quantities import Quantity
-from drivers.units import NO_DIMENSION
-from drivers.wording import in_plain_words
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import NO_DIMENSION
+from drivers.schema.wording import in_plain_words
 
 if TYPE_CHECKING:  # which calls what is here for the steps inside a block
     from bench.sequence.expand import Expansion

@@ -8,9 +8,9 @@ from fractions import Fraction
 from typing import Any
 
 from bench.sequence.expressions import Scalar, Value, ValueProblem, evaluate, scalar_of
-from drivers.quantities import Quantity, spell
-from drivers.suggest import did_you_mean
-from drivers.units import NO_DIMENSION, parse_unit, quoted
+from drivers.quantity.quantities import Quantity, spell
+from drivers.quantity.units import NO_DIMENSION, parse_unit, quoted
+from drivers.schema.suggest import did_you_mean
 
 LIST_LIMIT = 10_000
 _KEYS = ("from", "to", "step")

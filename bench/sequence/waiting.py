@@ -14,7 +14,7 @@ from bench.sequence.plan import PlannedStep, Waiting
 from bench.sequence.scope import TEXTS, filled
 from bench.sequence.steps import Step
 from bench.sequence.values import holds_expression, in_words, value_of
-from drivers.wording import in_plain_words
+from drivers.schema.wording import in_plain_words
 
 
 def completed(planned: PlannedStep, variables: Mapping[str, Value], folder: Path) -> Step:

@@ -8,7 +8,8 @@ from pydantic import Field, model_validator
 
 from bench.config.interlocks import ReadingName
 from bench.sequence.step_fields import Resumed, StepBase, is_known
-from drivers.fields import (
+from drivers.quantity.units import parse_unit
+from drivers.schema.fields import (
     AnyQuantity,
     CelsiusPerHour,
     InUnit,
@@ -18,8 +19,7 @@ from drivers.fields import (
     Seconds,
     StrictModel,
 )
-from drivers.units import parse_unit
-from drivers.wording import telling
+from drivers.schema.wording import telling
 
 LOOK_EVERY_S = 5.0  # how often a step that waits for a reading looks at it
 WINDOW_COVERAGE = 0.95  # of the hold time must be covered by readings before it is judged

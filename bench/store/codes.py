@@ -8,10 +8,10 @@ from pathlib import Path
 from bench.analysis.acquired import Codes, Positions
 from bench.store.encoders import positions_of
 from bench.store.kept_dbc import kept_format
-from drivers.can_telemetry import wire
-from drivers.can_telemetry.binding import encoders_of, formats_of
-from drivers.can_telemetry.description import TelemetryOptions
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_telemetry import wire
+from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 
 class CodeDecoder:

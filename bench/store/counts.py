@@ -8,10 +8,10 @@ from pathlib import Path
 from bench.analysis.acquired import Counts, Positions
 from bench.store.encoders import positions_of
 from bench.store.kept_dbc import kept_format
-from drivers.can_counter import wire
-from drivers.can_counter.binding import format_of
-from drivers.can_counter.description import CounterOptions
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_counter import wire
+from drivers.dialects.can_counter.binding import format_of
+from drivers.dialects.can_counter.description import CounterOptions
 
 
 class CountDecoder:

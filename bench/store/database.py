@@ -14,8 +14,8 @@ from isal import isal_zlib
 from numpy.typing import NDArray
 
 from bench.errors import StoreError
-from drivers.bounded import UnfitFileError, expect_bounded
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
+from drivers.schema.bounded import UnfitFileError, expect_bounded
 
 VERSION = 2
 READABLE = (1, 2)  # 1 has no chain

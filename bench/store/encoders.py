@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bench.analysis.acquired import Positions
-from drivers.can_options import PositionOptions
-from drivers.encoder_frames import Positions as Read
+from drivers.can.encoder_frames import Positions as Read
+from drivers.can.options import PositionOptions
 
 
 def positions_of(read: Read, tick_period_s: float, encoder: PositionOptions, channel: str = "") -> Positions:

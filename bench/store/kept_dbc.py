@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from bench.errors import StoreError
-from drivers.bounded import UnfitFileError
-from drivers.can_options import text_of
-from drivers.dbc import Dbc, DbcError
+from drivers.can.dbc import Dbc, DbcError
+from drivers.can.options import text_of
+from drivers.schema.bounded import UnfitFileError
 
 FormatT = TypeVar("FormatT")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import StoreError
-from drivers.bounded import read_bounded
+from drivers.schema.bounded import read_bounded
 
 LIMIT_BYTES = 64 * 2**20
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")  # half of a character, which this program never writes

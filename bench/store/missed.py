@@ -9,9 +9,9 @@ from bench.analysis.missed import Missed, missed_of
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from bench.store.reader import RunReader
-from drivers.can_counter.description import CounterOptions
-from drivers.can_telemetry.description import TelemetryOptions
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 
 def missed_in_step(

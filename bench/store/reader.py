@@ -21,7 +21,7 @@ from bench.store import database
 from bench.store.chain import Walked, walk
 from bench.store.digest import Digest
 from bench.store.encoded import encoded
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
 
 BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
 BATCH_ROWS = 10_000

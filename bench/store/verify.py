@@ -24,7 +24,7 @@ from bench.store.reader import RunReader, digest_of
 from bench.store.runs import MANIFEST, SEAL, RunSummary, summary
 from bench.store.seal import file_hash, read_seal, sealable
 from bench.store.wal import unread_part
-from drivers.bounded import UnfitFileError, expect_bounded, read_bounded
+from drivers.schema.bounded import UnfitFileError, expect_bounded, read_bounded
 
 Kind = Literal["running", "sealed", "unsealed", "unchained", "unreadable"]
 

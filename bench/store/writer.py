@@ -24,8 +24,8 @@ from bench.store.digest import Digest
 from bench.store.encoded import Row, encoded
 from bench.store.place import Place, rescue
 from bench.store.runs import MANIFEST
-from drivers.awake import came_true
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
+from drivers.timing.awake import came_true
 
 T = TypeVar("T")
 

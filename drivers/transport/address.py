@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from drivers.suggest import did_you_mean
-from drivers.units import quoted
+from drivers.quantity.units import quoted
+from drivers.schema.suggest import did_you_mean
 
 _SIMULATED = "sim+"
 _TCP = re.compile(r"//(?:(?P<host>\w(?:[\w.-]{0,252}\w)?)|\[(?P<v6>[0-9a-fA-F:.]{2,45})\]):(?P<port>\d{1,5})", re.ASCII)

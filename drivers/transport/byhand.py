@@ -6,10 +6,10 @@ import asyncio
 from collections.abc import Callable
 from typing import TypeVar
 
+from drivers.discovery.questions import Listener
 from drivers.errors import LinkLost
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
-from drivers.transport.questions import Listener
+from drivers.transport.frame_link import FrameLink
 from drivers.transport.tap import Tap
 from drivers.transport.wires import Wires
 

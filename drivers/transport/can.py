@@ -13,13 +13,13 @@ from typing import TypeVar
 import can
 import numpy as np
 
-from drivers.awake import patience
-from drivers.bounded import expect_bounded
+from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, InstrumentFault, LinkLost
-from drivers.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.schema.bounded import expect_bounded
+from drivers.timing.awake import patience
 from drivers.transport import slcan
 from drivers.transport.address import Address
-from drivers.transport.frames import DURABLE_BLOCK_S, FrameLink
+from drivers.transport.frame_link import DURABLE_BLOCK_S, FrameLink
 from drivers.transport.log import LoggedFrames
 from drivers.transport.serial import open_serial
 from drivers.transport.text_frames import TextFrames

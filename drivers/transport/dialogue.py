@@ -9,12 +9,12 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import TypeVar
 
-from drivers.awake import patience
 from drivers.errors import LinkLost, NoAnswer
 from drivers.safe_state import DIALOGUE_S
+from drivers.timing.awake import patience
 from drivers.transport.address import Address
+from drivers.transport.double_read import Takes
 from drivers.transport.exchange import Framing, LineExchange, Pace, Proof, Wrap
-from drivers.transport.takes import Takes
 from drivers.transport.wires import Wires
 
 T = TypeVar("T")

@@ -17,8 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from drivers.awake import patience
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
+from drivers.timing.awake import patience
 from drivers.transport.memory import let_arrive
 
 T = TypeVar("T")

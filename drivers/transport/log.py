@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers.can.frame_block import FrameBlock
 from drivers.errors import NoAnswer
-from drivers.frame_block import FrameBlock
 
 LOG_BLOCK_S = 10.0  # what is recorded already may be left together
 ENDED_AFTER_S = 1.0

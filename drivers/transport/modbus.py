@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 
-from drivers.awake import patience
 from drivers.errors import BadAnswer, CannotConnect, DriverError, LinkLost, NoAnswer, Refused
+from drivers.protocols.modbus_frames import Frames, Framing, Pdu, ReadFunction, frames_of, read_request, write_request
+from drivers.timing.awake import patience
 from drivers.transport.address import Address
 from drivers.transport.exchange import printable_hex
 from drivers.transport.memory import let_arrive
-from drivers.transport.modbus_frames import Frames, Framing, Pdu, ReadFunction, frames_of, read_request, write_request
 from drivers.transport.wires import Wires
 
 GAP_S = 0.03  # what a controller on a serial line needs between an answer and the next request

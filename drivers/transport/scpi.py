@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from drivers import scpi
 from drivers.description import Setup, check_identity, still_the_same
 from drivers.errors import NoAnswer, Refused
+from drivers.protocols import scpi
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Proof
 from drivers.values import Identity

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.can.frame_block import EXTENDED, FrameBlock
 
 BITRATES = {
     10_000: b"S0", 20_000: b"S1", 50_000: b"S2", 100_000: b"S3", 125_000: b"S4", 250_000: b"S5", 500_000: b"S6",

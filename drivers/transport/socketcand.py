@@ -13,9 +13,9 @@ from collections.abc import Awaitable, Callable
 
 import numpy as np
 
-from drivers.awake import patience
+from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.timing.awake import patience
 from drivers.transport.address import Address
 from drivers.transport.exchange import printable
 from drivers.transport.text_frames import TextFrames

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
+from drivers.can.frame_block import FrameBlock
 from drivers.errors import LinkLost
-from drivers.frame_block import FrameBlock
-from drivers.transport.frames import DURABLE_BLOCK_S
+from drivers.transport.frame_link import DURABLE_BLOCK_S
 
 Parse = Callable[[bytes, float], tuple[FrameBlock, bytes, int]]
 """Gives the frames in bytes that arrived at a time, what is left of an unfinished one, and how many were none."""

@@ -23,9 +23,9 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TypeVar
 
-from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 from drivers.transport.tap import Tap
 from drivers.transport.wires import Wires
 

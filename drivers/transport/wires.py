@@ -6,10 +6,10 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Protocol, TypeVar
 
-from drivers.awake import patience
 from drivers.errors import CannotConnect
+from drivers.timing.awake import patience
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 
 P = TypeVar("P", bound=asyncio.Protocol)
 

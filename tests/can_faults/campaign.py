@@ -26,18 +26,18 @@ from bench.analysis.acquired import Codes, Counts
 from bench.analysis.codes import mean_code
 from bench.analysis.counts import mean_rate
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.can_counter import wire
-from drivers.can_counter.description import DESCRIPTION, CounterOptions
-from drivers.can_counter.driver import CanCounter
-from drivers.can_telemetry import wire as telemetry
-from drivers.dbc import Dbc
+from drivers.can.dbc import Dbc
+from drivers.can.frame_block import FrameBlock
+from drivers.can.gap_detection import Unbroken
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
+from drivers.dialects.can_counter import wire
+from drivers.dialects.can_counter.description import DESCRIPTION, CounterOptions
+from drivers.dialects.can_counter.driver import CanCounter
+from drivers.dialects.can_telemetry import wire as telemetry
 from drivers.errors import CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
-from drivers.frame_block import FrameBlock
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
-from drivers.unbroken import Unbroken
-from simulators.frame_faults import FrameFault
+from drivers.transport.frame_link import FrameLink
+from simulators.faults.frame_faults import FrameFault
 from tests.can_faults.layout import AXES, AXIS_ID, LATCH_ID, Layout
 from tests.can_faults.story import CounterFault, Story, draw_story
 from tests.can_faults.truth import CAME_ROUND, MAY_BE_TOLD, Truth, truth_of, truth_of_samples

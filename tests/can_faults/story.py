@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from drivers.frame_block import FrameBlock
-from simulators.frame_faults import FrameFault, carry
+from drivers.can.frame_block import FrameBlock
+from simulators.faults.frame_faults import FrameFault, carry
 from tests.can_faults.layout import AXES, AXIS_ID, LATCH_ID, Layout
 
 ERROR_ID = 1 << 29 | 0x008  # a violation of the protocol, as SocketCAN tells it

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from bench.analysis import counts
-from drivers import frame_intake, unbroken
-from drivers.can_counter import wire
-from drivers.dbc import Field
-from drivers.frame_block import FrameBlock
-from drivers.sequence_numbers import ascending, shortest, unwrapped
-from simulators.frame_faults import FrameFault
+from drivers.can import gap_detection as unbroken
+from drivers.can.dbc import Field
+from drivers.can.frame_block import FrameBlock
+from drivers.can.sequence_numbers import ascending, shortest, unwrapped
+from drivers.dialects.can_counter import wire
+from drivers.kinds.frame_source import intake as frame_intake
+from simulators.faults.frame_faults import FrameFault
 from tests.can_faults.campaign import Tally, play
 from tests.can_faults.story import FAULTS, CounterFault, Fault
 from tests.can_faults.wide import play_wide

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 
-from drivers.encoder_frames import MOST_AHEAD
-from drivers.sequence_numbers import MOST_LATE
+from drivers.can.encoder_frames import MOST_AHEAD
+from drivers.can.sequence_numbers import MOST_LATE
 from tests.can_faults.story import Counter, Sent
 
 AT_THE_LIMIT = "at the limit"  # of what is told: the last digits of a product decide

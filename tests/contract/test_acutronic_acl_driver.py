@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from drivers.acutronic_acl.description import DESCRIPTION, AclOptions
-from drivers.acutronic_acl.driver import AcutronicAcl
-from drivers.axes import AxisUncertainty
 from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
+from drivers.dialects.acutronic_acl.description import DESCRIPTION, AclOptions
+from drivers.dialects.acutronic_acl.driver import AcutronicAcl
 from drivers.errors import BadAnswer, BeyondLimit, CannotConnect, NotSettled, Refused, WrongIdentity
-from drivers.table.description import TableLimits
+from drivers.kinds.axes import AxisUncertainty
+from drivers.kinds.table.description import TableLimits
 from tests.support.table import LIMITS, OPTIONS, WITH_ENDS, Table, framed, now_s, with_driver, with_table
 
 # The bench file

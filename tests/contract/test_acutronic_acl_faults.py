@@ -5,8 +5,8 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from drivers.acutronic_acl.driver import AcutronicAcl
-from drivers.acutronic_acl.wire import InterlockInput, SoftwareFault
+from drivers.dialects.acutronic_acl.driver import AcutronicAcl
+from drivers.dialects.acutronic_acl.wire import InterlockInput, SoftwareFault
 from drivers.errors import (
     BadAnswer,
     CannotConnect,

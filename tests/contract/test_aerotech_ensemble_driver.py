@@ -6,11 +6,10 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from drivers.aerotech_ensemble.description import DESCRIPTION, EnsembleOptions
-from drivers.aerotech_ensemble.driver import AerotechEnsemble
-from drivers.axes import AxisUncertainty
 from drivers.capabilities import Positioner
 from drivers.description import known_drivers
+from drivers.dialects.aerotech_ensemble.description import DESCRIPTION, EnsembleOptions
+from drivers.dialects.aerotech_ensemble.driver import AerotechEnsemble
 from drivers.errors import (
     BadAnswer,
     InstrumentFault,
@@ -19,7 +18,8 @@ from drivers.errors import (
     Refused,
     WrongIdentity,
 )
-from drivers.head.description import HeadLimits
+from drivers.kinds.axes import AxisUncertainty
+from drivers.kinds.head.description import HeadLimits
 from tests.support.head import LIMITS, OPTIONS, Head, now_s, with_driver, with_head
 
 # The bench file

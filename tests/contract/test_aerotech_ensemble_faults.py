@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
-from drivers.aerotech_ensemble.driver import AerotechEnsemble
-from drivers.aerotech_ensemble.wire import AxisFault
+from drivers.dialects.aerotech_ensemble.driver import AerotechEnsemble
+from drivers.dialects.aerotech_ensemble.wire import AxisFault
 from drivers.errors import (
     InstrumentFault,
     NoAnswer,

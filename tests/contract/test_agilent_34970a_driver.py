@@ -8,17 +8,17 @@ import pytest
 from pydantic import ValidationError
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.agilent_34970a.description import DESCRIPTION, ScannerOptions
-from drivers.agilent_34970a.driver import Agilent34970A
 from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver
+from drivers.dialects.agilent_34970a.description import DESCRIPTION, ScannerOptions
+from drivers.dialects.agilent_34970a.driver import Agilent34970A
 from drivers.errors import BadAnswer, InstrumentFault, NoAnswer, Refused, WrongIdentity
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
-from simulators.agilent_34970a import SimulatedScanner
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.setup import InstrumentSetup
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.meters.agilent_34970a import SimulatedScanner
+from simulators.instruments.setup import InstrumentSetup
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {

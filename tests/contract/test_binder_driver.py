@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from drivers.binder.description import DESCRIPTION, BinderOptions
-from drivers.binder.wire import LINES, MODE, PROGRAM_STOP, Mode, words
 from drivers.description import known_drivers
+from drivers.dialects.binder.description import DESCRIPTION, BinderOptions
+from drivers.dialects.binder.wire import LINES, MODE, PROGRAM_STOP, Mode, words
 from drivers.errors import BadAnswer, BeyondLimit, InstrumentFault, Refused, WrongIdentity
-from simulators.binder import SimulatedBinder
+from simulators.instruments.chambers.binder import SimulatedBinder
 from tests.support.chambers import Dialect, Rig, with_rig
 from tests.support.chambers_modbus import MODBUS_DIALECTS, writes
 

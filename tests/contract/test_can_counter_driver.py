@@ -12,15 +12,15 @@ from pydantic import ValidationError
 
 from bench.analysis.acquired import Counts
 from bench.analysis.counts import mean_rate
-from drivers.can_counter import wire
-from drivers.can_counter.description import DESCRIPTION, IDLE_BLOCK_S, CounterOptions
-from drivers.can_counter.driver import FIRST_FRAME_S, CanCounter
+from drivers.can.frame_block import ERROR, FrameBlock
 from drivers.capabilities import PulseCounter
 from drivers.description import known_drivers
+from drivers.dialects.can_counter import wire
+from drivers.dialects.can_counter.description import DESCRIPTION, IDLE_BLOCK_S, CounterOptions
+from drivers.dialects.can_counter.driver import FIRST_FRAME_S, CanCounter
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
-from drivers.frame_block import ERROR, FrameBlock
 from drivers.transport.can import PythonCan, Slcan
-from simulators.faults import FaultKind
+from simulators.faults.instrument_faults import FaultKind
 from tests.support.counters import OPTIONS, RATE_PPS, Bench, dbc_file, options, with_bench, with_driver
 from tests.support.laboratory import CHANNELS, ROOT, counter_form
 

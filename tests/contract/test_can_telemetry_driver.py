@@ -11,13 +11,13 @@ import pytest
 
 from bench.analysis.codes import begins_anew
 from bench.store.codes import CodeDecoder
-from drivers.can_options import IDLE_BLOCK_S
-from drivers.can_telemetry.description import DESCRIPTION, TelemetryOptions
-from drivers.can_telemetry.driver import CanTelemetry
+from drivers.can.frame_block import FrameBlock
+from drivers.can.options import IDLE_BLOCK_S
 from drivers.capabilities import CAPABILITIES, Telemetry
+from drivers.dialects.can_telemetry.description import DESCRIPTION, TelemetryOptions
+from drivers.dialects.can_telemetry.driver import CanTelemetry
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
-from drivers.frame_block import FrameBlock
-from simulators.faults import FaultKind
+from simulators.faults.instrument_faults import FaultKind
 from tests.support.telemetry import CHANNELS, CODES_PER_G, Bench, options, with_bench, with_driver
 
 HALF_G = CODES_PER_G / 2

@@ -5,8 +5,6 @@ import asyncio
 import pytest
 
 from drivers.capabilities import ThermalChamber
-from drivers.chamber.driver import Chamber
-from drivers.chamber.ramp import FAR_AWAY_POLL_S
 from drivers.errors import (
     BeyondLimit,
     CannotConnect,
@@ -18,6 +16,8 @@ from drivers.errors import (
     Refused,
     WrongIdentity,
 )
+from drivers.kinds.chamber.driver import Chamber
+from drivers.kinds.chamber.ramp import FAR_AWAY_POLL_S
 from tests.support.chambers import DIALECTS, START_C, Dialect, Rig, with_rig
 from tests.support.chambers_ascii import ASCII_DIALECTS
 from tests.support.chambers_modbus import MODBUS_DIALECTS

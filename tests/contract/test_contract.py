@@ -10,8 +10,8 @@ import pytest
 
 from bench.app.contract import CHECKS, check
 from drivers.description import known_drivers
+from drivers.dialects.scpi_supply.driver import ScpiSupply
 from drivers.errors import BadAnswer, DriverError
-from drivers.scpi_supply.driver import ScpiSupply
 from drivers.values import Reading
 
 SUPPLY = {

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from drivers.cts.description import DESCRIPTION, CtsOptions
 from drivers.description import known_drivers
+from drivers.dialects.cts.description import DESCRIPTION, CtsOptions
 from drivers.errors import BadAnswer, BeyondLimit, InstrumentFault, NoAnswer, Refused, WrongIdentity
 from tests.support.chambers import START_C, Rig, with_rig
 from tests.support.chambers_ascii import CTS

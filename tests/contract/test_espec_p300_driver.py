@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.description import known_drivers
+from drivers.dialects.espec_p300.description import DESCRIPTION, P300Options
 from drivers.errors import WrongIdentity
-from drivers.espec_p300.description import DESCRIPTION, P300Options
 from tests.support.chambers import Rig, with_rig
 from tests.support.chambers_ascii import P300
 

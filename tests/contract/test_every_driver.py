@@ -87,7 +87,7 @@ COMMANDS_NOTHING = frozenset({"can_counter", "can_telemetry"})  # what only send
 @pytest.mark.parametrize("lag_s", [0.3, 1.0])
 def test_a_setting_that_is_told_later_than_it_is_acknowledged_is_waited_for(driver: str, lag_s: float) -> None:
     async def main() -> None:
-        with mock.patch("simulators.faults.LAG_S", lag_s):
+        with mock.patch("simulators.faults.instrument_faults.LAG_S", lag_s):
             opened = Opened(driver)
             opened.faults.begin("lag")
             async with opened.driver() as device:

@@ -8,10 +8,10 @@ from pydantic import ValidationError
 
 from drivers.capabilities import Source
 from drivers.description import known_drivers
+from drivers.dialects.fluke_5700a.description import DESCRIPTION, FlukeOptions
+from drivers.dialects.fluke_5700a.driver import Fluke5700A
 from drivers.errors import BadAnswer, BeyondLimit, Refused, WrongIdentity
-from drivers.fluke_5700a.description import DESCRIPTION, FlukeOptions
-from drivers.fluke_5700a.driver import Fluke5700A
-from drivers.ranges import SourceLimits
+from drivers.kinds.ranges import SourceLimits
 from drivers.values import SourceReading
 from tests.support.calibrator import OPTIONS, Calibrator, now_s, with_calibrator, with_driver
 

@@ -4,10 +4,10 @@ import asyncio
 
 import pytest
 
+from drivers.dialects.fluke_5700a.driver import Fluke5700A
+from drivers.dialects.fluke_5700a.wire import Status
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, NoAnswer, NotSettled, Refused
-from drivers.fluke_5700a.driver import Fluke5700A
-from drivers.fluke_5700a.wire import Status
-from simulators.fluke_5700a import ILLEGAL_LIMIT
+from simulators.instruments.sources.fluke_5700a import ILLEGAL_LIMIT
 from tests.support.calibrator import Calibrator, now_s, with_calibrator, with_driver
 
 CUT_IN = b"REMOTE\r\nOUT 0 A, 0 HZ\r\nSTBY\r\n"

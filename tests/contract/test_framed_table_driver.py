@@ -9,6 +9,8 @@ import pytest
 
 from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
+from drivers.dialects.framed.description import HEAD, TABLE
+from drivers.dialects.framed.profile import ControllerLimits, FrameProfile
 from drivers.errors import (
     BadAnswer,
     BeyondLimit,
@@ -20,9 +22,7 @@ from drivers.errors import (
     Refused,
     WrongIdentity,
 )
-from drivers.fields import DocumentFile
-from drivers.framed.description import HEAD, TABLE
-from drivers.framed.profile import ControllerLimits, FrameProfile
+from drivers.schema.fields import DocumentFile
 from tests.support.framed import FICTIONAL, PLAIN, PLAIN_FILE, Framed, with_driver, with_framed
 from tests.support.table import now_s
 

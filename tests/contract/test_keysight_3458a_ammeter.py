@@ -11,14 +11,14 @@ from pydantic import ValidationError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.capabilities import Ammeter
 from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver
+from drivers.dialects.keysight_3458a.ammeter import DESCRIPTION, AmmeterOptions
+from drivers.dialects.keysight_3458a.driver import Keysight3458AAmmeter
 from drivers.errors import InstrumentFault
-from drivers.keysight_3458a.ammeter import DESCRIPTION, AmmeterOptions
-from drivers.keysight_3458a.driver import Keysight3458AAmmeter
 from drivers.transport.address import Address
-from simulators.current_source import CurrentErrors, Feed
-from simulators.faults import FaultPlan
-from simulators.keysight_3458a import Simulated3458A
-from simulators.meter_inputs import CurrentInSeries
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.meters.keysight_3458a import Simulated3458A
+from simulators.instruments.meters.meter_inputs import CurrentInSeries
+from simulators.physics.source_errors import CurrentErrors, Feed
 from tests.support.lines import TappedWire
 from tests.support.voltmeter import a_world
 

@@ -9,14 +9,15 @@ from pydantic import ValidationError
 
 from drivers.capabilities import CAPABILITIES, Voltmeter
 from drivers.description import known_drivers
+from drivers.dialects.keysight_3458a.description import DESCRIPTION, VoltmeterOptions, VoltmeterUncertainty
+from drivers.dialects.keysight_3458a.driver import Keysight3458A
 from drivers.errors import BadAnswer, BeyondLimit, Refused, WrongIdentity
-from drivers.keysight_3458a.description import DESCRIPTION, VoltmeterOptions, VoltmeterUncertainty
-from drivers.keysight_3458a.driver import Keysight3458A
-from simulators.attitude import planar
-from simulators.faults import FaultPlan
-from simulators.keysight_3458a import Simulated3458A
-from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
-from simulators.world import World, WorldSettings
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.meters.keysight_3458a import Simulated3458A
+from simulators.instruments.meters.meter_inputs import VoltsOnLoad
+from simulators.physics.attitude import planar
+from simulators.physics.voltmeter import VoltmeterSettings
+from simulators.physics.world import World, WorldSettings
 from tests.support.laboratory import STILL_AIR, place, unit
 from tests.support.voltmeter import CYCLE_S, LOAD_OHM, Meter, now_s, with_driver, with_meter
 

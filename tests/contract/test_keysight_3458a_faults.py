@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
+from drivers.dialects.keysight_3458a.driver import Keysight3458A
 from drivers.errors import CannotConnect, InstrumentFault, LinkLost, NoAnswer, Refused
-from drivers.keysight_3458a.driver import Keysight3458A
 from tests.support.voltmeter import Meter, now_s, with_driver, with_meter
 
 

@@ -13,7 +13,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import known_drivers
 from drivers.errors import DriverError
 from drivers.transport.dialogue import Dialogue
-from simulators.line_faults import BadLine, LineFault
+from simulators.faults.line_faults import BadLine, LineFault
 from tests.support.every_driver import EVERY, Call, Opened, calls_of
 
 ASKS_NOTHING = frozenset({"can_counter", "can_telemetry"})

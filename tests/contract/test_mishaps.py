@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import pytest
 
 from bench.app.laboratory import simulator_of
-from drivers.chamber.driver import Chamber
 from drivers.errors import DriverError
-from simulators.chamber import CHAMBER_MISHAPS
-from simulators.faults import FaultKind, begin, end, mishaps_of
+from drivers.kinds.chamber.driver import Chamber
+from simulators.faults.instrument_faults import FaultKind, begin, end, mishaps_of
+from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS
 from tests.contract.test_chambers import ALL
 from tests.support import head as heads
 from tests.support import source as sources

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from drivers.description import known_drivers
+from drivers.dialects.modbus_chamber.description import DESCRIPTION, ModbusChamberOptions
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, Refused, WrongIdentity
-from drivers.fields import DocumentFile
-from drivers.modbus_chamber.description import DESCRIPTION, ModbusChamberOptions
-from simulators.modbus_chamber import SimulatedProfile
+from drivers.schema.fields import DocumentFile
+from simulators.instruments.chambers.modbus_chamber import SimulatedProfile
 from tests.support.chambers import Dialect, Rig, with_rig
 from tests.support.chambers_modbus import FICTIONAL, MODBUS_DIALECTS, writes
 

@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
+from drivers.dialects.newport_xps.driver import NewportXps
 from drivers.errors import InstrumentFault, Refused
-from drivers.newport_xps.driver import NewportXps
 from tests.support.head import XPS, Head, now_s, with_driver
 
 # Faults

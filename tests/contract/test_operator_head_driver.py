@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from drivers.capabilities import Positioner
 from drivers.description import known_drivers
+from drivers.dialects.operator_head.description import DESCRIPTION, OperatorHeadOptions
 from drivers.errors import BeyondLimit, CannotConnect, Refused
-from drivers.operator_head.description import DESCRIPTION, OperatorHeadOptions
 from drivers.person import NOBODY, Errand
 from drivers.values import Identity
 from tests.support.head import now_s

@@ -12,11 +12,11 @@ from bench.config.devices import DeviceEntry
 from bench.config.document import parse_document
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import known_drivers
-from drivers.recognition import IDN, SCPI, Found, Recognition
+from drivers.discovery.questions import QuestionPort
+from drivers.discovery.recognition import IDN, SCPI, Found, Recognition
 from drivers.transport.address import Address
-from drivers.transport.questions import QuestionPort
 from drivers.values import Identity
-from simulators.scpi import Interpreter
+from simulators.instruments.scpi import Interpreter
 from tests.support.lines import TappedWire
 from tests.support.runs import ROOT
 from tests.support.scanned import Case, cases, profile, simulated, standing, wire_to

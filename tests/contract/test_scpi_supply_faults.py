@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from drivers.dialects.scpi_supply.driver import ScpiSupply
 from drivers.errors import (
     BadAnswer,
     BeyondLimit,
@@ -15,7 +16,6 @@ from drivers.errors import (
     Refused,
     WrongIdentity,
 )
-from drivers.scpi_supply.driver import ScpiSupply
 from tests.support.supply import Supply, now_s, with_driver, with_supply
 
 # Surprises

@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.description import known_drivers
+from drivers.dialects.simserv.description import DESCRIPTION, SimservOptions
 from drivers.errors import InstrumentFault, NotSettled, WrongIdentity
-from drivers.simserv.description import DESCRIPTION, SimservOptions
 from tests.support.chambers import START_C, Rig, with_rig
 from tests.support.chambers_ascii import SIMSERV
 

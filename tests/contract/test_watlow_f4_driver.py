@@ -9,12 +9,12 @@ from pydantic import ValidationError
 
 from drivers.capabilities import ThermalChamber
 from drivers.description import known_drivers
+from drivers.dialects.watlow_f4.description import DESCRIPTION, F4Options
+from drivers.dialects.watlow_f4.wire import DisplayUnit
 from drivers.errors import BeyondLimit, DriverError, InstrumentFault, WrongIdentity
-from drivers.watlow_f4.description import DESCRIPTION, F4Options
-from drivers.watlow_f4.wire import DisplayUnit
-from simulators.faults import FaultPlan
-from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
-from simulators.watlow_f4 import SimulatedF4
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.watlow_f4 import SimulatedF4
+from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from tests.support.chambers import Rig, with_rig
 from tests.support.chambers_modbus import MODBUS_DIALECTS, writes
 

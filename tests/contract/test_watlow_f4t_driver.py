@@ -8,13 +8,13 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.capabilities import ThermalChamber
-from drivers.chamber.description import ChamberLimits, ChamberSafe
 from drivers.description import known_drivers
+from drivers.dialects.watlow_f4t.description import DESCRIPTION, F4TOptions
+from drivers.dialects.watlow_f4t.wire import ControlMode, DisplayUnit, LoopRegister
 from drivers.errors import BadAnswer, BeyondLimit, InstrumentFault, LinkLost, NotSettled, WrongIdentity
-from drivers.watlow_f4t.description import DESCRIPTION, F4TOptions
-from drivers.watlow_f4t.wire import ControlMode, DisplayUnit, LoopRegister
-from simulators.thermal import ChamberPhysics
-from simulators.watlow_f4t import SimulatedF4T
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
+from simulators.physics.thermal import ChamberPhysics
 from tests.support.chamber import LIMITS, WRITES, Chamber, with_chamber
 
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import pytest
 
-from drivers.chamber.ramp import FAR_AWAY_POLL_S
+from drivers.dialects.watlow_f4t.wire import ControlMode, LoopRegister
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
+from drivers.kinds.chamber.ramp import FAR_AWAY_POLL_S
 from drivers.transport.modbus import ModbusLink
 from drivers.transport.wires import RealWires
-from drivers.watlow_f4t.wire import ControlMode, LoopRegister
-from simulators.modbus import ExceptionCode, RegisterError
-from simulators.watlow_f4t import SimulatedF4T
+from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
+from simulators.instruments.modbus import ExceptionCode, RegisterError
 from tests.support.chamber import ADDRESS, WRITES, Chamber, is_write_to, with_chamber, words
 
 # Settings that do not arrive

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from bench.loop import BenchLoop
+from drivers.dialects.watlow_f4t.wire import ControlMode, LoopRegister
 from drivers.errors import CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer, NotSettled
 from drivers.transport.memory import Line
-from drivers.watlow_f4t.wire import ControlMode, LoopRegister
 from tests.support.chamber import ADDRESS, WRITES, Chamber, is_write_to, with_chamber, words
 
 

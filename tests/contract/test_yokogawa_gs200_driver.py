@@ -8,10 +8,10 @@ from pydantic import ValidationError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.capabilities import Source
 from drivers.description import known_drivers
+from drivers.dialects.yokogawa_gs200.description import DESCRIPTION, GS200Options
+from drivers.dialects.yokogawa_gs200.driver import YokogawaGS200
 from drivers.errors import BeyondLimit, Refused, WrongIdentity
 from drivers.values import SourceReading
-from drivers.yokogawa_gs200.description import DESCRIPTION, GS200Options
-from drivers.yokogawa_gs200.driver import YokogawaGS200
 from tests.support.source import GS200_OPTIONS, SourceGS200, with_gs200
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from drivers.dialects.yokogawa_gs200.driver import YokogawaGS200
 from drivers.errors import InstrumentFault
-from drivers.yokogawa_gs200.driver import YokogawaGS200
 from tests.support.source import SourceGS200, with_gs200
 
 

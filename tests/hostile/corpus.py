@@ -15,7 +15,7 @@ from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.sequence.model import SequenceFile
 from bench.sequence.steps import BLOCKS
-from drivers.fields import keys_of
+from drivers.schema.fields import keys_of
 
 Generator = Callable[[random.Random], str | bytes]
 

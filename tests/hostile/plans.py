@@ -7,7 +7,7 @@ import random
 from typing import Any
 
 from bench.sequence.steps import BLOCKS
-from drivers.fields import keys_of
+from drivers.schema.fields import keys_of
 from tests.hostile import corpus
 
 NEEDS = {

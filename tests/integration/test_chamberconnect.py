@@ -19,14 +19,14 @@ from typing import Any
 import pytest
 
 from bench.loop import run
-from simulators.faults import FaultPlan
-from simulators.pty import serve_pty
-from simulators.serve import protocol_factory
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.watlow_f4 import SimulatedF4
-from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.watlow_f4 import SimulatedF4
+from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
+from simulators.serving.pty import serve_pty
+from simulators.serving.serve import protocol_factory
 
 pytestmark = [
     pytest.mark.integration,

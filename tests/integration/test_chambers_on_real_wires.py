@@ -8,18 +8,18 @@ from pathlib import Path
 import pytest
 
 from bench.loop import run
-from drivers.chamber.description import ChamberLimits, ChamberSafe
-from drivers.chamber.driver import Chamber
 from drivers.description import IdentityPin, Setup, known_drivers, make_driver
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
-from simulators.faults import FaultPlan
-from simulators.pty import serve_pty
-from simulators.serve import Instrument, protocol_factory
-from simulators.settings import WorldSettings
-from simulators.setup import InstrumentSetup, make_instrument
-from simulators.thermal import ChamberPhysics
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.setup import InstrumentSetup, make_instrument
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
+from simulators.serving.pty import serve_pty
+from simulators.serving.serve import Instrument, protocol_factory
 from tests.support.chambers import LIMITS
 
 pytestmark = pytest.mark.integration

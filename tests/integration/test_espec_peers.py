@@ -18,12 +18,12 @@ from typing import Any
 import pytest
 
 from bench.loop import run
-from simulators.espec_p300 import SimulatedP300
-from simulators.faults import FaultPlan
-from simulators.serve import protocol_factory
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.espec_p300 import SimulatedP300
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
+from simulators.serving.serve import protocol_factory
 
 pytestmark = pytest.mark.integration
 

@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 
 from bench.loop import run
-from drivers.chamber.driver import Chamber
 from drivers.description import IdentityPin, Setup, known_drivers, make_driver
 from drivers.errors import Refused
-from drivers.source.driver import ScpiSource
+from drivers.kinds.chamber.driver import Chamber
+from drivers.kinds.source.driver import ScpiSource
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 from tests.support.chambers import LIMITS

@@ -17,11 +17,11 @@ from typing import Any
 import pytest
 
 from bench.loop import run
-from drivers.chamber.description import ChamberLimits, ChamberSafe
-from drivers.chamber.driver import Chamber
-from drivers.chamber.words import float32_words
 from drivers.description import IdentityPin, Setup, known_drivers, make_driver
-from drivers.fields import DocumentFile
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
+from drivers.kinds.chamber.words import float32_words
+from drivers.schema.fields import DocumentFile
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 from tests.support.chambers import LIMITS

@@ -7,16 +7,16 @@ import pytest
 
 from bench.loop import run
 from drivers.description import IdentityPin, Nothing, Setup
-from drivers.fields import DocumentFile
-from drivers.framed.description import FramedTableOptions
-from drivers.framed.driver import FramedTable
-from drivers.framed.profile import FrameProfile
-from drivers.table.description import TableLimits
+from drivers.dialects.framed.description import FramedTableOptions
+from drivers.dialects.framed.driver import FramedTable
+from drivers.dialects.framed.profile import FrameProfile
+from drivers.kinds.table.description import TableLimits
+from drivers.schema.fields import DocumentFile
 from drivers.transport.wires import RealWires
-from simulators.faults import FaultPlan
-from simulators.framed import SimulatedFrames
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.framed import SimulatedFrames
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 from tests.integration.test_chambers_on_real_wires import served
 from tests.support.framed import FICTIONAL, OPTIONS, PLAIN
 from tests.support.table import LIMITS

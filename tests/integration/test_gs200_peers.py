@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from bench.loop import run
-from simulators.faults import FaultPlan
-from simulators.serve import protocol_factory
-from simulators.settings import WorldSettings
-from simulators.world import World
-from simulators.yokogawa_gs200 import SimulatedGS200
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.yokogawa_gs200 import SimulatedGS200
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.serving.serve import protocol_factory
 
 pytestmark = pytest.mark.integration
 

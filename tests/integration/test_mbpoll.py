@@ -8,12 +8,12 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from bench.loop import run
-from simulators.faults import FaultPlan
-from simulators.serve import protocol_factory
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
+from simulators.serving.serve import protocol_factory
 
 pytestmark = [pytest.mark.integration, pytest.mark.peer("mbpoll")]
 

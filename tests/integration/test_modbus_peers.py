@@ -14,17 +14,17 @@ from typing import Any
 import pytest
 
 from bench.loop import run
-from drivers.binder.wire import MODE, Kind, Mode
-from simulators.binder import SimulatedBinder
-from simulators.faults import FaultPlan
-from simulators.modbus_chamber import SimulatedProfile
-from simulators.pty import serve_pty
-from simulators.serve import Instrument, protocol_factory
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.watlow_f4 import SimulatedF4
-from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import World
+from drivers.dialects.binder.wire import MODE, Kind, Mode
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.binder import SimulatedBinder
+from simulators.instruments.chambers.modbus_chamber import SimulatedProfile
+from simulators.instruments.chambers.watlow_f4 import SimulatedF4
+from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
+from simulators.serving.pty import serve_pty
+from simulators.serving.serve import Instrument, protocol_factory
 from tests.support.chambers_modbus import FICTIONAL, HOURLY
 
 pytestmark = pytest.mark.integration

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from bench.loop import run
-from simulators.faults import FaultPlan
-from simulators.newport_xps import SimulatedXps
-from simulators.serve import protocol_factory
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.newport_xps import SimulatedXps
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.serving.serve import protocol_factory
 
 pytestmark = [pytest.mark.integration, pytest.mark.peer("newportxps")]
 

@@ -12,20 +12,20 @@ import serial
 
 from bench.loop import run
 from drivers.description import IdentityPin, Nothing, Setup
+from drivers.dialects.keithley_6220.description import KeithleyOptions
+from drivers.dialects.keithley_6220.driver import Keithley6220
 from drivers.errors import BadAnswer, CannotConnect, LinkLost
-from drivers.keithley_6220.description import KeithleyOptions
-from drivers.keithley_6220.driver import Keithley6220
-from drivers.ranges import SourceLimits
+from drivers.kinds.ranges import SourceLimits
 from drivers.transport.address import Address
 from drivers.transport.exchange import LineExchange, Pace, Proof
 from drivers.transport.serial import DeviceTransport, join_device, open_serial
 from drivers.transport.wires import RealWires
-from simulators.faults import FaultPlan
-from simulators.keithley_6220 import SimulatedKeithley
-from simulators.pty import serve_pty
-from simulators.serve import protocol_factory
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.keithley_6220 import SimulatedKeithley
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.serving.pty import serve_pty
+from simulators.serving.serve import protocol_factory
 
 pytestmark = pytest.mark.integration
 

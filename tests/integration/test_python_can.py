@@ -7,9 +7,9 @@ import can
 import numpy as np
 import pytest
 
-from drivers.bus_errors import BUS_OFF, error_classes, in_words
+from drivers.can.bus_errors import BUS_OFF, error_classes, in_words
+from drivers.can.frame_block import ERROR, EXTENDED
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import ERROR, EXTENDED
 from drivers.transport.address import Address
 from drivers.transport.can import open_can
 from tests.support.frames import taken

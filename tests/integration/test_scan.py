@@ -13,7 +13,7 @@ from bench.loop import run
 from bench.runner.held import holding
 from drivers.transport import serial
 from drivers.transport.address import Address
-from simulators.pty import serve_pty
+from simulators.serving.pty import serve_pty
 from tests.support.commands import invoked
 from tests.support.served import on_real_wires, simulating
 

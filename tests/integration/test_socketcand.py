@@ -14,15 +14,15 @@ from bench.app.laboratory import make_laboratory, unit_files
 from bench.app.request import load_bench_named
 from bench.app.serve import open_servers
 from bench.loop import REAL_TIME, run
+from drivers.can.frame_block import ERROR, EXTENDED
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import ERROR, EXTENDED
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
-from simulators.can_counter import CounterSettings, SimulatedCounter
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.socketcand_server import SimulatedServer
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.serving.socketcand_server import SimulatedServer
 from tests.support.frames import taken
 from tests.support.laboratory import DBC, counter_form
 

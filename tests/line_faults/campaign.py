@@ -13,11 +13,11 @@ from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_f
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.can_options import FRAME_SCHEMES
+from drivers.can.options import FRAME_SCHEMES
 from drivers.capabilities import Device
 from drivers.description import Setup, make_driver, unheard
 from drivers.errors import DriverError
-from simulators.line_faults import HARMLESS, BadLine, Injected, LineFault
+from simulators.faults.line_faults import HARMLESS, BadLine, Injected, LineFault
 from tests.line_faults.cases import Case, Link, bench_named
 
 RECOVERS_IN = 4  # readings

@@ -15,11 +15,11 @@ from bench.config.devices import DeviceEntry
 from bench.config.load import load_file
 from bench.config.models import BenchFile
 from drivers.description import IdentityPin, known_drivers
-from drivers.fields import DocumentFile
-from drivers.framed.profile import FrameProfile
-from drivers.modbus_chamber.profile import ChamberProfile
+from drivers.dialects.framed.profile import FrameProfile
+from drivers.dialects.modbus_chamber.profile import ChamberProfile
+from drivers.schema.fields import DocumentFile
 from drivers.transport.address import Address
-from simulators.faults import FaultPlan
+from simulators.faults.instrument_faults import FaultPlan
 from tests.support.runs import ROOT
 
 PROFILE = ROOT / "config/chambers/fictional.yaml"

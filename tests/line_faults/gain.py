@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from typing import Any
 from unittest.mock import patch
 
-from drivers.transport.takes import Takes
-from simulators.line_faults import LineFault
+from drivers.transport.double_read import Takes
+from simulators.faults.line_faults import LineFault
 from tests.line_faults.campaign import GRAMMATICAL, play
 from tests.line_faults.cases import CASES, Link
 

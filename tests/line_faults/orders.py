@@ -14,7 +14,7 @@ import numpy as np
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import DriverError
-from simulators.line_faults import LineFault
+from simulators.faults.line_faults import LineFault
 from tests.line_faults.campaign import RECOVERS_IN, Stand, Tally, a_stand, read
 from tests.line_faults.cases import CASES, move, set_amperes, set_volts
 

@@ -8,16 +8,16 @@ import pytest
 from pymodbus.framer.rtu import FramerRTU
 
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME, BenchLoop, run
-from drivers.acutronic_acl import wire as acl
-from drivers.can_options import FRAME_SCHEMES
+from drivers.can.options import FRAME_SCHEMES
 from drivers.description import known_drivers
+from drivers.dialects.acutronic_acl import wire as acl
+from drivers.dialects.framed.wire import FrameFormat
 from drivers.errors import NoAnswer
-from drivers.framed.wire import FrameFormat
 from drivers.transport.exchange import LineExchange
 from drivers.transport.memory import Line
 from drivers.transport.modbus import ModbusLink
-from simulators.line_faults import BadLine, LineFault, in_turn, now_and_then
-from simulators.proxy import serve_bad_line
+from simulators.faults.line_faults import BadLine, LineFault, in_turn, now_and_then
+from simulators.serving.proxy import serve_bad_line
 from tests.line_faults.campaign import play
 from tests.line_faults.cases import CASES, Link
 from tests.line_faults.gain import believed, one_take
@@ -268,7 +268,7 @@ def test_the_proxy_is_a_program() -> None:
         server = await loop.create_server(Saying, "127.0.0.1", 0)
         host, port = server.sockets[0].getsockname()
         program = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "simulators.proxy", "--listen", "127.0.0.1:0", "--to", f"{host}:{port}",
+            sys.executable, "-m", "simulators.serving.proxy", "--listen", "127.0.0.1:0", "--to", f"{host}:{port}",
             "--first", "duplicate", stderr=asyncio.subprocess.PIPE,
         )  # fmt: skip
         assert program.stderr is not None

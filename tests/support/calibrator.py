@@ -6,15 +6,15 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.fluke_5700a.description import DESCRIPTION, FlukeOptions
-from drivers.fluke_5700a.driver import Fluke5700A
-from drivers.ranges import SourceLimits
+from drivers.dialects.fluke_5700a.description import DESCRIPTION, FlukeOptions
+from drivers.dialects.fluke_5700a.driver import Fluke5700A
+from drivers.kinds.ranges import SourceLimits
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
-from simulators.faults import FaultPlan
-from simulators.fluke_5700a import SimulatedFluke
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.fluke_5700a import SimulatedFluke
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {"range": "22 mA", "compliance": "10 V"}

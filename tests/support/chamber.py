@@ -5,20 +5,20 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, BenchLoop, run
-from drivers.chamber.description import ChamberLimits, ChamberSafe
 from drivers.description import IdentityPin, Setup, make_driver
+from drivers.dialects.watlow_f4t.description import DESCRIPTION, F4TOptions
+from drivers.dialects.watlow_f4t.driver import WatlowF4T
+from drivers.dialects.watlow_f4t.wire import LoopFormat, LoopRegister
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from drivers.transport.wires import RealWires
-from drivers.watlow_f4t.description import DESCRIPTION, F4TOptions
-from drivers.watlow_f4t.driver import WatlowF4T
-from drivers.watlow_f4t.wire import LoopFormat, LoopRegister
-from simulators.faults import FaultPlan
-from simulators.serve import InstrumentProtocol
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
+from simulators.serving.serve import InstrumentProtocol
 
 ADDRESS = Address.parse("tcp://127.0.0.1:1502")
 LIMITS = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}

@@ -8,16 +8,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.chamber.description import ChamberLimits, ChamberSafe, safe_state
-from drivers.chamber.driver import Chamber
 from drivers.description import DriverDescription, IdentityPin, Setup, known_drivers, make_driver
+from drivers.dialects.watlow_f4t.wire import ControlMode, LoopFormat, LoopRegister
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe, safe_state
+from drivers.kinds.chamber.driver import Chamber
 from drivers.transport.address import Address
-from drivers.watlow_f4t.wire import ControlMode, LoopFormat, LoopRegister
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.setup import InstrumentSetup, make_instrument
-from simulators.thermal import ChamberPhysics
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.setup import InstrumentSetup, make_instrument
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
 from tests.support.lines import TappedWire
 
 LIMITS = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
-from simulators.faults import FaultPlan
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.physics.world import World
 from tests.support.chambers import Dialect
 from tests.support.clock import Clock, quiet_chamber
 

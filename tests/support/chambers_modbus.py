@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from bench.config.load import load_file
-from drivers.binder.wire import IDLE_LINE, LINES, MODE
-from drivers.chamber.words import float32_words
-from drivers.fields import DocumentFile
-from drivers.modbus_chamber.profile import ChamberProfile
+from drivers.dialects.binder.wire import IDLE_LINE, LINES, MODE
+from drivers.dialects.modbus_chamber.profile import ChamberProfile
+from drivers.kinds.chamber.words import float32_words
+from drivers.schema.fields import DocumentFile
 from tests.support.chambers import Dialect
 from tests.support.runs import ROOT
 

@@ -8,21 +8,21 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.can_counter.description import DESCRIPTION, CounterOptions
-from drivers.can_counter.driver import CanCounter
+from drivers.can.frame_block import FrameBlock
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
+from drivers.dialects.can_counter.description import DESCRIPTION, CounterOptions
+from drivers.dialects.can_counter.driver import CanCounter
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import FrameBlock
 from drivers.transport.address import Address
 from drivers.transport.can import open_slcan
-from drivers.transport.frames import DURABLE_BLOCK_S, FrameLink
+from drivers.transport.frame_link import DURABLE_BLOCK_S, FrameLink
 from drivers.transport.memory import Line, join
-from simulators.can_counter import CounterSettings, SimulatedCounter
-from simulators.can_node import CanNode
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.slcan_adapter import SimulatedAdapter
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.instruments.can_nodes.can_node import CanNode
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.serving.slcan_adapter import SimulatedAdapter
 from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form, place, unit
 
 P = TypeVar("P", bound=asyncio.Protocol)

@@ -23,7 +23,7 @@ from bench.runner.quiet import Quiet
 from bench.sequence.plan import Plan
 from bench.store.reader import Event, RunReader, Series
 from bench.store.writer import RunWriter
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
 
 SEED = 1
 Script = Callable[[Engine], Awaitable[None]]

@@ -15,8 +15,8 @@ from bench.config.models import BenchFile
 from drivers.capabilities import Device
 from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver, unheard
 from drivers.transport.address import Address
-from simulators.faults import FaultPlan
-from simulators.line_faults import BadLine
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.faults.line_faults import BadLine
 from tests.line_faults.cases import CASES
 from tests.support.runs import ROOT
 

@@ -6,14 +6,14 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import DriverDescription, IdentityPin, Nothing, Setup, make_driver
-from drivers.fields import DocumentFile
-from drivers.framed.description import TABLE
-from drivers.framed.profile import FrameProfile
+from drivers.dialects.framed.description import TABLE
+from drivers.dialects.framed.profile import FrameProfile
+from drivers.schema.fields import DocumentFile
 from drivers.transport.address import Address
-from simulators.faults import FaultPlan
-from simulators.framed import SimulatedFrames
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.framed import SimulatedFrames
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 from tests.support.head import FRAMES
 from tests.support.lines import TappedWire
 from tests.support.table import LIMITS, Turned

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
 from drivers.transport import slcan
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 
 
 def frames(*lines: str) -> FrameBlock:

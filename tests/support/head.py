@@ -9,21 +9,21 @@ from typing import Any
 
 from bench.config.load import load_file
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.aerotech_ensemble import description as ensemble
 from drivers.description import DriverDescription, IdentityPin, Nothing, Setup, make_driver
-from drivers.fields import DocumentFile
-from drivers.framed import description as framed
-from drivers.framed.profile import FrameProfile
-from drivers.framed.wire import NumberFormat
-from drivers.head.description import HeadLimits
-from drivers.newport_xps import description as xps
+from drivers.dialects.aerotech_ensemble import description as ensemble
+from drivers.dialects.framed import description as framed
+from drivers.dialects.framed.profile import FrameProfile
+from drivers.dialects.framed.wire import NumberFormat
+from drivers.dialects.newport_xps import description as xps
+from drivers.kinds.head.description import HeadLimits
+from drivers.schema.fields import DocumentFile
 from drivers.transport.address import Address
-from simulators.aerotech_ensemble import SimulatedEnsemble
-from simulators.faults import FaultPlan
-from simulators.framed import SimulatedFrames
-from simulators.newport_xps import SimulatedXps
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.aerotech_ensemble import SimulatedEnsemble
+from simulators.instruments.axes.framed import SimulatedFrames
+from simulators.instruments.axes.newport_xps import SimulatedXps
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 from tests.support.lines import TappedWire
 from tests.support.runs import ROOT
 

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from drivers.can_counter.wire import CounterFormat, counter_format
-from drivers.dbc import Dbc
-from simulators.can_counter import CounterSettings, SimulatedCounter
-from simulators.faults import FaultPlan
-from simulators.settings import PlaceSettings, WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.unit_file import UnitFile
-from simulators.world import World
+from drivers.can.dbc import Dbc
+from drivers.dialects.can_counter.wire import CounterFormat, counter_format
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.physics.settings import PlaceSettings, WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
+from simulators.units.unit_file import UnitFile
 
 ROOT = Path(__file__).parents[2]
 DBC = Dbc((ROOT / "config" / "if_counter.dbc").read_text("utf-8"))

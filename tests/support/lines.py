@@ -8,9 +8,9 @@ from typing import TypeVar
 
 from drivers.errors import CannotConnect
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
-from simulators.serve import Instrument, InstrumentProtocol
+from simulators.serving.serve import Instrument, InstrumentProtocol
 
 P = TypeVar("P", bound=asyncio.Protocol)
 

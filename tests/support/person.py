@@ -8,14 +8,14 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.operator_head.description import DESCRIPTION, OperatorHeadLimits
+from drivers.dialects.operator_head.description import DESCRIPTION, OperatorHeadLimits
 from drivers.person import Errand, Typed
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
-from simulators.faults import FaultPlan
-from simulators.operator_head import HandTurnedHead
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.operator_head import HandTurnedHead
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 
 LIMITS = {"angle": {"min": "-5°", "max": "365°"}}
 

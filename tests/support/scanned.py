@@ -10,14 +10,14 @@ from typing import Any
 
 from bench.config.load import load_file
 from drivers.description import DriverDescription, known_drivers
-from drivers.fields import DocumentFile
-from drivers.modbus_chamber.profile import ChamberProfile
+from drivers.dialects.modbus_chamber.profile import ChamberProfile
+from drivers.schema.fields import DocumentFile
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.setup import InstrumentSetup, make_instrument
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.setup import InstrumentSetup, make_instrument
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 from tests.support.lines import TappedWire
 from tests.support.runs import ROOT
 from tests.support.voltmeter import Meter

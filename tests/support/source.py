@@ -6,18 +6,18 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import DriverDescription, IdentityPin, Nothing, Setup, make_driver
-from drivers.keithley_6220.description import DESCRIPTION
-from drivers.keithley_6220.driver import Keithley6220
-from drivers.ranges import SourceLimits
+from drivers.dialects.keithley_6220.description import DESCRIPTION
+from drivers.dialects.keithley_6220.driver import Keithley6220
+from drivers.dialects.yokogawa_gs200.description import DESCRIPTION as GS200
+from drivers.dialects.yokogawa_gs200.driver import YokogawaGS200
+from drivers.kinds.ranges import SourceLimits
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
-from drivers.yokogawa_gs200.description import DESCRIPTION as GS200
-from drivers.yokogawa_gs200.driver import YokogawaGS200
-from simulators.faults import FaultPlan
-from simulators.keithley_6220 import SimulatedKeithley
-from simulators.settings import WorldSettings
-from simulators.world import World
-from simulators.yokogawa_gs200 import SimulatedGS200
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.keithley_6220 import SimulatedKeithley
+from simulators.instruments.sources.yokogawa_gs200 import SimulatedGS200
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {"range": "20 mA", "compliance": "10 V", "terminator": "cr"}

@@ -8,15 +8,15 @@ from typing import Any
 from bench.config.load import load_file
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.scpi_supply.description import DESCRIPTION, SupplyLimits, SupplyOptions
-from drivers.scpi_supply.driver import ScpiSupply
+from drivers.dialects.scpi_supply.description import DESCRIPTION, SupplyLimits, SupplyOptions
+from drivers.dialects.scpi_supply.driver import ScpiSupply
 from drivers.transport.address import Address
 from drivers.transport.memory import Line
-from simulators.faults import FaultPlan
-from simulators.scpi_supply import SimulatedSupply
-from simulators.settings import PlaceSettings, WorldSettings
-from simulators.unit_file import UnitFile
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.scpi_supply import SimulatedSupply
+from simulators.physics.settings import PlaceSettings, WorldSettings
+from simulators.physics.world import World
+from simulators.units.unit_file import UnitFile
 from tests.support.lines import TappedWire
 
 UNIT = load_file(Path(__file__).parents[2] / "config" / "uut" / "quartz_flexure.yaml", UnitFile)

@@ -5,15 +5,15 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.acutronic_acl.description import DESCRIPTION, AclOptions
-from drivers.acutronic_acl.driver import AcutronicAcl
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.table.description import TableLimits
+from drivers.dialects.acutronic_acl.description import DESCRIPTION, AclOptions
+from drivers.dialects.acutronic_acl.driver import AcutronicAcl
+from drivers.kinds.table.description import TableLimits
 from drivers.transport.address import Address
-from simulators.acutronic_acl import SimulatedAcutrol
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.acutronic_acl import SimulatedAcutrol
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {

@@ -9,7 +9,7 @@ import numpy as np
 from bench.analysis.acquired import Acquisition, Codes, Counts, Motion, Positions, Voltages
 from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord
 from bench.analysis.rundata import RunData, UnitUnderTest
-from simulators.integrator import Integrator
+from simulators.physics.integrator import Integrator
 
 UNIT = UnitUnderTest("a", "SN", "x", 0.0, "warm")
 COUNT_DEG = 1e-4

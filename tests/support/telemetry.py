@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.can_telemetry.binding import formats_of
-from drivers.can_telemetry.description import DESCRIPTION, TelemetryOptions
-from drivers.can_telemetry.driver import CanTelemetry
-from drivers.dbc import Dbc
+from drivers.can.dbc import Dbc
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
+from drivers.dialects.can_telemetry.binding import formats_of
+from drivers.dialects.can_telemetry.description import DESCRIPTION, TelemetryOptions
+from drivers.dialects.can_telemetry.driver import CanTelemetry
 from drivers.transport.address import Address
-from simulators.can_telemetry import ChannelSettings, SimulatedTelemetry, TelemetrySettings
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.unit_file import TelemetryModel, UnitFile
-from simulators.uut import Decoding
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_telemetry import ChannelSettings, SimulatedTelemetry, TelemetrySettings
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.units.accelerometer import Decoding
+from simulators.units.unit_file import TelemetryModel, UnitFile
 from tests.support.counters import Bus
 from tests.support.laboratory import ROOT, STILL_AIR, place, unit
 

@@ -6,15 +6,16 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.keysight_3458a.description import DESCRIPTION, VoltmeterOptions
-from drivers.keysight_3458a.driver import Keysight3458A
+from drivers.dialects.keysight_3458a.description import DESCRIPTION, VoltmeterOptions
+from drivers.dialects.keysight_3458a.driver import Keysight3458A
 from drivers.transport.address import Address
-from simulators.attitude import planar
-from simulators.faults import FaultPlan
-from simulators.keysight_3458a import Simulated3458A
-from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.meters.keysight_3458a import Simulated3458A
+from simulators.instruments.meters.meter_inputs import VoltsOnLoad
+from simulators.physics.attitude import planar
+from simulators.physics.settings import WorldSettings
+from simulators.physics.voltmeter import VoltmeterSettings
+from simulators.physics.world import World
 from tests.support.laboratory import STILL_AIR, place
 from tests.support.lines import TappedWire
 

@@ -12,18 +12,18 @@ from drivers.capabilities import Device
 from drivers.description import IdentityPin, Setup, known_drivers, make_driver
 from drivers.transport.address import Address
 from drivers.transport.wires import Wires
-from simulators.acutronic_acl import SimulatedAcutrol
-from simulators.aerotech_ensemble import SimulatedEnsemble
-from simulators.faults import FaultPlan
-from simulators.fluke_5700a import SimulatedFluke
-from simulators.keithley_6220 import SimulatedKeithley
-from simulators.newport_xps import SimulatedXps
-from simulators.scpi_supply import SimulatedSupply
-from simulators.settings import WorldSettings
-from simulators.setup import InstrumentSetup, make_instrument
-from simulators.thermal import ChamberPhysics
-from simulators.world import World
-from simulators.yokogawa_gs200 import SimulatedGS200
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.acutronic_acl import SimulatedAcutrol
+from simulators.instruments.axes.aerotech_ensemble import SimulatedEnsemble
+from simulators.instruments.axes.newport_xps import SimulatedXps
+from simulators.instruments.setup import InstrumentSetup, make_instrument
+from simulators.instruments.sources.fluke_5700a import SimulatedFluke
+from simulators.instruments.sources.keithley_6220 import SimulatedKeithley
+from simulators.instruments.sources.scpi_supply import SimulatedSupply
+from simulators.instruments.sources.yokogawa_gs200 import SimulatedGS200
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
 from tests.support import chambers
 from tests.support.chambers import DIALECTS
 from tests.support.chambers_ascii import ASCII_DIALECTS

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, TypeVar
 
 from drivers.errors import CannotConnect
 from drivers.transport.address import Address
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
-from simulators.serve import InstrumentProtocol
+from simulators.serving.serve import InstrumentProtocol
 
 P = TypeVar("P", bound=asyncio.Protocol)
 BETWEEN_EXCHANGES_S = 1.1  # more than any driver leaves between two of one command

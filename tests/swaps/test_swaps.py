@@ -2,8 +2,8 @@
 
 import pytest
 
-from drivers.chamber.registers import ProvedRegisters
-from drivers.source.driver import ScpiSource
+from drivers.kinds.chamber.registers import ProvedRegisters
+from drivers.kinds.source.driver import ScpiSource
 from drivers.transport.dialogue import Dialogue
 from tests.swaps.campaign import AT_REST, AT_WORK, BEFORE, second_masters, swaps
 from tests.swaps.kinds import KINDS

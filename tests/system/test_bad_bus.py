@@ -6,7 +6,7 @@ import pytest
 
 from bench.app.execute import RunResult
 from bench.store.reader import RunReader
-from drivers.can_counter.wire import decode_counts
+from drivers.dialects.can_counter.wire import decode_counts
 from tests.support.laboratory import counter_form
 from tests.support.runs import copy_bench, run_short
 

@@ -12,6 +12,7 @@ import pytest
 from bench.cli.main import main
 from tests.support.sequences import ELSEWHERE, ROOT, TAIL, steps
 
+DIALECTS = ROOT / "drivers/dialects"
 HEAD = "schema: itb-sequence/1\ntitle: T\n"
 SEQUENCES = sorted(path.stem for path in (ROOT / "sequences").glob("*.yaml"))
 ON_THEIR_BENCHES = [
@@ -352,14 +353,14 @@ def test_checking_a_sequence_loads_no_arithmetic_and_no_wires(sequence):
 
 
 def test_checking_loads_no_results_no_scan_and_no_methods_that_the_sequence_does_not_name():
-    never = "bench.analysis.finding bench.analysis.models bench.report.shown drivers.recognition"
+    never = "bench.analysis.finding bench.analysis.models bench.report.shown drivers.discovery.recognition"
     methods = "bench.sequence.methods bench.sequence.methods.imu bench.sequence.methods.response"
     assert loaded(after_command("check", "smoke"), f"{never} {methods}") == ["bench.sequence.methods"]
 
 
 def test_checking_loads_what_is_known_of_the_drivers_of_the_bench_and_of_no_others():
     every = " ".join(
-        sorted(f"drivers.{path.parent.name}.description" for path in (ROOT / "drivers").glob("*/description.py"))
+        sorted(f"drivers.dialects.{path.parent.name}.description" for path in DIALECTS.glob("*/description.py"))
     )
     found = loaded(after_command("check", "smoke", "--bench", "simulated"), every)
     named = {
@@ -367,13 +368,17 @@ def test_checking_loads_what_is_known_of_the_drivers_of_the_bench_and_of_no_othe
         for line in (ROOT / "config/simulated.yaml").read_text("utf-8").splitlines()
         if "driver:" in line
     }
-    assert {f"drivers.{name}.description" for name in named} <= set(found)
-    assert not {"drivers.cts.description", "drivers.framed.description", "drivers.fluke_5700a.description"} & set(found)
+    assert {f"drivers.dialects.{name}.description" for name in named} <= set(found)
+    assert not {
+        "drivers.dialects.cts.description",
+        "drivers.dialects.framed.description",
+        "drivers.dialects.fluke_5700a.description",
+    } & set(found)
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "drivers").glob("*/wire.py")), ids=lambda path: path.parent.name)
+@pytest.mark.parametrize("path", sorted(DIALECTS.glob("*/wire.py")), ids=lambda path: path.parent.name)
 def test_a_wire_format_loads_nothing_that_opens_a_wire(path):
-    wire = f"drivers.{path.parent.name}.wire"
+    wire = f"drivers.dialects.{path.parent.name}.wire"
     assert loaded(f"import {wire}", f"{wire} asyncio socket serial pymodbus can drivers.transport") == [wire]
 
 

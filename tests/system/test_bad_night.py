@@ -12,7 +12,7 @@ from bench.app.request import RunRequest, prepare
 from bench.config.simulation import DeviceFault, UnitFault
 from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader
-from simulators.faults import LINE_FAULTS
+from simulators.faults.instrument_faults import LINE_FAULTS
 from tests.support.how_to import FOLDER, blocks, commands
 from tests.support.runs import ROOT
 

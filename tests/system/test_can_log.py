@@ -14,9 +14,9 @@ from bench.app.inspect import look_at_devices
 from bench.app.tracing import read_trace_file
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.store.reader import RunReader
-from drivers.can_counter.wire import Counts, decode_counts
+from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.dialects.can_counter.wire import Counts, decode_counts
 from drivers.errors import CannotConnect, NoAnswer
-from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport.address import Address
 from drivers.transport.can import open_can
 from drivers.transport.trace import OPENED, RECEIVED

@@ -12,7 +12,7 @@ import pytest
 
 from bench.app.byhand_lines import Unspoken, _parsed
 from bench.runner.held import holding
-from drivers.recognition import scpi_asks
+from drivers.discovery.recognition import scpi_asks
 from drivers.transport.address import Address
 from tests.support.commands import invoked
 from tests.support.runs import ROOT, copy_bench

@@ -23,11 +23,11 @@ from bench.report.write import write_report
 from bench.runner.commands import state_to_json
 from bench.runner.quiet import Quiet
 from bench.store.reader import Event, RunReader
-from drivers import sequence_numbers
-from drivers.can_counter import wire
-from drivers.frame_block import FrameBlock
-from simulators import can_node
-from simulators.frame_faults import Carried, carry
+from drivers.can import sequence_numbers
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_counter import wire
+from simulators.faults.frame_faults import Carried, carry
+from simulators.instruments.can_nodes import can_node
 from tests.support.runs import ROOT, copy_bench, read_json, run_short
 
 AT = "29 s"  # in the second of four acquisitions

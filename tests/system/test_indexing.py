@@ -18,7 +18,7 @@ from bench.report.svg import drawing
 from bench.report.tables import Sheet, model_sheet
 from bench.sequence.methods.indexing import INDEXING_STATIC
 from bench.store.reader import RunReader
-from simulators.world import World
+from simulators.physics.world import World
 from tests.support.runs import ROOT, read_json, run_short
 from tests.truth.campaign import full_bench
 from tests.truth.indexing import INPUT_HYSTERESIS, QUANTITIES, compare_indexing

@@ -13,7 +13,7 @@ from tests.support.sequences import BENCH, TAIL, plan_of, problems_of, steps
 MODULE = '''
 import asyncio
 from bench.sequence.custom import StepDescription
-from drivers.fields import Seconds, StrictModel
+from drivers.schema.fields import Seconds, StrictModel
 
 
 class Shake(StrictModel):
@@ -94,7 +94,7 @@ def test_so_does_a_driver_that_wants_to(tmp_path, monkeypatch):
     async def end(*_, **__):
         raise SystemExit("no licence")
 
-    monkeypatch.setattr("drivers.head.driver.Head.move_to", end)
+    monkeypatch.setattr("drivers.kinds.head.driver.Head.move_to", end)
     result = run_short(tmp_path / "runs", sequence="smoke")
     assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
     assert "wants to end the program (SystemExit('no licence'))" in result.problems[0]

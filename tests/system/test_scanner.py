@@ -3,7 +3,7 @@
 import pytest
 
 from bench.store.reader import RunReader
-from simulators.agilent_34970a import SimulatedScanner
+from simulators.instruments.meters.agilent_34970a import SimulatedScanner
 from tests.line_faults.gain import one_take
 from tests.support.runs import copy_bench, read_json, run_short
 

@@ -16,8 +16,8 @@ from drivers.errors import NoAnswer
 from drivers.transport.memory import Line
 from drivers.transport.trace import CLOSED, HEAD, OPENED, RECEIVED, SENT, Passed, read_trace, spelled
 from drivers.transport.wires import RealWires
-from simulators.replay import ReplayedInstrument
-from simulators.serve import protocol_factory
+from simulators.serving.replay import ReplayedInstrument
+from simulators.serving.serve import protocol_factory
 from tests.support.commands import invoked
 
 

@@ -15,8 +15,8 @@ from typing import Self
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.runner.quiet import Quiet
-from simulators.truth import channel_constants
-from simulators.uut import Decoding, Through, UnitTruth
+from simulators.truth.constants import channel_constants
+from simulators.units.accelerometer import Decoding, Through, UnitTruth
 
 ROOT = Path(__file__).parents[2]
 QUANTITIES = ("K0", "K1", "K1_si", "K2", "misalignment", "K3", "Kip", "asymmetry")

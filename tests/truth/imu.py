@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from bench.app.request import RunRequest
-from simulators.gyro import GyroTruth
-from simulators.imu_uut import GyroSends, ImuTruth, ZeroDrift
-from simulators.truth_imu import accelerometer_constants, gyro_constants
-from simulators.uut import Decoding, UnitTruth
+from simulators.truth.imu import accelerometer_constants, gyro_constants
+from simulators.units.accelerometer import Decoding, UnitTruth
+from simulators.units.gyro import GyroTruth
+from simulators.units.imu_drawn import GyroSends, ImuTruth, ZeroDrift
 from tests.truth import judge
 from tests.truth.campaign import Comparison, campaign, full_bench, results_of
 from tests.truth.replay import at_record_level

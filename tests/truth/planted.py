@@ -16,7 +16,7 @@ from bench.analysis.dwells import Dwell
 from bench.analysis.rundata import RunData
 from bench.report import rundata
 from bench.report.stored import open_run
-from drivers.can_counter import wire
+from drivers.dialects.can_counter import wire
 from tests.truth.campaign import Comparison, compare_one
 
 ENDLESS_BITS = 62

@@ -21,13 +21,13 @@ from bench.app.laboratory import unit_files
 from bench.config.models import BenchFile
 from bench.report.bench_record import bench_record
 from bench.sequence.model import SequenceFile
-from drivers.can_counter.description import CounterOptions
-from drivers.can_telemetry.description import TelemetryOptions
-from simulators.current_source import Feed
-from simulators.imu import SENSORS
-from simulators.integrator import Integrator
-from simulators.unit_file import stream
-from simulators.world import World
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
+from simulators.physics.integrator import Integrator
+from simulators.physics.source_errors import Feed
+from simulators.physics.world import World
+from simulators.units.imu import SENSORS
+from simulators.units.unit_file import stream
 from tests.truth.foreign import Drifts
 
 BLOCK_S = 8.0  # computed at once; temperatures change evenly within it

@@ -28,7 +28,7 @@ from bench.report.measured import OnTheWay
 from bench.report.stored import open_run
 from bench.sequence.methods import known_methods
 from bench.sequence.model import SequenceFile
-from simulators.world import World
+from simulators.physics.world import World
 from tests.truth.campaign import run_one
 from tests.truth.foreign import bench_errors
 from tests.truth.player import Player, Stimulus, Template

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.optimize import brentq
 
-from simulators.gyro import GyroTruth
-from simulators.uut import UnitTruth
+from simulators.units.accelerometer import UnitTruth
+from simulators.units.gyro import GyroTruth
 
 EARTH_DPS = np.degrees(7.292115e-5)
 FULL_SCALE_DPS = 400.0

@@ -17,7 +17,7 @@ from bench.analysis.frequency_response import bandwidth
 from bench.analysis.response_findings import CHORD
 from bench.analysis.response_method import reduce_accelerometer, reduce_gyro
 from bench.sequence.methods.response import ACCELEROMETER_RESPONSE, GYRO_RESPONSE
-from simulators.dynamics import Dynamics
+from simulators.physics.dynamics import Dynamics
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
 from tests.support.table_runs import acquired, data
 

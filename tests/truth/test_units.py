@@ -16,9 +16,9 @@ from bench.app.request import RunRequest
 from bench.config.bench import load_bench
 from bench.config.document import read_document
 from bench.config.load import load
-from simulators.gyro_unit import GyroFile
-from simulators.imu_file import ImuFile
-from simulators.unit_file import UnitFile
+from simulators.units.gyro_unit import GyroFile
+from simulators.units.imu_file import ImuFile
+from simulators.units.unit_file import UnitFile
 from tests.truth import bars, cells, units
 from tests.truth.altered import alter_file, times
 from tests.truth.campaign import ROOT, Comparison, full_bench

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.chamber.arrival import Arrival
-from drivers.chamber.description import FollowOptions, TemperatureRange
+from drivers.kinds.chamber.arrival import Arrival
+from drivers.kinds.chamber.description import FollowOptions, TemperatureRange
 from drivers.values import ChamberState
 
 FOLLOW, LIMITS = FollowOptions(), TemperatureRange.model_validate({"min": "-50 °C", "max": "100 °C"})

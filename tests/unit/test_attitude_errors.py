@@ -7,7 +7,7 @@ from bench.analysis.acquired import Acquisition
 from bench.analysis.attitude_errors import table_errors
 from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.rundata import UnitUnderTest
-from simulators.attitude import EAST, NORTH, UP, Fixture, tilted
+from simulators.physics.attitude import EAST, NORTH, UP, Fixture, tilted
 
 AXES = (UP, NORTH, EAST)
 ROLES = ("outer", "middle", "inner")

@@ -18,8 +18,8 @@ from bench.app import clock_record
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME, BenchLoop, run
 from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
-from drivers.awake import SLICE_S, Deadline, awake_s, came_true, patience
 from drivers.errors import NoAnswer
+from drivers.timing.awake import SLICE_S, Deadline, awake_s, came_true, patience
 from drivers.transport.exchange import LineExchange, Pace, Proof
 from tests.support.runs import ROOT
 
@@ -131,7 +131,7 @@ def test_the_loop_knows_for_how_long_it_stood_still() -> None:
 STOPPED = """
 import sys, threading
 from bench.loop import run, REAL_TIME
-from drivers.awake import Deadline, came_true
+from drivers.timing.awake import Deadline, came_true
 import asyncio
 
 came = threading.Event()

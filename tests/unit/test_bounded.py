@@ -16,7 +16,7 @@ from bench.report.table import SIZE_LIMIT_BYTES as TABLE_LIMIT_BYTES
 from bench.report.table import read_table
 from bench.store.kept_dbc import kept_format
 from bench.store.kept_json import TEXT, read_kept
-from drivers.can_options import DBC_LIMIT_BYTES
+from drivers.can.options import DBC_LIMIT_BYTES
 from drivers.errors import CannotConnect
 from drivers.transport.can import LOG_LIMIT_BYTES, read_log
 from tests.support.runs import copy_bench

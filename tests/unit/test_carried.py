@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from simulators.attitude import EAST, NORTH, UP, Fixture
-from simulators.carried import Carried, Level, TableErrors
-from simulators.motion import Axis, AxisErrors
+from simulators.physics.attitude import EAST, NORTH, UP, Fixture
+from simulators.physics.motion import Axis, AxisErrors
+from simulators.physics.table_kinematics import Carried, Level, TableErrors
 
 LEVEL_DEG = 0.02
 FIXTURE = Fixture((UP, NORTH, EAST))

@@ -25,7 +25,7 @@ from bench.store.runs import summary
 from bench.store.user_state import state_folder
 from bench.store.verify import examine
 from bench.store.writer import RunWriter
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
 from tests.support.runs import run_short, sealed_anew
 
 FORMATS = Path(__file__).parents[1] / "formats"

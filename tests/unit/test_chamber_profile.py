@@ -12,8 +12,8 @@ from bench.config.document import read_document
 from bench.config.load import load_file
 from bench.config.schema import chamber_profile_schema
 from bench.errors import InputError
-from drivers.modbus_chamber.description import ModbusChamberOptions
-from drivers.modbus_chamber.profile import ChamberProfile
+from drivers.dialects.modbus_chamber.description import ModbusChamberOptions
+from drivers.dialects.modbus_chamber.profile import ChamberProfile
 from tests.support.runs import ROOT, copy_bench
 
 SHIPPED = ROOT / "config/chambers/fictional.yaml"

@@ -16,7 +16,7 @@ from bench.report.bench_record import bench_record
 from bench.report.corrections import corrections_of
 from bench.sequence.estimate import estimate
 from bench.sequence.load import load_judged_plan
-from simulators.current_source import CurrentErrors
+from simulators.physics.source_errors import CurrentErrors
 from tests.support.ammeter import CABLE, put_into_cable
 from tests.support.sequences import ROOT
 from tests.truth.campaign import full_bench

@@ -27,11 +27,11 @@ from bench.quality import Fresh, Invalid, Valid, Window
 from bench.rig import Rig
 from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
-from drivers.aerotech_ensemble.wire import read_angle
-from drivers.chamber.words import float32_value
-from drivers.keysight_3458a.wire import read_number
-from drivers.newport_xps.wire import read_numbers
-from drivers.scpi import number
+from drivers.dialects.aerotech_ensemble.wire import read_angle
+from drivers.dialects.keysight_3458a.wire import read_number
+from drivers.dialects.newport_xps.wire import read_numbers
+from drivers.kinds.chamber.words import float32_value
+from drivers.protocols.scpi import number
 from drivers.values import Reading
 from tests.support.runs import copy_bench
 from tests.unit.test_interlocks import Scripted

@@ -8,8 +8,8 @@ import pytest
 from bench.config.bench import load_bench
 from bench.config.checks_counters import files_of_one_name
 from bench.errors import InputError
-from drivers.can_counter.description import CounterOptions
-from drivers.dbc_outline import frames_bits
+from drivers.can.dbc_outline import frames_bits
+from drivers.dialects.can_counter.description import CounterOptions
 from tests.support.laboratory import ROOT
 
 

@@ -15,7 +15,7 @@ from bench.errors import InputError
 from bench.report.corrections import corrections_of
 from bench.report.stored import open_run
 from bench.store.reader import Series
-from simulators.corrections import lacking_deg, read_of
+from simulators.physics.corrections import lacking_deg, read_of
 from tests.support.runs import ROOT, copy_bench, read_json, run_short
 
 HEAD_U = "U: {zero: 10 arcsec, harmonics: [2 arcsec, 2 arcsec, 2 arcsec, 2 arcsec], repeatability: 0.2 arcsec}"

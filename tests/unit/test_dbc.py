@@ -5,9 +5,9 @@ import cantools
 import numpy as np
 import pytest
 
-from drivers.dbc import Dbc, DbcError
-from drivers.dbc_outline import outline
-from drivers.frame_block import EXTENDED, FrameBlock
+from drivers.can.dbc import Dbc, DbcError
+from drivers.can.dbc_outline import outline
+from drivers.can.frame_block import EXTENDED, FrameBlock
 
 OURS = (Path(__file__).parents[2] / "config" / "if_counter.dbc").read_text("utf-8")
 HEAD = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: A B\n\n'

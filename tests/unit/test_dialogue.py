@@ -11,7 +11,7 @@ from drivers.errors import BadAnswer, CannotConnect, LinkLost, NoAnswer
 from drivers.transport.address import Address
 from drivers.transport.dialogue import Dialogue, safe_in_time
 from drivers.transport.exchange import LineExchange, Proof
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, MemoryTransport, join
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulators.dynamics import Dynamics, Follower, look_at_s, mean_input
+from simulators.physics.dynamics import Dynamics, Follower, look_at_s, mean_input
 
 
 def averaged(dynamics, edges_s, frequency_hz):

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from bench.sequence.expressions import LENGTH_LIMIT, ValueProblem, evaluate, scalar_of
 from bench.sequence.values import in_words
-from drivers.quantities import Quantity, parse
-from drivers.units import quoted
+from drivers.quantity.quantities import Quantity, parse
+from drivers.quantity.units import quoted
 
 TOO_LARGE = "is too deep or too large to be evaluated"
 NAMES = {

@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, create_model
 
-from drivers.fields import (
+from drivers.quantity.quantities import Quantity, parse
+from drivers.schema.fields import (
     DEFERRED,
     NOT_EMPTY,
     Celsius,
@@ -32,9 +33,8 @@ from drivers.fields import (
     WholeNumber,
     keys_of,
 )
-from drivers.quantities import Quantity, parse
-from drivers.suggest import did_you_mean, nearest
-from drivers.wording import in_words
+from drivers.schema.suggest import did_you_mean, nearest
+from drivers.schema.wording import in_words
 
 Tilt = Annotated[float, InUnit("°", at_least=-30, at_most=30)]
 Axis = Annotated[str, TextLike("[XYZ]", "the name of an axis such as X")]

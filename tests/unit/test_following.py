@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from drivers.chamber.description import FollowOptions, TemperatureRange
-from drivers.chamber.following import FollowWatch
-from simulators.thermal import ChamberPhysics, Thermal
-from simulators.unit_file import stream
+from drivers.kinds.chamber.description import FollowOptions, TemperatureRange
+from drivers.kinds.chamber.following import FollowWatch
+from simulators.physics.thermal import ChamberPhysics, Thermal
+from simulators.units.unit_file import stream
 
 LIMITS = TemperatureRange.model_validate({"min": "-50 °C", "max": "100 °C"})
 EVERY_S = 10.0

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from drivers.can_counter.wire import Counts, decode_counts, latches_of
-from drivers.frame_block import FrameBlock
-from drivers.frame_cycles import cycles_of
+from drivers.can.frame_block import FrameBlock
+from drivers.can.frame_cycles import cycles_of
+from drivers.dialects.can_counter.wire import Counts, decode_counts, latches_of
 from tests.support.laboratory import counter_form
 
 FORM = counter_form()

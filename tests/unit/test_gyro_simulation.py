@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from drivers.can_counter.wire import counter_format, decode_counts, decode_positions
-from drivers.dbc import Dbc
-from simulators.attitude import EAST, UP, Fixture
-from simulators.can_counter import CounterSettings, SimulatedCounter
-from simulators.carried import EARTH_DPS, Carried, Level, TableErrors
-from simulators.faults import FaultPlan
-from simulators.gyro import GyroModel, draw_gyro, noise_of_gyro
-from simulators.gyro_unit import GyroFile
-from simulators.motion import Axis, AxisErrors
-from simulators.profiles import Slew
+from drivers.can.dbc import Dbc
+from drivers.dialects.can_counter.wire import counter_format, decode_counts, decode_positions
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.physics.attitude import EAST, UP, Fixture
+from simulators.physics.motion import Axis, AxisErrors
+from simulators.physics.profiles import Slew
+from simulators.physics.table_kinematics import EARTH_DPS, Carried, Level, TableErrors
+from simulators.units.gyro import GyroModel, draw_gyro, noise_of_gyro
+from simulators.units.gyro_unit import GyroFile
 from tests.support.laboratory import LATCH, ROOT, Laboratory, place
 
 TABLE = Fixture((UP,), EAST, UP)

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from simulators.imu_file import ImuAccelerometer
-from simulators.input_hysteresis import Play
-from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
-from simulators.truth import DwellAsMeasured, Lies, truth_record
+from simulators.instruments.meters.meter_inputs import VoltsOnLoad
+from simulators.physics.input_hysteresis import Play
+from simulators.physics.voltmeter import VoltmeterSettings
+from simulators.truth.constants import DwellAsMeasured, Lies, truth_record
+from simulators.units.imu_file import ImuAccelerometer
 from tests.support.laboratory import Laboratory, place, unit
 
 THRESHOLDS = ["1 mg", "2 mg"]

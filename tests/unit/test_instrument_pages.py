@@ -9,8 +9,8 @@ from bench.config.devices import DeviceEntry
 from bench.config.document import parse_document
 from bench.config.load import load_file
 from drivers.description import known_drivers
-from drivers.framed.profile import FrameProfile
-from drivers.modbus_chamber.profile import ChamberProfile
+from drivers.dialects.framed.profile import FrameProfile
+from drivers.dialects.modbus_chamber.profile import ChamberProfile
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs/instruments"

@@ -20,7 +20,7 @@ from bench.config.interlocks import (
 from bench.config.schema import bench_schema
 from bench.errors import InputError
 from bench.sequence.load import load_plan
-from drivers.quantities import parse
+from drivers.quantity.quantities import parse
 from tests.support.sequences import plan_of, problems_of, steps
 
 CONFIG = Path(__file__).parents[2] / "config"

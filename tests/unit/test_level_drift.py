@@ -19,9 +19,9 @@ from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.bench import load_bench
 from bench.report.bench_record import bench_record
 from bench.sequence.methods.indexing import INDEXING_STATIC
-from simulators.attitude import Fixture
-from simulators.carried import Carried, Level, TableErrors
-from simulators.motion import Axis, AxisErrors
+from simulators.physics.attitude import Fixture
+from simulators.physics.motion import Axis, AxisErrors
+from simulators.physics.table_kinematics import Carried, Level, TableErrors
 from tests.support.runs import copy_bench
 
 DRIFT_DEG = 2 / 3600

@@ -17,8 +17,8 @@ from bench.report.text import results_text
 from bench.report.words import bands_in_words, limits_in_words
 from bench.sequence.limits import LimitEntry, limits_in, unit_problems
 from bench.sequence.schema import sequence_schema
-from drivers.fields import DEFERRED
-from drivers.quantities import Quantity, parse
+from drivers.quantity.quantities import Quantity, parse
+from drivers.schema.fields import DEFERRED
 
 PASS, FAIL, INVALID = "PASS", "FAIL", "INVALID"
 

@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from bench.sequence.methods import OUTPUT_UNITS, SHIPPED, known_methods
 from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
 from drivers.description import known_drivers
+from drivers.quantity.units import parse_unit
 from drivers.shipped import DRIVERS
-from drivers.units import parse_unit
 from tests.support.runs import ROOT, SHORT, run_short
 from tests.support.sequences import plan_of, problems_of, steps
 
@@ -47,7 +47,7 @@ def test_any_other_degree_is_refused(degree):
 
 PLUGIN = """\
 from bench.sequence.methods import MethodDescription
-from drivers.fields import StrictModel
+from drivers.schema.fields import StrictModel
 
 
 class Settings(StrictModel):
@@ -70,9 +70,11 @@ def test_a_plug_in_cannot_take_the_name_of_a_shipped_method(plugin, monkeypatch)
 
 def test_every_driver_package_is_in_the_table_of_shipped_ones():
     packages = {
-        path.parent.name for path in (ROOT / "drivers").glob("*/*.py") if "DriverDescription(" in path.read_text()
+        path.parent.name
+        for path in (ROOT / "drivers/dialects").glob("*/*.py")
+        if "DriverDescription(" in path.read_text()
     }
-    assert packages == {target.split(".")[1] for target in DRIVERS.values()}
+    assert packages == {target.split(".")[2] for target in DRIVERS.values()}
 
 
 def test_what_is_in_the_tables_is_there_under_its_name():

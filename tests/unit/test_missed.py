@@ -10,7 +10,7 @@ from bench.analysis.acquired import Codes, Counts
 from bench.analysis.missed import MOST_LISTED, Gap, Missed, gap_columns, missed_in
 from bench.report.languages import language
 from bench.report.missed import MissedIn, lines, sheets
-from drivers.sequence_numbers import gaps_in
+from drivers.can.sequence_numbers import gaps_in
 
 TICKS, TICK_BITS = 10_000, 16
 

@@ -12,7 +12,7 @@ from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from drivers.transport.modbus import ModbusLink
 from drivers.transport.wires import RealWires
-from simulators.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError, crc16
+from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError, crc16
 
 READ_100 = bytes.fromhex("01 03 00 64 00 01 c5 d5")
 ANSWER_25_3_C = bytes.fromhex("01 03 02 00 fd 79 c5")

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulators.modbus import ExceptionCode, ModbusServer, ModbusTcpSession, RegisterError
+from simulators.instruments.modbus import ExceptionCode, ModbusServer, ModbusTcpSession, RegisterError
 
 READ = bytes.fromhex("00 01 00 00 00 06 11 03 00 6b 00 03")
 READ_ANSWER = bytes.fromhex("00 01 00 00 00 09 11 03 06 00 6b 00 6c 00 6d")

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulators.motion import Axis, AxisErrors
-from simulators.profiles import Move, Slew, Swing, Turn
-from simulators.table import Loop, Ripple
+from simulators.physics.motion import Axis, AxisErrors
+from simulators.physics.profiles import Move, Slew, Swing, Turn
+from simulators.physics.servo import Loop, Ripple
 
 ARCSEC = 1 / 3600
 RIPPLE = Ripple(1e-2, (1, 2, 24), (0.3, 1.0, 2.0))

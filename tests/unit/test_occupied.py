@@ -14,8 +14,8 @@ from bench.engine.units import Units
 from bench.errors import InputError
 from bench.sequence.load import load_sequence
 from bench.sequence.occupied import occupied
-from simulators.imu_file import ImuFile
-from simulators.unit_file import UnitFile
+from simulators.units.imu_file import ImuFile
+from simulators.units.unit_file import UnitFile
 from tests.support.runs import ROOT
 
 PATH = ROOT / "config/every_dialect.yaml"

@@ -9,8 +9,8 @@ from bench.analysis.acquired import Acquisition, Mount
 from bench.analysis.bench_record import AxisRecord, BenchRecord
 from bench.analysis.orientation import elevation_rad, specific_force_g, unit_axes
 from bench.analysis.rundata import UnitUnderTest
-from simulators import attitude
-from simulators.attitude import EAST, NORTH, SOUTH, UP, Fixture, planar, to_unit
+from simulators.physics import attitude
+from simulators.physics.attitude import EAST, NORTH, SOUTH, UP, Fixture, planar, to_unit
 
 THREE_AXES = {"outer": UP, "middle": NORTH, "inner": EAST}
 

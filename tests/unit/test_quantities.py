@@ -11,8 +11,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from drivers.quantities import Quantity, as_quantity, finite, parse, spell
-from drivers.units import NO_DIMENSION, QuantityError, customary_unit, describe, parse_unit, quoted
+from drivers.quantity.quantities import Quantity, as_quantity, finite, parse, spell
+from drivers.quantity.units import NO_DIMENSION, QuantityError, customary_unit, describe, parse_unit, quoted
 
 MANY = settings(max_examples=1000, deadline=None)
 

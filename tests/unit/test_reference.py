@@ -18,9 +18,9 @@ from bench.sequence import expressions
 from bench.sequence.custom import StepDescription
 from bench.sequence.load import load_plan
 from bench.sequence.steps import BLOCKS
-from drivers import units
 from drivers.description import DriverDescription, known_drivers
-from drivers.fields import Celsius, Flag, InUnit, Name, Seconds, StrictModel, WholeNumber
+from drivers.quantity import units
+from drivers.schema.fields import Celsius, Flag, InUnit, Name, Seconds, StrictModel, WholeNumber
 from tests.support.runs import ROOT
 
 FOLDER = ROOT / "docs/reference"

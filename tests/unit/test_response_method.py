@@ -10,7 +10,7 @@ import pytest
 from bench.analysis.response_method import reduce_accelerometer, reduce_gyro
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.response import ACCELEROMETER_RESPONSE, GYRO_RESPONSE
-from simulators.dynamics import Dynamics
+from simulators.physics.dynamics import Dynamics
 from tests.support.table_runs import BENCH, UNIT, at_rest, data, swinging
 
 PER_DEG, PER_G = 4000.0, 1e5

@@ -18,7 +18,7 @@ from bench.report.rundata import run_data
 from bench.sequence.checks_method import _dwells, _inseparable
 from bench.sequence.load import load_judged_plan
 from bench.store.reader import RunReader
-from drivers.dbc_outline import lengths_bits
+from drivers.can.dbc_outline import lengths_bits
 from tests.support.runs import copy_bench, run_short
 from tests.support.sequences import BENCH, ROOT, plan_of, steps
 

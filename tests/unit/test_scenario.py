@@ -18,9 +18,9 @@ from bench.config.document import read_document
 from bench.config.schema import scenario_schema
 from bench.errors import InputError
 from drivers.description import known_drivers
-from simulators.faults import LINE_FAULTS, FaultKind, FaultPlan, mishaps_of
-from simulators.line_faults import LineFault
-from simulators.thermal import DOOR_SHARE, ChamberPhysics, Thermal
+from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, mishaps_of
+from simulators.faults.line_faults import LineFault
+from simulators.physics.thermal import DOOR_SHARE, ChamberPhysics, Thermal
 from tests.support.laboratory import Laboratory
 from tests.support.runs import ROOT
 

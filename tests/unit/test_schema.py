@@ -20,8 +20,8 @@ from bench.errors import InputError
 from bench.sequence.load import load_plan
 from bench.sequence.schema import sequence_schema
 from bench.sequence.steps import BLOCKS
-from drivers.fields import UNIT_KEYWORD
-from drivers.quantities import parse
+from drivers.quantity.quantities import parse
+from drivers.schema.fields import UNIT_KEYWORD
 
 ROOT = Path(__file__).parents[2]
 BENCH = load_bench(ROOT / "config/simulated.yaml").bench

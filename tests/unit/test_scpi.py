@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import scpi
-from drivers.scpi import Command, ErrorEntry
+from drivers.protocols import scpi
+from drivers.protocols.scpi import Command, ErrorEntry
 from drivers.values import Identity
-from simulators.scpi import POWER_ON, QUEUE_LENGTH, Interpreter, LineSession, Refusal, setting, switch
+from simulators.instruments.scpi import POWER_ON, QUEUE_LENGTH, Interpreter, LineSession, Refusal, setting, switch
 
 # Numbers
 

@@ -14,8 +14,8 @@ from drivers.errors import LinkLost, Refused, WrongIdentity
 from drivers.transport.address import Address
 from drivers.transport.scpi import ERRORS_AT_MOST, ScpiLink
 from drivers.values import Identity
-from simulators.faults import FaultPlan
-from simulators.scpi import OUT_OF_RANGE, Interpreter, LineSession, setting
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.scpi import OUT_OF_RANGE, Interpreter, LineSession, setting
 from tests.support.lines import TappedWire
 
 

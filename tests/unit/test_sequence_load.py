@@ -15,7 +15,7 @@ from bench.sequence.load import load_plan, load_sequence
 from bench.sequence.methods import known_methods
 from bench.sequence.plan import Plan
 from bench.sequence.values import in_words
-from drivers.suggest import did_you_mean
+from drivers.schema.suggest import did_you_mean
 from tests.support.sequences import BENCH, ROOT, TAIL, plan_of, problems_of, steps
 
 NAME = "expected a name: at most 32 lower-case letters, digits and _, a letter first"

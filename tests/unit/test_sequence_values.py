@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bench.sequence.expressions import ValueProblem
 from bench.sequence.values import LIST_LIMIT, as_written, holds_expression, in_words, spelled, value_of
-from drivers.quantities import Quantity, parse
+from drivers.quantity.quantities import Quantity, parse
 
 NAMES = {"t": parse("20 °C"), "n": parse("3"), "angles": (parse("0°"), parse("90°"))}
 WHOLE = "an expression is the whole value, like ${a + b}"

@@ -7,18 +7,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import EXTENDED, FrameBlock
 from drivers.transport import slcan
 from drivers.transport.address import Address
 from drivers.transport.can import Slcan, open_slcan
-from drivers.transport.frames import FrameLink
+from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
-from simulators.can_counter import CounterSettings, SimulatedCounter
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.slcan_adapter import UNREAD_LIMIT_BYTES, SimulatedAdapter
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.serving.slcan_adapter import UNREAD_LIMIT_BYTES, SimulatedAdapter
 from tests.support.laboratory import DBC, counter_form
 
 LINES = b"t1008A08601000500002A\rt1016010203040506\rT1ABCDEF02ffEE\rt7FF0\r"

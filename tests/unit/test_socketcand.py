@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
-from drivers.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.transport.address import Address
 from drivers.transport.memory import Line, join
 from drivers.transport.socketcand import Socketcand, open_socketcand, parse, render
-from simulators.can_counter import CounterSettings, SimulatedCounter
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.socketcand_server import SimulatedServer
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
+from simulators.serving.socketcand_server import SimulatedServer
 from tests.support.laboratory import DBC, counter_form
 
 ADDRESS = Address.parse("socketcand://192.168.1.30:29536/can0")

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.engine.state import RunState, Tared, advanced, replayed
-from drivers.quantities import Quantity, parse
+from drivers.quantity.quantities import Quantity, parse
 
 
 class Entry(NamedTuple):

@@ -24,7 +24,7 @@ from bench.store import database
 from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory, find_run, list_runs, summary
 from bench.store.writer import RunWriter
-from drivers.frame_block import FrameBlock
+from drivers.can.frame_block import FrameBlock
 
 STARTED = datetime(2026, 11, 21, 8, 15, 3, tzinfo=UTC)
 
@@ -212,7 +212,7 @@ WRITER = """
     from pathlib import Path
     import numpy as np
     from bench.store.writer import RunWriter
-    from drivers.frame_block import FrameBlock
+    from drivers.can.frame_block import FrameBlock
 
     def block(number):
         return FrameBlock(np.array([number], np.uint32), np.array([float(number)]), np.array([8], np.uint8),

@@ -1,4 +1,4 @@
-from drivers.suggest import did_you_mean
+from drivers.schema.suggest import did_you_mean
 
 
 def test_a_letter_that_looks_like_a_digit_is_the_digit():

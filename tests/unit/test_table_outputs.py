@@ -13,7 +13,7 @@ from bench.analysis.table_intake import table_samples
 from bench.analysis.table_samples import steady
 from bench.report.flag_words import flag_in_words
 from bench.sequence.methods.response import ACCELEROMETER_RESPONSE, GYRO_RANGE, GYRO_RESPONSE
-from simulators.dynamics import Dynamics
+from simulators.physics.dynamics import Dynamics
 from tests.support.table_runs import BENCH, READ, SENT, TIME_S, data, read, sent
 
 PER_DPS, PER_G, PERIOD_S = 1000.0, 1e6, 1e-3

@@ -12,7 +12,7 @@ from bench.config.document import read_document
 from bench.config.load import load_file
 from bench.config.schema import table_profile_schema
 from bench.errors import InputError
-from drivers.framed.profile import FrameProfile
+from drivers.dialects.framed.profile import FrameProfile
 from tests.support.framed import PLAIN_FILE
 from tests.support.runs import ROOT, copy_bench, read_json, run_short
 from tests.unit.test_chamber_profile import place_of

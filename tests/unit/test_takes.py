@@ -7,7 +7,7 @@ import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import BadAnswer, NoAnswer
-from drivers.transport.takes import Takes
+from drivers.transport.double_read import Takes
 
 
 def told(*values: float) -> Callable[[], Awaitable[float]]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from simulators import thermal
-from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
+from simulators.physics import thermal
+from simulators.physics.thermal import ChamberPhysics, Thermal, UnitPhysics
 
 CHAMBER = ChamberPhysics()
 STILL = ChamberPhysics(limit_cycle_c=0.0)

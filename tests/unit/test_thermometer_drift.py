@@ -25,7 +25,7 @@ from bench.app.laboratory import unit_files
 from bench.config.bench import load_bench
 from bench.report.bench_record import bench_record
 from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
-from simulators.warmth import Thermometer
+from simulators.physics.unit_temperatures import Thermometer
 from tests.support.runs import ROOT
 
 DRIFT_C = 0.06

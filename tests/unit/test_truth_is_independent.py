@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench.analysis.tumble import further_terms
-from simulators.truth import separable_terms
+from simulators.truth.constants import separable_terms
 
 TRUTH = Path(__file__).parents[1] / "truth"
 MODULES = sorted(path for path in TRUTH.glob("*.py") if not path.name.startswith("test_"))

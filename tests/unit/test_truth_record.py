@@ -11,12 +11,12 @@ import pytest
 from bench.analysis.acquired import Counts
 from bench.analysis.counts import mean_rate
 from bench.analysis.tumble import Tumble, solve_tumble
-from drivers.can_counter.wire import decode_counts
-from simulators.attitude import planar
-from simulators.motion import AxisErrors
-from simulators.truth import DwellAsMeasured, Lies, channel_constants, truth_record
-from simulators.unit_file import UnitFile
-from simulators.uut import draw_unit
+from drivers.dialects.can_counter.wire import decode_counts
+from simulators.physics.attitude import planar
+from simulators.physics.motion import AxisErrors
+from simulators.truth.constants import DwellAsMeasured, Lies, channel_constants, truth_record
+from simulators.units.accelerometer import draw_unit
+from simulators.units.unit_file import UnitFile
 from tests.support.laboratory import ARCSEC_DEG, Laboratory, counter_form, place, unit
 
 FOUR_DEG = (0.0, 90.0, 180.0, 270.0)

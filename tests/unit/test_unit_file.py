@@ -8,8 +8,8 @@ from scipy.stats import truncnorm
 
 from bench.config.load import load_file
 from bench.errors import InputError
-from simulators.unit_file import Draw, UnitFile, stream
-from simulators.uut import UnitTruth, draw_unit
+from simulators.units.accelerometer import UnitTruth, draw_unit
+from simulators.units.unit_file import Draw, UnitFile, stream
 from tests.support.laboratory import ROOT, unit
 
 EXAMPLE = ROOT / "config" / "uut" / "quartz_flexure.yaml"

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.analysis.tumble import solve_tumble
-from simulators.integrator import Integrator
-from simulators.noise import Wander, at_ends
-from simulators.unit_file import UnitFile
-from simulators.uut import Hysteresis, UnitTruth, draw_unit, noise_of
+from simulators.physics.integrator import Integrator
+from simulators.physics.noise import Wander, at_ends
+from simulators.units.accelerometer import Hysteresis, UnitTruth, draw_unit, noise_of
+from simulators.units.unit_file import UnitFile
 from tests.support.laboratory import Laboratory, place, unit
 
 PERFECT = draw_unit(unit(), 1, "a")

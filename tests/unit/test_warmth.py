@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from bench.config.load import load_file
-from simulators.current_source import CurrentErrors, Feed
-from simulators.thermal import ChamberPhysics, Thermal, UnitPhysics
-from simulators.thermostat import Thermostat
-from simulators.unit_file import ThermostatModel, UnitFile
-from simulators.uut import Decoding, draw_unit
-from simulators.warmth import Board, Warmth
+from simulators.physics.source_errors import CurrentErrors, Feed
+from simulators.physics.thermal import ChamberPhysics, Thermal, UnitPhysics
+from simulators.physics.thermostat import Thermostat
+from simulators.physics.unit_temperatures import Board, Warmth
+from simulators.units.accelerometer import Decoding, draw_unit
+from simulators.units.unit_file import ThermostatModel, UnitFile
 from tests.support.sequences import ROOT
 
 MODEL = ThermostatModel.model_validate(

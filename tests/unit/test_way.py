@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.sequence.stimulus import THERE_DEG, TURN_DEG, Move
-from drivers.fields import DEFERRED
+from drivers.schema.fields import DEFERRED
 
 ANGLES = st.floats(-2000, 2000)
 

@@ -10,13 +10,13 @@ from bench.app.drawn import world_settings
 from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.bench import load_bench
 from bench.errors import InputError
-from drivers.can_counter.wire import decode_counts, latches, temperatures
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_counter.wire import decode_counts, latches, temperatures
 from drivers.errors import LinkLost
-from drivers.frame_block import FrameBlock
-from simulators.attitude import planar
-from simulators.faults import FaultPlan
-from simulators.motion import AxisErrors
-from simulators.uut import UnitTruth
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.physics.attitude import planar
+from simulators.physics.motion import AxisErrors
+from simulators.units.accelerometer import UnitTruth
 from tests.support.laboratory import ARCSEC_DEG, ROOT, Laboratory, counter_form, place, unit
 
 FORM = counter_form()

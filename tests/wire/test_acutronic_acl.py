@@ -4,12 +4,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.acutronic_acl import wire
-from drivers.acutronic_acl.wire import Dynamics, Interlock, InterlockInput, Mode, Reply, SoftwareFault, Supervisor
-from simulators.acutronic_acl import SimulatedAcutrol
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.world import World
+from drivers.dialects.acutronic_acl import wire
+from drivers.dialects.acutronic_acl.wire import (
+    Dynamics,
+    Interlock,
+    InterlockInput,
+    Mode,
+    Reply,
+    SoftwareFault,
+    Supervisor,
+)
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.acutronic_acl import SimulatedAcutrol
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 
 NO_INPUTS = InterlockInput(0)
 OK = b"\x00\x00\x00\x00\x02\x00\x00\x00OK"

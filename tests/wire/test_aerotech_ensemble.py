@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.aerotech_ensemble import wire
-from drivers.aerotech_ensemble.wire import AxisFault, AxisStatus, Command, Move, Outcome, Reply
-from simulators.aerotech_ensemble import SimulatedEnsemble
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.world import World
+from drivers.dialects.aerotech_ensemble import wire
+from drivers.dialects.aerotech_ensemble.wire import AxisFault, AxisStatus, Command, Move, Outcome, Reply
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.aerotech_ensemble import SimulatedEnsemble
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 
 
 class Clock:

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.binder.wire import Kind, Mode, mode_of, registers_of, value_c, words
-from simulators.binder import ANSWER_AFTER_S, SimulatedBinder
-from simulators.faults import FaultPlan
-from simulators.modbus import crc16
-from simulators.world import World
+from drivers.dialects.binder.wire import Kind, Mode, mode_of, registers_of, value_c, words
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.binder import ANSWER_AFTER_S, SimulatedBinder
+from simulators.instruments.modbus import crc16
+from simulators.physics.world import World
 from tests.support.clock import Clock, quiet_chamber
 
 

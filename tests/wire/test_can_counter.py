@@ -11,7 +11,9 @@ import sys
 import numpy as np
 import pytest
 
-from drivers.can_counter.wire import (
+from drivers.can.dbc import Dbc, DbcError, encode_frames
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_counter.wire import (
     Counts,
     counter_format,
     decode_counts,
@@ -19,8 +21,6 @@ from drivers.can_counter.wire import (
     latches,
     temperatures,
 )
-from drivers.dbc import Dbc, DbcError, encode_frames
-from drivers.frame_block import FrameBlock
 from drivers.transport import slcan
 from tests.support.frames import frames
 from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form
@@ -322,7 +322,7 @@ def test_names_that_the_dbc_does_not_have_are_told(latch_names: dict, channels: 
 
 def test_the_wire_format_loads_no_transport() -> None:
     code = (
-        "import sys, drivers.can_counter.wire; "
+        "import sys, drivers.dialects.can_counter.wire; "
         "print([name for name in ('asyncio', 'socket', 'serial', 'can', 'pymodbus', 'cantools', 'drivers.transport') "
         "if name in sys.modules])"
     )

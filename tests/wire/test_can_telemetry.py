@@ -7,10 +7,10 @@ and Board i16 in 0.01 °C. A second layout is big-endian, with two channels in o
 import numpy as np
 import pytest
 
-from drivers.can_telemetry.wire import Samples, arrivals, decode_positions, decode_samples, sample_formats
-from drivers.dbc import Dbc, DbcError, encode_frames, readings_of
-from drivers.encoder_frames import position_formats
-from drivers.frame_block import FrameBlock
+from drivers.can.dbc import Dbc, DbcError, encode_frames, readings_of
+from drivers.can.encoder_frames import position_formats
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_telemetry.wire import Samples, arrivals, decode_positions, decode_samples, sample_formats
 from tests.support.frames import frames
 from tests.support.laboratory import ROOT
 from tests.support.telemetry import DBC, FORMS

@@ -2,9 +2,9 @@
 
 import pytest
 
-from drivers.cts import wire
-from drivers.cts.wire import Ramp, Status, Temperatures
-from simulators.cts import SimulatedCts
+from drivers.dialects.cts import wire
+from drivers.dialects.cts.wire import Ramp, Status, Temperatures
+from simulators.instruments.chambers.cts import SimulatedCts
 from tests.support.chambers_ascii import at_25_c
 from tests.support.clock import Clock
 

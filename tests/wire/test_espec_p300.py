@@ -2,10 +2,10 @@
 
 import pytest
 
-from drivers.chamber.refusal import Refusal
-from drivers.espec_p300 import wire
-from drivers.espec_p300.wire import Monitor, Temperatures
-from simulators.espec_p300 import SimulatedP300
+from drivers.dialects.espec_p300 import wire
+from drivers.dialects.espec_p300.wire import Monitor, Temperatures
+from drivers.kinds.chamber.refusal import Refusal
+from simulators.instruments.chambers.espec_p300 import SimulatedP300
 from tests.support.chambers_ascii import at_25_c
 from tests.support.clock import Clock
 

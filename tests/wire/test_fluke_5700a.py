@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.fluke_5700a import wire
-from drivers.fluke_5700a.wire import OFF, Event, Setting, State, Status
-from simulators.faults import FaultPlan
-from simulators.fluke_5700a import ILLEGAL_LIMIT, SimulatedFluke
-from simulators.settings import WorldSettings
-from simulators.world import World
+from drivers.dialects.fluke_5700a import wire
+from drivers.dialects.fluke_5700a.wire import OFF, Event, Setting, State, Status
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.fluke_5700a import ILLEGAL_LIMIT, SimulatedFluke
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 
 
 class Clock:

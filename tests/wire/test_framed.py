@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.framed.status import StatusReader
-from drivers.framed.wire import Checksum, ChecksumKind, FrameFormat, NumberFormat, Splitter
-from simulators.faults import FaultPlan
-from simulators.framed import SimulatedFrames
-from simulators.world import World
+from drivers.dialects.framed.status import StatusReader
+from drivers.dialects.framed.wire import Checksum, ChecksumKind, FrameFormat, NumberFormat, Splitter
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.framed import SimulatedFrames
+from simulators.physics.world import World
 from tests.support.clock import Clock, quiet_chamber
 from tests.support.framed import FICTIONAL, PLAIN
 

@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.keithley_6220 import wire
-from drivers.keithley_6220.wire import Condition, State
-from drivers.source.setting import Setting
-from simulators.faults import FaultPlan
-from simulators.keithley_6220 import SimulatedKeithley
-from simulators.settings import WorldSettings
-from simulators.world import World
+from drivers.dialects.keithley_6220 import wire
+from drivers.dialects.keithley_6220.wire import Condition, State
+from drivers.kinds.source.setting import Setting
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.keithley_6220 import SimulatedKeithley
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 
 
 def a_source(**settings: object) -> SimulatedKeithley:

@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
-from drivers.keysight_3458a import wire
-from drivers.keysight_3458a.wire import Setting
-from simulators.faults import FaultPlan
-from simulators.keysight_3458a import Simulated3458A
-from simulators.meter_inputs import VoltmeterSettings, VoltsOnLoad
-from simulators.serve import PatientSession
+from drivers.dialects.keysight_3458a import wire
+from drivers.dialects.keysight_3458a.wire import Setting
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.meters.keysight_3458a import Simulated3458A
+from simulators.instruments.meters.meter_inputs import VoltsOnLoad
+from simulators.physics.voltmeter import VoltmeterSettings
+from simulators.serving.serve import PatientSession
 from tests.support.voltmeter import LOAD_OHM, a_world
 
 # The driver's side

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.chamber.words import WordOrder
-from drivers.modbus_chamber.wire import ValueFormat, ValueType
-from simulators.faults import FaultPlan
-from simulators.modbus_chamber import SimulatedProfile
-from simulators.world import World
+from drivers.dialects.modbus_chamber.wire import ValueFormat, ValueType
+from drivers.kinds.chamber.words import WordOrder
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.modbus_chamber import SimulatedProfile
+from simulators.physics.world import World
 from tests.support.chambers_modbus import FICTIONAL, PLAIN
 from tests.support.clock import Clock, quiet_chamber
 

@@ -2,12 +2,12 @@
 
 import pytest
 
-from drivers.newport_xps import wire
-from drivers.newport_xps.wire import Call, GroupState, Profile, Reply
-from simulators.faults import FaultPlan
-from simulators.newport_xps import SimulatedXps
-from simulators.settings import WorldSettings
-from simulators.world import World
+from drivers.dialects.newport_xps import wire
+from drivers.dialects.newport_xps.wire import Call, GroupState, Profile, Reply
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.axes.newport_xps import SimulatedXps
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 
 
 class Clock:

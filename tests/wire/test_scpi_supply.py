@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.config.load import load_file
-from drivers.scpi_supply import wire
-from drivers.scpi_supply.wire import Setting, State
-from simulators.faults import FaultPlan
-from simulators.scpi_supply import SimulatedSupply
-from simulators.settings import PlaceSettings, WorldSettings
-from simulators.unit_file import UnitFile
-from simulators.world import World
+from drivers.dialects.scpi_supply import wire
+from drivers.dialects.scpi_supply.wire import Setting, State
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.scpi_supply import SimulatedSupply
+from simulators.physics.settings import PlaceSettings, WorldSettings
+from simulators.physics.world import World
+from simulators.units.unit_file import UnitFile
 
 UNIT = load_file(Path(__file__).parents[2] / "config" / "uut" / "quartz_flexure.yaml", UnitFile)
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from drivers.chamber.refusal import Refusal
-from drivers.simserv import wire
-from drivers.simserv.wire import Function, Info, Status
-from simulators.simserv import SimulatedSimserv
+from drivers.dialects.simserv import wire
+from drivers.dialects.simserv.wire import Function, Info, Status
+from drivers.kinds.chamber.refusal import Refusal
+from simulators.instruments.chambers.simserv import SimulatedSimserv
 from tests.support.chambers_ascii import at_25_c
 from tests.support.clock import Clock
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.can_counter.wire import unbroken
+from drivers.dialects.can_counter.wire import unbroken
 from tests.support.frames import frames
 from tests.support.laboratory import counter_form
 

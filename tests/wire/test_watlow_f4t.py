@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.watlow_f4t.wire import (
+from drivers.dialects.watlow_f4t.wire import (
     BLOCK_COUNT,
     BLOCK_FIRST,
     LoopBlock,
@@ -15,11 +15,11 @@ from drivers.watlow_f4t.wire import (
     LoopRegister,
     mode_name,
 )
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.thermal import ChamberPhysics
-from simulators.watlow_f4t import SimulatedF4T
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
+from simulators.physics.settings import WorldSettings
+from simulators.physics.thermal import ChamberPhysics
+from simulators.physics.world import World
 
 LOW_FIRST, HIGH_FIRST = LoopFormat(), LoopFormat(word_order="high_first")
 QUIET = ChamberPhysics(start_c=25.0, limit_cycle_c=0.0)

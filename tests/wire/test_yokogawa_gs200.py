@@ -2,13 +2,13 @@
 
 import pytest
 
-from drivers.source.setting import Setting
-from drivers.yokogawa_gs200 import wire
-from drivers.yokogawa_gs200.wire import Condition, State
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.world import World
-from simulators.yokogawa_gs200 import SimulatedGS200
+from drivers.dialects.yokogawa_gs200 import wire
+from drivers.dialects.yokogawa_gs200.wire import Condition, State
+from drivers.kinds.source.setting import Setting
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.sources.yokogawa_gs200 import SimulatedGS200
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 
 
 @pytest.fixture

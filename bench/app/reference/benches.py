@@ -9,7 +9,7 @@ from bench.app.reference.keys import Blocks, keys, part, table
 from bench.config.models import BenchFile
 from drivers.description import DriverDescription, known_drivers
 from drivers.transport.address import SCHEMES
-from simulators.faults import mishaps_of
+from simulators.faults.instrument_faults import mishaps_of
 
 
 def bench_page() -> Blocks:

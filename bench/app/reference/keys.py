@@ -8,7 +8,7 @@ from typing import get_args
 from pydantic import BaseModel
 
 from bench.config.schema import Schema, schema_of
-from drivers.fields import UNIT_KEYWORD, Name
+from drivers.schema.fields import UNIT_KEYWORD, Name
 
 Blocks = list[str]  # of Markdown: headings, paragraphs, tables
 

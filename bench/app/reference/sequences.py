@@ -14,8 +14,8 @@ from bench.sequence.methods import GYRO_OUTPUT, OUTPUT, MethodDescription, known
 from bench.sequence.model import SequenceFile
 from bench.sequence.steps import BLOCKS, NEEDS, STEPS
 from bench.sequence.values import in_words
-from drivers.fields import keys_of
-from drivers.quantities import parse
+from drivers.quantity.quantities import parse
+from drivers.schema.fields import keys_of
 
 EXAMPLES = Path(str(files("bench.app.reference"))) / "every_step.yaml"
 UNITS = {

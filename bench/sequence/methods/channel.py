@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from bench.sequence.methods import OUTPUT, MethodDescription
-from drivers.fields import Celsius, InUnit, PositiveCelsius, PositiveSeconds, Ratio, StrictModel
+from drivers.schema.fields import Celsius, InUnit, PositiveCelsius, PositiveSeconds, Ratio, StrictModel
 
 
 class ChannelSettings(StrictModel):

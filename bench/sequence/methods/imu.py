@@ -8,7 +8,7 @@ from pydantic import Field
 
 from bench.sequence.methods import GYRO_OUTPUT, OUTPUT, MethodDescription
 from bench.sequence.methods.per_degree import BiasPerDegree, ScalePerDegree
-from drivers.fields import InUnit, PositiveSeconds, Ratio, StrictModel
+from drivers.schema.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
 MEANING = (
     "Each accelerometer is measured together with its converter. K0, in units of local g, contains K2 and the "

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from bench.sequence.custom import StepDescription
 from bench.sequence.methods import OUTPUT, MethodDescription
 from bench.sequence.methods.per_degree import BiasPerDegree, ScalePerDegree
-from drivers.fields import InUnit, Name, Number, Ratio, StrictModel
-from drivers.wording import telling
+from drivers.schema.fields import InUnit, Name, Number, Ratio, StrictModel
+from drivers.schema.wording import telling
 
 
 class IndexingStaticSettings(BiasPerDegree, ScalePerDegree):

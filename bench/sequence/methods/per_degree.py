@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.fields import InUnit, StrictModel
+from drivers.schema.fields import InUnit, StrictModel
 
 
 class ScalePerDegree(StrictModel):

@@ -10,10 +10,10 @@ from pydantic_core import CoreSchema, core_schema
 
 from bench.sequence.methods import OUTPUT_UNITS, MethodDescription
 from bench.sequence.methods.per_degree import ScalePerDegree
-from drivers.fields import Celsius, Hertz, InUnit, Ratio, StrictModel
-from drivers.quantities import as_quantity, parse
-from drivers.units import QuantityError, parse_unit
-from drivers.wording import telling
+from drivers.quantity.quantities import as_quantity, parse
+from drivers.quantity.units import QuantityError, parse_unit
+from drivers.schema.fields import Celsius, Hertz, InUnit, Ratio, StrictModel
+from drivers.schema.wording import telling
 
 Tolerance = Annotated[Ratio, InUnit("", at_least=0, at_most=0.5)]
 Basis = Literal["reading", "full_scale"]

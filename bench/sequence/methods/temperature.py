@@ -8,7 +8,7 @@ from pydantic import Field
 
 from bench.sequence.methods import OUTPUT, MethodDescription
 from bench.sequence.methods.per_degree import BiasPerDegree, ScalePerDegree
-from drivers.fields import Celsius, InUnit, StrictModel, WholeNumber
+from drivers.schema.fields import Celsius, InUnit, StrictModel, WholeNumber
 
 
 class TemperatureTumbleSettings(BiasPerDegree, ScalePerDegree):

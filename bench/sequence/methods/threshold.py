@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from bench.sequence.methods import MethodDescription
-from drivers.fields import InUnit, StrictModel
+from drivers.schema.fields import InUnit, StrictModel
 
 
 class ThresholdSettings(StrictModel):

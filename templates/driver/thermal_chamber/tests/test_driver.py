@@ -7,7 +7,7 @@ from bench.app.contract import CHECKS, Subject, check
 from bench.config.devices import DeviceEntry
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import InstrumentFault, Refused
-from simulators.faults import begin
+from simulators.faults.instrument_faults import begin
 
 ENTRY = {
     "driver": "toy_chamber",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
 from drivers.description import DriverDescription
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
 
 
 class ToyChamberOptions(StairOptions):

@@ -1,14 +1,14 @@
-"""The driver: what is asked and set. When a chamber is asked and set, `drivers.chamber` decides for every make."""
+"""The driver: queries and orders of this chamber; `drivers.kinds.chamber` decides when they are sent."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.chamber.controller import Control, Look
-from drivers.chamber.description import ChamberLimits, ChamberSafe
-from drivers.chamber.driver import Chamber
 from drivers.description import Setup
 from drivers.errors import Refused
+from drivers.kinds.chamber.controller import Control, Look
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity
 
@@ -67,7 +67,7 @@ class ToyChamberController:
         return wire.kept(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Nothing: it has no ramp, and `drivers.chamber` gives it one set point after the other."""
+        """Nothing: it has no ramp, and `drivers.kinds.chamber` gives it one set point after the other."""
 
     async def take_control(self) -> None:
         """Switches it on, which ends a program; Refused when it stays as it was."""

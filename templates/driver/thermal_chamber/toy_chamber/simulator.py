@@ -9,11 +9,11 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
-from simulators.chamber import CHAMBER_MISHAPS, SimulatedChamber
-from simulators.faults import FaultKind, FaultPlan, Mishap
-from simulators.scpi import ILLEGAL_VALUE, Interpreter, LineSession, Refusal, setting
-from simulators.setup import InstrumentSetup
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
+from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.instruments.scpi import ILLEGAL_VALUE, Interpreter, LineSession, Refusal, setting
+from simulators.instruments.setup import InstrumentSetup
+from simulators.physics.world import World
 
 from toy_chamber import wire
 from toy_chamber.wire import Mode

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from drivers import scpi
+from drivers.protocols import scpi
 
 # Headers as a simulator matches them: capitals may stand alone
 TEMPERATURE, SET_POINT, MODE, LIMITS = "TEMPerature", "SETPoint", "MODE", "LIMits"

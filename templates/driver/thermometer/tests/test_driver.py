@@ -4,7 +4,7 @@ import pytest
 from bench.app.contract import CHECKS, Subject, check
 from bench.config.devices import DeviceEntry
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from simulators.faults import begin, end
+from simulators.faults.instrument_faults import begin, end
 
 ENTRY = {"driver": "toy_thermometer", "connection": "tcp://127.0.0.1:5025"}
 

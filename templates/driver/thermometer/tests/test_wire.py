@@ -1,9 +1,9 @@
 """Bytes as the manual has them, never made by our own encoder."""
 
 import pytest
-from simulators.faults import FaultPlan
-from simulators.settings import WorldSettings
-from simulators.world import World
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.physics.settings import WorldSettings
+from simulators.physics.world import World
 
 from toy_thermometer import wire
 from toy_thermometer.simulator import SimulatedToyThermometer

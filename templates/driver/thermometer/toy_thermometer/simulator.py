@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
-from simulators.faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.scpi import Interpreter, LineSession
-from simulators.setup import InstrumentSetup
-from simulators.world import World
+from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.instruments.scpi import Interpreter, LineSession
+from simulators.instruments.setup import InstrumentSetup
+from simulators.physics.world import World
 
 from toy_thermometer import wire
 

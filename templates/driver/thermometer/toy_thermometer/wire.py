@@ -5,7 +5,7 @@ Facts from its manual, which is the table in README.md.
 
 from __future__ import annotations
 
-from drivers import scpi
+from drivers.protocols import scpi
 
 # A header as a simulator matches it: capitals may stand alone
 TEMPERATURE = "MEASure:TEMPerature"

@@ -1,0 +1,37 @@
+"""Bus conditions reported by error frames, in the classes of Linux (include/uapi/linux/can/error.h)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.frame_block import ERROR, FrameBlock
+
+BUS_OFF, RESTARTED = 0x040, 0x100
+_CLASSES = {
+    0x001: "time-out of a transmission",
+    0x002: "lost arbitration",
+    0x004: "trouble of the controller",
+    0x008: "violation of the protocol",
+    0x010: "trouble of the transceiver",
+    0x020: "no acknowledgement",
+    BUS_OFF: "bus off",
+    0x080: "bus error",
+    RESTARTED: "controller restarted",
+}
+
+
+def error_classes(block: FrameBlock) -> NDArray[np.uint32]:
+    """The classes of the error frames in a block, one or more bits each."""
+    ids = block.ids[(block.ids & np.uint32(ERROR)) != 0]
+    return np.asarray(ids & np.uint32(ERROR - 1), np.uint32)
+
+
+def in_words(classes: Iterable[int]) -> str:
+    """Classes of error frames for a person."""
+    together = 0
+    for each in classes:
+        together |= each
+    return ", ".join(text for bit, text in _CLASSES.items() if together & bit) or "of no known class"

@@ -1,0 +1,172 @@
+"""CAN messages by DBC: a plan built once by cantools, applied to whole blocks of frames by numpy, both directions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc_outline import UNITS
+from drivers.can.frame_block import EXTENDED, FrameBlock
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message as CantoolsMessage
+
+
+class DbcError(ValueError):
+    """A DBC that cannot be used, or a name that it does not have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A bit field of a frame: `shift` counts from the least significant bit of the 64-bit word in its byte order."""
+
+    name: str
+    shift: int
+    length: int
+    big_endian: bool
+    signed: bool
+    scale: float
+    offset: float
+    unit: str
+
+    def raw(self, data: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """The integers in `data` (N, 8) uint8; up to 63 bits, or 64 signed."""
+        words = data.view(">u8" if self.big_endian else "<u8").ravel().astype(np.uint64, copy=False)
+        words = words >> np.uint64(self.shift)
+        if self.length < 64:
+            words &= np.uint64((1 << self.length) - 1)
+        values = words.view(np.int64)
+        if self.signed and self.length < 64:
+            unused = np.int64(64 - self.length)
+            values = (values << unused) >> unused
+        return values
+
+    def raw_of(self, data: bytes) -> int:
+        """The integer in one frame's data (8 bytes)."""
+        value = int.from_bytes(data, "big" if self.big_endian else "little") >> self.shift & (1 << self.length) - 1
+        return value - (1 << self.length) if self.signed and value >> (self.length - 1) else value
+
+    def physical(self, data: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """The values in `unit`."""
+        return np.asarray(self.raw(data) * self.scale + self.offset, np.float64)
+
+    def bits(self, values: NDArray[np.int64]) -> NDArray[np.uint64]:
+        """Integers (N,) in their place in the frames' 64-bit words, little-endian; bits beyond the field are cut."""
+        words = values.view(np.uint64) & np.uint64((1 << self.length) - 1)
+        words <<= np.uint64(self.shift)
+        return words.byteswap() if self.big_endian else words
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One kind of frame."""
+
+    name: str
+    id: int
+    length: int
+    signals: Mapping[str, Signal]
+
+    def signal(self, name: str) -> Signal:
+        """The signal of this name; DbcError lists what there is."""
+        if name not in self.signals:
+            raise DbcError(f"message {self.name} has no signal '{name}'; it has {', '.join(self.signals)}")
+        return self.signals[name]
+
+    def rows(self, block: FrameBlock) -> NDArray[np.intp]:
+        """Rows of this message in a block; frames whose length differs from the DBC are ignored."""
+        return np.flatnonzero((block.ids == self.id) & (block.dlc == self.length))
+
+
+class Field(NamedTuple):
+    """A signal and the message that carries it."""
+
+    message: Message
+    signal: Signal
+
+
+class Dbc:
+    """The messages of one DBC text."""
+
+    def __init__(self, text: str) -> None:
+        from cantools.database.can import Database  # 125 ms: only where frames are decoded
+
+        database = Database()
+        try:
+            database.add_dbc_string(text)
+        except Exception as problem:  # cantools raises errors of many kinds from its parser
+            raise DbcError(f"not a usable DBC: {problem}") from problem
+        messages = [message for message in database.messages if message.length <= 8]  # those of classical CAN
+        self.messages = {message.name: _message(message) for message in messages}
+
+    def message(self, name: str) -> Message:
+        """The message of this name; DbcError lists what there is."""
+        if name not in self.messages:
+            raise DbcError(f"the DBC has no message '{name}'; it has {', '.join(self.messages)}")
+        return self.messages[name]
+
+    def field(self, dotted: str) -> Field:
+        """What `Message.Signal` names."""
+        message, _, signal = dotted.partition(".")
+        found = self.message(message)
+        return Field(found, found.signal(signal))
+
+    def fields_in(self, unit: str) -> dict[str, Field]:
+        """The fields in a unit, by `Message.Signal`."""
+        return {
+            f"{message.name}.{signal.name}": Field(message, signal)
+            for message in self.messages.values()
+            for signal in message.signals.values()
+            if signal.unit == unit
+        }
+
+
+def _message(message: CantoolsMessage) -> Message:
+    """Our plan of a cantools message; multiplexed and floating-point signals are left out, no counter sends them."""
+    signals = {}
+    for signal in message.signals:
+        if signal.multiplexer_ids or signal.is_multiplexer or signal.is_float:
+            continue
+        big_endian = signal.byte_order == "big_endian"
+        shift = signal.start
+        if big_endian:  # the DBC's start is the most significant bit, numbered byte by byte
+            shift = 64 - (8 * (signal.start // 8) + 7 - signal.start % 8) - signal.length
+        signals[signal.name] = Signal(
+            signal.name, shift, signal.length, big_endian, signal.is_signed, float(signal.scale), float(signal.offset),
+            UNITS.get(signal.unit or "", signal.unit or ""),
+        )  # fmt: skip
+    frame_id = message.frame_id | (EXTENDED if message.is_extended_frame else 0)
+    return Message(message.name, frame_id, message.length, signals)
+
+
+def readings_of(
+    fields: Mapping[str, Field], block: FrameBlock
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """What fields read in a block, by their names: arrival times and physical values; those that did not come lack."""
+    found, sent = {}, {field.message.id: field.message for field in fields.values()}
+    rows = {of_message: message.rows(block) for of_message, message in sent.items()}
+    for name, field in fields.items():
+        if len(at := rows[field.message.id]):
+            found[name] = (block.at_s[at], field.signal.physical(block.payloads(at)))
+    return found
+
+
+def encode_frames(
+    dbc: Dbc, at_s: NDArray[np.float64], values: Mapping[str, Mapping[str, NDArray[np.int64]]]
+) -> FrameBlock:
+    """Frames as they are sent: for each instant of `at_s` (N,) one of each message, in order of id.
+
+    `values` gives (N,) integers by message and signal name; signals not named are 0.
+    """
+    messages = sorted((dbc.message(name) for name in values), key=lambda message: message.id)
+    words = np.zeros((len(messages), len(at_s)), np.uint64)
+    for of_message, message in zip(words, messages, strict=True):
+        for name, integers in values[message.name].items():
+            of_message |= message.signal(name).bits(integers)
+    ids, dlc = np.empty(words.T.shape, np.uint32), np.empty(words.T.shape, np.uint8)
+    ids[:], dlc[:] = [message.id for message in messages], [message.length for message in messages]
+    data = np.ascontiguousarray(words.T, "<u8").view(np.uint8).reshape(-1, 8)
+    return FrameBlock(ids.ravel(), at_s.repeat(len(messages)), dlc.ravel(), data)

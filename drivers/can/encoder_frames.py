@@ -1,0 +1,70 @@
+"""Encoders of tables latched with the data of a CAN node: frame formats and decoding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc import Dbc, Field
+from drivers.can.sequence_numbers import MOST_LATE, Integers, ascending, shortest
+
+MOST_AHEAD = 8  # numbers that a frame may be ahead of the next known one
+
+
+@dataclass(frozen=True, slots=True)
+class PositionFormat:
+    """The encoder of an axis."""
+
+    position: Field
+    sequence: Field
+
+
+@dataclass(frozen=True, slots=True)
+class Positions:
+    """One encoder as the wire gave it, a row for each latch whose frames all came; `position` wraps.
+
+    `sequence` (N,) numbers the latches, or the samples, that they belong to; `tick` (N,) is raw, `host_s` (N,) is when
+    these arrived. `lost` counts those whose frames did not all come, `restarts` changes of a boot counter.
+    """
+
+    sequence: Integers
+    tick: Integers
+    position: Integers
+    host_s: NDArray[np.float64]
+    tick_bits: int
+    position_bits: int
+    lost: int
+    restarts: int
+
+
+def position_formats(dbc: Dbc, positions: Mapping[str, Mapping[str, Any]]) -> dict[str, PositionFormat]:
+    """Binds the names of each encoder to the DBC; DbcError names what it does not have."""
+    return {
+        name: PositionFormat(dbc.field(entry["position"]), dbc.field(entry["sequence"]))
+        for name, entry in positions.items()
+    }
+
+
+def numbered_beside(
+    rows: NDArray[np.intp], raw: Integers, bits: int, known_rows: NDArray[np.intp], known: Integers
+) -> tuple[Integers, NDArray[np.bool_]]:
+    """Numbers that wrap, in rows of a block, unwrapped; and which of them are above all before them.
+
+    `known` (M,) are unwrapped and ascend, in the rows `known_rows` (M,). A number is the nearest one to that of the
+    known row before it, or to that of the one after it where that is nearer, as after a gap. One that is ahead even of
+    that is of nobody known, and not among those above.
+    """
+    if not len(known):
+        return raw, ascending(raw)
+    place = np.searchsorted(known_rows, rows)
+    before, after = known[np.maximum(place - 1, 0)], known[np.minimum(place, len(known) - 1)]
+    from_before, from_after = shortest(raw - before, bits), shortest(raw - after, bits)
+    is_nearer = np.abs(from_after) < np.abs(from_before)
+    numbers = np.where(is_nearer, after + from_after, before + from_before)
+    fresh = numbers - after <= np.where(place < len(known), MOST_AHEAD, MOST_LATE)
+    fresh[fresh] = ascending(numbers[fresh])
+    return numbers, fresh

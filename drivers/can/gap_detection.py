@@ -1,0 +1,130 @@
+"""Quick check, block by block, whether numbered frames are consecutive; it misses no gap.
+
+It only detects that there may be a gap. What else is odd, such as a frame that is late or comes twice,
+looks like one too, so that who must know decodes what has come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc import Field
+from drivers.can.frame_block import FrameBlock
+from drivers.can.frame_cycles import cycles_of
+from drivers.can.sequence_numbers import Integers
+
+
+@dataclass(slots=True)
+class _Numbers:
+    """What has come of one message: how many, and the first and the last of their raw numbers."""
+
+    field: Field
+    count: int = 0
+    first: int = 0
+    last: int = 0
+
+    def rise(self, raw: Integers) -> bool:
+        """Takes in more of them; whether each is the one after that before it."""
+        if not len(raw):
+            return True
+        mask = (1 << self.field.signal.length) - 1
+        goes_on = not self.count or (int(raw[0]) - self.last) & mask == 1
+        self.note(raw)
+        steps = raw[1:] - raw[:-1]
+        return goes_on and bool(((steps & mask) == 1).all())
+
+    def note(self, raw: Integers) -> None:
+        """Takes in more of them that are known to rise; not none."""
+        if not self.count:
+            self.first = int(raw[0])
+        self.last = int(raw[-1])
+        self.count += len(raw)
+
+
+@dataclass(slots=True)
+class Unbroken:
+    """Frames whose numbers rise by one, by a clock in them, and those of other messages that come with each of them.
+
+    One of a latch that began before the first block, and one that comes after the last, are not missed.
+    """
+
+    leading: _Numbers
+    tick: Field
+    others: Sequence[_Numbers]
+    is_whole: bool = field(default=True, init=False)
+    _in_step: bool = field(default=True, init=False)  # so far all others have followed the leading one at once
+    _last_tick: int | None = field(default=None, init=False)
+    _least_ticks: int = field(default=1 << 62, init=False)
+    _most_ticks: int = field(default=0, init=False)
+
+    @classmethod
+    def of(cls, sequence: Field, tick: Field, others: Sequence[Field] = ()) -> Unbroken:
+        """Of a message with a number and a clock, and of numbers in others."""
+        distinct = {(each.message.id, each.signal.name): each for each in others}
+        return cls(_Numbers(sequence), tick, tuple(map(_Numbers, distinct.values())))
+
+    def take(self, block: FrameBlock) -> None:
+        """Check the next block; `is_whole` is True until a frame may be missing."""
+        if self.is_whole and len(block):
+            self.is_whole = self._goes_on(block)
+
+    def _goes_on(self, block: FrameBlock) -> bool:
+        leading = self.leading
+        rows = leading.field.message.rows(block)
+        data = block.payloads(rows)
+        raw = leading.field.signal.raw(data)
+        if not (leading.rise(raw) and self._in_time(self.tick.signal.raw(data))):
+            return False
+        if self._in_step and self._are_followed(block, rows, raw):
+            return True
+        self._in_step = False
+        return all(
+            each.rise(each.field.signal.raw(block.payloads(each.field.message.rows(block)))) and self._beside(each)
+            for each in self.others
+        )
+
+    def _are_followed(self, block: FrameBlock, rows: NDArray[np.intp], raw: Integers) -> bool:
+        """Whether all others come in cycles with the leading ones and have their numbers: most often they do."""
+        cycles, found = cycles_of(block, rows), []
+        for each in self.others:
+            at = cycles.rows(each.field.message)
+            if at is None or len(at) < len(rows):
+                return False
+            numbers = each.field.signal.raw(block.payloads(at))
+            if ((numbers ^ raw) & self._common(each)).any():
+                return False
+            found.append(numbers)
+        for each, numbers in zip(self.others, found, strict=True):
+            each.note(numbers)
+        return True
+
+    def _common(self, other: _Numbers) -> int:
+        """The bits that the number of another message has in common with the leading one."""
+        return (1 << min(other.field.signal.length, self.leading.field.signal.length)) - 1
+
+    def _in_time(self, ticks: Integers) -> bool:
+        """Whether the numbers cannot have gone round between any two."""
+        if not len(ticks):
+            return True
+        if self._last_tick is not None:
+            ticks = np.concatenate(([self._last_tick], ticks))
+        self._last_tick = int(ticks[-1])
+        if len(ticks) > 1:
+            steps = (ticks[1:] - ticks[:-1]) & ((1 << self.tick.signal.length) - 1)
+            self._least_ticks = min(self._least_ticks, int(steps.min()))
+            self._most_ticks = max(self._most_ticks, int(steps.max()))
+        return self._most_ticks < 2 * self._least_ticks
+
+    def _beside(self, other: _Numbers) -> bool:
+        """Whether another message has come as often as the leading one, but for those at both ends."""
+        leading = self.leading
+        if not other.count or not leading.count:
+            return max(other.count, leading.count) <= 1
+        mask = self._common(other)
+        ahead = (leading.first - other.first) & mask  # of the first latch, where its other frames came before it
+        behind = (leading.last - other.last + 1 & mask) - 1
+        return ahead in (0, 1) and behind in (-1, 0, 1) and other.count - leading.count == ahead - behind

@@ -1,0 +1,76 @@
+"""Bench file keys of all devices that send CAN frames by themselves, described by a DBC."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+from pydantic_core import InitErrorDetails
+
+from drivers.can.dbc_outline import lengths_bits, outline
+from drivers.schema.bounded import read_bounded
+from drivers.schema.fields import InUnit, Ratio, Seconds, StrictModel, TextLike
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import problem_at
+
+FRAME_SCHEMES = frozenset({"slcan", "can", "socketcand", "log"})
+DBC_LIMIT_BYTES = 2**20
+IDLE_BLOCK_S = 10.0  # how long frames are collected while there is no acquisition
+
+SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
+
+
+class PositionOptions(StrictModel):
+    """The signals of a table's encoder, which is latched with what else the node sends; so both have one clock."""
+
+    position: SignalName = Field(description="the counts of the encoder; they wrap")
+    sequence: SignalName = Field(description="the number of the latch, or of the sample, that they belong to")
+    resolution: Annotated[float, InUnit("arcsec", above=0)] = Field(description="one count")
+
+
+class ClockUncertainty(StrictModel):
+    """What a certificate states of the clock of a node, expanded."""
+
+    time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of its clock, such as 1 ppm")
+    encoder_skew: Seconds = Field(
+        0.0, description="of the time between the latch of an encoder and that of the pulses, or the end of the sample"
+    )
+
+
+def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str | int, ...], str | None]:
+    """The signals of encoders at their places in the options."""
+    return {
+        ("positions", device, key): getattr(encoder, key)
+        for device, encoder in positions.items()
+        for key in ("position", "sequence")
+    }
+
+
+def position_bits(dbc: Path, encoder: PositionOptions) -> int | None:
+    """Number of bits of the position of an axis; None if the DBC does not define it."""
+    return lengths_bits(text_of(dbc)).get(encoder.position)
+
+
+def text_of(dbc: Path) -> str:
+    """The text of a DBC file, whatever its encoding; UnfitFileError for what is no file of that size."""
+    return read_bounded(dbc, DBC_LIMIT_BYTES).decode("utf-8", errors="replace")
+
+
+def signals_of(dbc: Path) -> Mapping[str, str]:
+    """The signals of a DBC file: `Message.Signal` → unit."""
+    return outline(text_of(dbc))
+
+
+def temperatures_of(dbc: Path) -> Mapping[str, str]:
+    """The signals with a unit of temperature: each is a reading."""
+    return {name: unit for name, unit in signals_of(dbc).items() if unit == "°C"}
+
+
+def unknown_signals(dbc: Path, named: Mapping[tuple[str | int, ...], str | None]) -> Iterator[InitErrorDetails]:
+    """What names at their places the DBC does not have."""
+    known = signals_of(dbc)
+    for place, name in named.items():
+        if name is not None and name not in known:
+            yield problem_at(place, f"{dbc.name} has no signal '{name}'{did_you_mean(name, known)}")

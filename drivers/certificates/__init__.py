@@ -1,0 +1,1 @@
+"""Corrections and uncertainties from calibration certificates."""

@@ -1,0 +1,94 @@
+"""Corrections from certificates that are added to readings, as stated in bench files.
+
+A table holds corrections at readings, straight lines between them; beyond its ends the end values hold.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from drivers.schema.fields import Celsius, Degrees, InUnit, Ratio, StrictModel
+from drivers.schema.wording import telling
+
+TURN_DEG = 360.0
+ARCSEC_PER_DEG = 3600.0
+
+
+class AngleCorrection(StrictModel):
+    """A row of the table of an axis."""
+
+    at: Degrees = Field(description="the angle that is read")
+    add: Annotated[float, InUnit("arcsec")] = Field(description="what must be added to it")
+
+
+class TemperatureCorrection(StrictModel):
+    """A row of the table of a thermometer."""
+
+    at: Celsius = Field(description="the temperature that is read")
+    add: Annotated[float, InUnit("°C")] = Field(description="what must be added to it")
+
+
+class CurrentCorrection(StrictModel):
+    """A row of the table of a current source, or of an ammeter."""
+
+    at: Annotated[float, InUnit("A")] = Field(description="the current that it is set to, or reads")
+    add: Annotated[float, InUnit("A")] = Field(description="the correction to add to obtain the true current")
+
+
+def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
+    _rising([(row.at, row.at + row.add / ARCSEC_PER_DEG) for row in rows])
+    if rows and rows[-1].at - rows[0].at > TURN_DEG:
+        raise telling(f"the rows are those of one turn, and go from {rows[0].at:g}° to {rows[-1].at:g}°")
+    return rows
+
+
+def _temperatures(rows: tuple[TemperatureCorrection, ...]) -> tuple[TemperatureCorrection, ...]:
+    _rising([(row.at, row.at + row.add) for row in rows])
+    return rows
+
+
+def _currents(rows: tuple[CurrentCorrection, ...]) -> tuple[CurrentCorrection, ...]:
+    _rising([(row.at, row.at + row.add) for row in rows])
+    return rows
+
+
+def _rising(rows: list[tuple[float, float]]) -> None:
+    """Readings and what they are corrected: both rise from row to row."""
+    for (before, low), (after, high) in pairwise(rows):
+        if after <= before:
+            raise telling(f"the rows rise, and {after:g} stands after {before:g}")
+        if high <= low:
+            raise telling(f"what is read as {after:g} is corrected to no more than what is read as {before:g}")
+
+
+TemperatureTable = Annotated[tuple[TemperatureCorrection, ...], AfterValidator(_temperatures)]
+CurrentTable = Annotated[tuple[CurrentCorrection, ...], AfterValidator(_currents)]
+AngleTable = Annotated[tuple[AngleCorrection, ...], AfterValidator(_angles)]
+
+
+class AxisCorrections(StrictModel):
+    """What a certificate states of an axis besides its uncertainty."""
+
+    angle: AngleTable = Field((), description="rows of one turn, by rising angle; all turns are corrected alike")
+
+
+class ClockCorrections(StrictModel):
+    """What a certificate states of a counter's clock besides its uncertainty."""
+
+    time_base: Annotated[Ratio, InUnit("")] = Field(0.0, description="relative correction of times, such as 0.4 ppm")
+
+
+class VoltageCorrections(StrictModel):
+    """What a certificate states of a voltmeter in its range besides its uncertainty."""
+
+    gain: Annotated[Ratio, InUnit("")] = Field(0.0, description="of the reading, what must be added, such as -3 ppm")
+    offset: Annotated[float, InUnit("V")] = Field(0.0, description="what must be added, whatever it reads")
+
+
+class CurrentCorrections(StrictModel):
+    """What a certificate states of a current source, or an ammeter, in its range besides its uncertainty."""
+
+    current: CurrentTable = Field((), description="rows, by rising current")

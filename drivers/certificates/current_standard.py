@@ -1,0 +1,19 @@
+"""Certificate of a current standard, whether it sources or measures the current."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.schema.fields import InUnit, Ratio, StrictModel
+
+
+class CurrentUncertainty(StrictModel):
+    """What a certificate states of a current source, or an ammeter, in its range, once it has warmed up; expanded."""
+
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the current, such as 40 ppm")
+    offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="the same at every current")
+    drift: Annotated[float, InUnit("1/h", at_least=0)] = Field(
+        0.0, description="of the current in an hour, such as 2 ppm/h"
+    )

@@ -1,0 +1,217 @@
+"""Queries and commands for one axis of an Acutrol3000: state, motion, interlock and lock-outs."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any, TypeVar
+
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.dialects.acutronic_acl import wire
+from drivers.dialects.acutronic_acl.description import AclOptions
+from drivers.dialects.acutronic_acl.wire import Dynamics, Interlock, Reply
+from drivers.errors import InstrumentFault, Refused
+from drivers.kinds.table.axis import READ_BACK, Drive, Mode, State
+from drivers.kinds.table.description import TableLimits
+from drivers.kinds.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
+from drivers.transport.dialogue import Dialogue
+from drivers.transport.exchange import Pace, Proof
+from drivers.values import Identity
+
+T = TypeVar("T")
+
+ANSWER_S = 1.0  # 2 ms as a rule
+INTERLOCK_STEP_S = 0.25  # what start-up scripts of others leave between two steps
+SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
+_DRIVES = {Interlock.CLOSED: Drive.ON, Interlock.OPEN: Drive.OFF, Interlock.FAULT: Drive.FAULT}
+_INTERLOCKS = {drive: interlock.value for interlock, drive in _DRIVES.items()}
+_MODES = {
+    wire.Mode.OFF: Mode.OFF, wire.Mode.POSITION: Mode.POSITION, wire.Mode.RATE: Mode.RATE,
+    wire.Mode.SYNTHESIS: Mode.SYNTHESIS,
+}  # fmt: skip
+_OWN_MODES = {mode: own for own, mode in _MODES.items()}
+
+
+class AclAxis:
+    """One axis of a controller; a TableAxis.
+
+    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
+    """
+
+    longest_leg_deg = LONGEST_LEG_DEG
+
+    def __init__(self, setup: Setup[AclOptions, TableLimits, Any]) -> None:
+        self._device, self._pin = setup.name, setup.identity
+        self._number, self._byte_order = setup.options.axis, setup.options.byte_order
+        self._turns, self._endless = TurnCounter(setup.limits.angle), setup.limits.angle is None
+        self._identity: Identity | None = None
+        self._locked_out = False
+        framing = partial(wire.whole_answer, order=self._byte_order)
+        proof = Proof(wire.ASK_IDENTITY.encode(), self._recognise)
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, proof, framing=framing, pace=Pace(ANSWER_S), note=setup.note
+        )  # fmt: skip
+
+    async def open(self) -> None:
+        """Connects and identifies; raises CannotConnect or WrongIdentity."""
+        await self._dialogue.open()
+
+    async def reopen(self) -> None:
+        """Connects and identifies again if the wire was lost; else nothing."""
+        await self._dialogue.reopen()
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._dialogue.close()
+
+    async def identify(self) -> Identity:
+        """Who is there now; raises WrongIdentity when it is not who was there before."""
+        return await self._dialogue.ask(wire.ASK_IDENTITY.encode(), self._recognise)
+
+    async def look(self) -> State:
+        """What the axis does now, its angle over whole turns."""
+        state = await self._ask(wire.ask_state(self._number), _read_state)
+        return self._turns.count(asyncio.get_running_loop().time(), state)
+
+    async def check_fault(self, state: State, sent: str = "") -> None:
+        """Raises InstrumentFault when the interlock has a fault, with its reasons; `sent` met it."""
+        if state.drive is not Drive.FAULT:
+            return
+        reasons = await self._ask(wire.ask_faults(self._number), wire.read_faults)
+        raise InstrumentFault(
+            self._device, f"axis {self._number} has an interlock fault: {reasons or 'no reason reported'}", sent=sent,
+            remedy="Remove the cause, reset the interlock at the controller (INTERLOCK:RESET), then run again.",
+        )  # fmt: skip
+
+    async def make_ready(self) -> State:
+        """Takes control and energises the drive, unless that is so already; what the axis then does.
+
+        Raises InstrumentFault when a fault is latched: resetting it is for a person at the controller; Refused when
+        the drive stays off.
+        """
+        state = await self.look()
+        await self.check_fault(state)
+        self._locked_out = True
+        if not state.ours:
+            await self._set(*wire.lock_out(True))
+        if state.drive is not Drive.ON:
+            for command in (wire.enter(wire.Mode.OFF, self._number), wire.energise(self._number)):
+                await self._order(command)
+                await asyncio.sleep(INTERLOCK_STEP_S)
+        state = await READ_BACK.until(self.look, lambda state: state.drive is not Drive.OFF and state.ours)
+        await self.check_fault(state)
+        if state.drive is not Drive.ON:
+            raise Refused(
+                self._device, f"the drive of axis {self._number} stays off", sent=wire.energise(self._number),
+                received=f"interlock {_INTERLOCKS[state.drive]}",
+                remedy="Check the emergency stop, the doors and the amplifier, then run again.",
+            )  # fmt: skip
+        return state
+
+    async def give_back(self) -> None:
+        """Unlocks the front panel and other interfaces, if this session used the table."""
+        if self._locked_out:
+            self._locked_out = False
+            await self._set(*wire.lock_out(False))
+
+    async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:
+        """Set the limits of a mode."""
+        await self._set(*wire.limit(_OWN_MODES[mode], self._number, rate_dps, acceleration_dps2))
+
+    async def demand_here(self, mode: Mode, angle_deg: float) -> None:
+        """Set the last demand of a mode to the present angle, or to rate zero."""
+        at_rest = wire.demand_rate(self._number, 0.0)
+        await self._set(at_rest if mode is Mode.RATE else self._demand_position(angle_deg))
+
+    async def demand_sine(self, amplitude_deg: float, frequency_hz: float, run_up_s: float) -> None:
+        """Set the sine of SYNTHESIS."""
+        await self._set(
+            wire.configure_sine(self._number, amplitude_deg / run_up_s, frequency_hz / run_up_s),
+            wire.demand_sine(self._number, amplitude_deg, frequency_hz),
+        )
+
+    async def enter(self, mode: Mode) -> None:
+        """Make the servo follow the demand of a mode."""
+        await self._order(wire.enter(_OWN_MODES[mode], self._number))
+
+    async def go(self, angle_deg: float) -> None:
+        """Demands an angle, within a turn of an axis without ends."""
+        await self._order(self._demand_position(angle_deg))
+
+    async def turn(self, rate_dps: float) -> None:
+        """Demands a rate."""
+        await self._order(wire.demand_rate(self._number, rate_dps))
+
+    async def stop(self) -> None:
+        """Make the servo hold rate zero."""
+        await self._order(wire.enter(wire.Mode.OFF, self._number))
+
+    def stop_at_once(self) -> None:
+        """Hold rate zero, ahead of any queued message; raises LinkLost."""
+        self._dialogue.line.cut_in(wire.enter(wire.Mode.OFF, self._number).encode())
+
+    def _demand_position(self, angle_deg: float) -> str:
+        return wire.demand_position(self._number, round(angle_deg, 6) % TURN_DEG if self._endless else angle_deg)
+
+    async def _set(self, *commands: str) -> None:
+        """Send a setting that moves nothing; raises Refused, or NoAnswer if its effect is unknown."""
+        for command in commands:
+            await self._accepted(command, await self._dialogue.ask_once(command.encode(), self._read_reply))
+
+    async def _order(self, command: str) -> None:
+        """Sends what moves or energises, once; raises InstrumentFault or Refused when the answer is an error.
+
+        Returns as well when the answer is missing or garbled: what the caller reads back decides.
+        """
+        reply = await self._dialogue.order(command.encode(), self._read_reply)
+        if reply is not None:
+            await self._accepted(command, reply)
+
+    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+        """What `read` makes of an answer; raises Refused when it is an error."""
+
+        def read_text(answer: bytes) -> T | Reply:
+            reply = self._read_reply(answer)
+            return read(reply.text) if reply.code == wire.NO_ERROR else reply
+
+        found = await self._dialogue.ask(question.encode(), read_text)
+        if isinstance(found, Reply):
+            raise self._refusal(question, found)
+        return found
+
+    def _read_reply(self, answer: bytes) -> Reply:
+        return wire.read_reply(answer, self._byte_order)
+
+    async def _accepted(self, command: str, reply: Reply) -> None:
+        if reply.code != wire.NO_ERROR:
+            await self.check_fault(await self.look(), command)
+            raise self._refusal(command, reply)
+
+    def _refusal(self, sent: str, reply: Reply) -> Refused:
+        return Refused(
+            self._device, "the controller refused a command", sent=sent, received=str(reply),
+            remedy="Look at the controller's error queue, and check the axis and the limits in the bench file.",
+        )  # fmt: skip
+
+    def _recognise(self, answer: bytes) -> Identity:
+        """Reads an identity and compares it with the bench file and with who was there before."""
+        found = wire.read_identity(self._read_reply(answer).text)
+        if not found.verified:
+            found = found._replace(serial=self._pin.serial or "")
+        check_identity(self._device, self._pin, found)
+        self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
+        return found
+
+
+@lru_cache(maxsize=64)  # an axis at rest keeps the same state
+def _read_state(text: str) -> State:
+    """The state from the controller's answer, whose words name its mode; ValueError."""
+    told = wire.read_state(text)
+    mode = _MODES.get(told.mode, Mode.OTHER)
+    return State(
+        told.angle_deg, told.rate_dps, _DRIVES[told.interlock], mode,
+        held=mode is Mode.OFF or told.interlock is Interlock.OPEN, swinging=SWINGING in told.dynamics,
+        ours=wire.LOCKED_OUT in told.supervisor, words=f"mode {told.mode.value}",
+        stale=told.interlock is Interlock.FAULT,
+    )  # fmt: skip

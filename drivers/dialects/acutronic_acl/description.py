@@ -1,0 +1,39 @@
+"""Bench file keys of a rate table on an Acutrol3000."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.certificates.corrections import AxisCorrections
+from drivers.description import DriverDescription
+from drivers.dialects.acutronic_acl.wire import ByteOrder
+from drivers.kinds.axes import AxisUncertainty
+from drivers.kinds.table.description import TableLimits, TableOptions, busy_s, safe_state
+from drivers.schema.fields import WholeNumber
+
+
+class AclOptions(TableOptions):
+    """How the axis is moved."""
+
+    axis: Annotated[WholeNumber, Field(ge=1, le=9)] = Field(1, description="its number at the controller")
+    byte_order: ByteOrder = Field("little", description="of the two numbers in front of every answer")
+
+
+DESCRIPTION = DriverDescription(
+    name="acutronic_acl",
+    title="rate table on an Acutronic Acutrol3000 (ACL)",
+    capabilities=frozenset({"positioner", "rate_table"}),
+    schemes=frozenset({"tcp"}),
+    target="drivers.dialects.acutronic_acl.driver:AcutronicAcl",
+    simulator="simulators.instruments.axes.acutronic_acl:SimulatedAcutrol",
+    recognition="drivers.dialects.acutronic_acl.recognition:RECOGNITION",
+    options=AclOptions,
+    limits=TableLimits,
+    safe_state=safe_state,
+    busy_s=busy_s,
+    uncertainty=AxisUncertainty,
+    corrections=AxisCorrections,
+    channels={"angle": "°", "rate": "°/s"},
+)

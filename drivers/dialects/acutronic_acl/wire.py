@@ -1,0 +1,250 @@
+"""ACL messages of an Acutrol3000 in both directions: lines out, length-prefixed answers back.
+
+After the maker's TM-8004 (ACL), TM-9384 (TCP/IP) and TM-9385 (interlocks). They leave open in what order the bytes of
+the prefix come, how registers are spelled (read here as decimal numbers), and what the error codes mean.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, IntFlag
+from functools import lru_cache
+from typing import Literal, NamedTuple, TypeVar
+
+from drivers.protocols import scpi
+from drivers.values import Identity
+
+ByteOrder = Literal["little", "big"]
+E = TypeVar("E", bound=Enum)
+
+ASK_IDENTITY = "*IDN?"
+NO_ERROR = 0
+PREFIX_BYTES = 8
+TEXT_LIMIT_BYTES = 32_768
+NOT_TOLD = "0"  # IEEE 488.2 10.14.3: reported by an instrument that does not know its serial number
+
+
+class Mode(Enum):
+    """What the servo of an axis follows; ACL knows each by its initial, too."""
+
+    OFF = "Off"
+    POSITION = "Position"
+    RATE = "Rate"
+    ABSOLUTE_RATE = "Arate"
+    SYNTHESIS = "Synthesis"
+    TRACK = "Track"
+
+
+class Interlock(Enum):
+    """Whether the drive of an axis is energised; a fault stays until it is reset."""
+
+    CLOSED = "Close"
+    OPEN = "Open"
+    FAULT = "Fault"
+
+
+class Dynamics(IntFlag):
+    """Bits of A(n)DYN that are used here."""
+
+    POSITION_COMPLETE = 1 << 8
+    RATE_COMPLETE = 1 << 9
+    AT_AMPLITUDE = 1 << 10
+    AT_FREQUENCY = 1 << 11
+
+
+class Supervisor(IntFlag):
+    """Bits of SUP0 that are used here: who is locked out."""
+
+    LOCKOUT = 1 << 2
+    REMOTE_LOCKOUT = 1 << 3
+
+
+LOCKED_OUT = Supervisor.LOCKOUT | Supervisor.REMOTE_LOCKOUT
+
+
+_DYNAMICS, _SUPERVISOR = sum(Dynamics), sum(Supervisor)
+
+
+class SoftwareFault(IntFlag):
+    """Bits of A(n)SWFAULT."""
+
+    ABORT = 1 << 0
+    RATE_TRIP = 1 << 1
+    TRACKING_ERROR = 1 << 2
+    FRAME_TIME = 1 << 3
+    PROGRAM = 1 << 4
+    MISCORRELATION = 1 << 5
+    CHECKSUM = 1 << 6
+    FINE_TRANSDUCER = 1 << 7
+    COARSE_TRANSDUCER = 1 << 8
+    SELF_TEST = 1 << 9
+
+
+class InterlockInput(IntFlag):
+    """Bits of A(n)INTLK; those from 10 on are watchdogs inside the controller."""
+
+    USER_INPUTS = 0x3F
+    AMPLIFIER = 1 << 6
+    INTERLOCK_1 = 1 << 7
+    INTERLOCK_2 = 1 << 8
+    MASTER_INTERLOCK = 1 << 9
+    WATCHDOGS = 0xFC00
+
+
+class Reply(NamedTuple):
+    """An answer: an error code, and text, which is OK for a command."""
+
+    code: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"error {self.code}, '{self.text}'" if self.code else f"'{self.text}'"
+
+
+class State(NamedTuple):
+    """State of an axis, from one servo frame: °, °/s, and its motion."""
+
+    angle_deg: float
+    rate_dps: float
+    interlock: Interlock
+    mode: Mode
+    dynamics: Dynamics
+    supervisor: Supervisor
+
+
+# What a driver sends
+
+
+def enter(mode: Mode, axis: int) -> str:
+    """Make the servo follow the demand of a mode; OFF is the controlled stop: the servo holds rate zero."""
+    return f":MODE:{mode.value.upper()} {axis}"
+
+
+def limit(mode: Mode, axis: int, rate_dps: float, acceleration_dps2: float) -> tuple[str, str]:
+    """How fast a mode moves the axis, and how fast it changes its rate."""
+    place = f"{mode.value[0]},{axis}"
+    return f":LIM:RATE {place},{_decimal(rate_dps)}", f":LIM:ACC {place},{_decimal(acceleration_dps2)}"
+
+
+def demand_position(axis: int, angle_deg: float) -> str:
+    """Where POSITION goes; an axis without ends takes the shorter way."""
+    return f":DEM:POS {axis},{_decimal(angle_deg)}"
+
+
+def demand_rate(axis: int, rate_dps: float) -> str:
+    """How fast RATE turns."""
+    return f":DEM:RATE {axis},{_decimal(rate_dps)}"
+
+
+def configure_sine(axis: int, amplitude_slew_dps: float, frequency_slew_hz_per_s: float) -> str:
+    """Has SYNTHESIS swing by angles, amplitude and frequency growing linearly from nothing."""
+    slews = f"{_decimal(amplitude_slew_dps)},{_decimal(frequency_slew_hz_per_s)}"
+    return f":CONFIG:OSC {axis},Enable,{slews},Pos,Lin"
+
+
+def demand_sine(axis: int, amplitude_deg: float, frequency_hz: float) -> str:
+    """How SYNTHESIS swings about the position that POSITION held, from phase 0."""
+    return f":DEM:OSC {axis},{_decimal(amplitude_deg)},{_decimal(frequency_hz)},0"
+
+
+def energise(axis: int) -> str:
+    """Closes the interlock of an axis; the controller refuses while a fault is latched."""
+    return f":INTERLOCK:CLOSE {axis}"
+
+
+def lock_out(locked: bool) -> tuple[str, str]:
+    """Takes control from the front panel and from other interfaces, or releases it."""
+    word = "ON" if locked else "OFF"
+    return f":UTIL:LOCKOUT {word}", f":UTIL:REMOTELOCKOUT {word}"
+
+
+def ask_state(axis: int) -> str:
+    """Everything of a State, in one message."""
+    return f":READ:POS? {axis};RATE? {axis};:INTERLOCK? {axis};:MODE? {axis};:STAT:CSR? A{axis}DYN;CSR? SUP0"
+
+
+def ask_faults(axis: int) -> str:
+    """Queries of the registers with the cause of an interlock fault."""
+    return f":STAT:CSR? A{axis}SWFAULT;CSR? A{axis}INTLK"
+
+
+# How it reads the answers
+
+
+def whole_answer(received: bytes | bytearray, order: ByteOrder) -> tuple[int, int] | None:
+    """The length of the first whole answer, prefix and text, twice; None until it is there.
+
+    A length that cannot be one is no reason to wait: what is there is then the answer, for `read_reply` to refuse.
+    """
+    if len(received) < PREFIX_BYTES:
+        return None
+    text = _text_length(received, order)
+    whole = PREFIX_BYTES + text if text <= TEXT_LIMIT_BYTES else len(received)
+    return (whole, whole) if len(received) >= whole else None
+
+
+def read_reply(answer: bytes, order: ByteOrder) -> Reply:
+    """The parts of an answer; ValueError if its length differs from the stated one."""
+    text = answer[PREFIX_BYTES:]
+    if len(text) != (stated := _text_length(answer, order)):
+        raise ValueError(f"its prefix says {stated} bytes, {len(text)} came; is byte_order of the bench file right?")
+    code = int.from_bytes(answer[:4], order, signed=True)
+    return Reply(code, text.decode("ascii").rstrip("\r\n"))
+
+
+def read_identity(text: str) -> Identity:
+    """Who answers: `Acutronic R&D USA,Acutrol3000,0,A8800-…`; ValueError when it is no Acutrol.
+
+    The serial number is unverified if the controller reports 0, that is, unknown.
+    """
+    found = scpi.identity(text.encode("ascii"))
+    if not found.model.lower().startswith("acutrol"):
+        raise ValueError("it is not an Acutrol")
+    known = found.serial != NOT_TOLD
+    return Identity(
+        maker=found.maker, model=found.model, serial=found.serial if known else "", firmware=found.firmware,
+        verified=known, fingerprint=text,
+    )  # fmt: skip
+
+
+def read_state(text: str) -> State:
+    """What `ask_state` asked for; ValueError."""
+    angle, rate, interlock, mode, dynamics, supervisor = scpi.answers(text.encode("ascii"), 6)
+    return State(
+        scpi.number(angle), scpi.number(rate), spelled(interlock, Interlock), spelled(mode, Mode),
+        Dynamics(scpi.integer(dynamics) & _DYNAMICS), Supervisor(scpi.integer(supervisor) & _SUPERVISOR),
+    )  # fmt: skip
+
+
+def read_faults(text: str) -> str:
+    """What `ask_faults` asked for, in words like "rate trip, master interlock"; ValueError."""
+    software, inputs = (scpi.integer(part) for part in scpi.answers(text.encode("ascii"), 2))
+    names = [name for name, bits in SoftwareFault.__members__.items() if bits & software]
+    names += [name for name, bits in InterlockInput.__members__.items() if bits & inputs]
+    return ", ".join(name.lower().replace("_", " ") for name in names)
+
+
+@lru_cache(maxsize=256)
+def spelled(text: str, words: type[E]) -> E:
+    """The member that is spelled so, in full or cut short, in any case; ValueError."""
+    for word in words:
+        if text and word.value.upper().startswith(text.upper()):
+            return word
+    raise ValueError(f"'{text}' is none of {', '.join(word.value for word in words)}")
+
+
+# Messages of the simulator
+
+
+def render(reply: Reply, order: ByteOrder) -> bytes:
+    """An answer as the controller sends it."""
+    text = reply.text.encode("ascii")
+    return reply.code.to_bytes(4, order, signed=True) + len(text).to_bytes(4, order) + text
+
+
+def _text_length(answer: bytes | bytearray, order: ByteOrder) -> int:
+    return int.from_bytes(answer[4:PREFIX_BYTES], order)
+
+
+def _decimal(value: float) -> str:
+    """A plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
+    return f"{round(value, 6) + 0.0:.6f}".rstrip("0").rstrip(".")

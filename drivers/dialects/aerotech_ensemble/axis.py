@@ -1,0 +1,173 @@
+"""The conversation about one axis with an Ensemble controller: questions, commands, and what its answers mean."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TypeVar
+
+from drivers.description import Nothing, Setup
+from drivers.dialects.aerotech_ensemble import wire
+from drivers.dialects.aerotech_ensemble.description import EnsembleOptions
+from drivers.dialects.aerotech_ensemble.wire import AxisStatus, Outcome, Reply
+from drivers.errors import InstrumentFault, Refused, WrongIdentity
+from drivers.kinds.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
+from drivers.kinds.head.description import HeadLimits
+from drivers.transport.dialogue import Dialogue
+from drivers.transport.exchange import Pace, Proof
+from drivers.values import Identity, Reading
+
+T = TypeVar("T")
+
+NOT_TOLD = "not told"
+
+
+class EnsembleAxis:
+    """One axis of a controller.
+
+    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
+    """
+
+    limits: OwnLimits | None = None  # it tells none
+
+    def __init__(self, setup: Setup[EnsembleOptions, HeadLimits, Nothing]) -> None:
+        self._device, self._name, self._stated = setup.name, setup.options.axis, setup.identity
+        self._fingerprint = ""
+        proof = Proof(wire.ask_fingerprint(self._name).encode(), self._recognise)
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, proof, pace=Pace(ANSWER_S), greet=self._do_not_wait, note=setup.note
+        )
+        self.takes = self._dialogue.takes
+
+    async def open(self) -> None:
+        """Connects and takes the fingerprint; raises CannotConnect, or WrongIdentity when it is not the first one."""
+        await self._dialogue.open()
+
+    async def reopen(self) -> None:
+        """Connects again if the wire was lost; else nothing."""
+        await self._dialogue.reopen()
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._dialogue.close()
+
+    async def identify(self) -> Identity:
+        """The names stated in the bench file, because the controller has none, and the fingerprint that it reports.
+
+        Raises WrongIdentity when the fingerprint has changed.
+        """
+        await self._dialogue.ask(wire.ask_fingerprint(self._name).encode(), self._recognise)
+        return Identity(
+            maker=self._stated.maker or "Aerotech", model=self._stated.model or "Ensemble",
+            serial=self._stated.serial or "", firmware=self._stated.firmware or "", verified=False,
+            fingerprint=f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}",
+        )  # fmt: skip
+
+    async def angle(self) -> Reading:
+        """The encoder's angle (°)."""
+        angle_deg = await self._ask(wire.ask_feedback(self._name), wire.read_angle)
+        return Reading(asyncio.get_running_loop().time(), angle_deg)
+
+    async def state(self) -> AxisState:
+        """The status bits."""
+        status = await self._ask(wire.ask_status(self._name), wire.read_status)
+        return AxisState(
+            homed=AxisStatus.HOMED in status,
+            enabled=AxisStatus.ENABLED in status,
+            moving=AxisStatus.MOVING in status,
+            in_position=AxisStatus.IN_POSITION in status,
+        )
+
+    async def check_faults(self, sent: str = "") -> None:
+        """Raises InstrumentFault with the names of the faults there are; `sent` is the command that met them."""
+        faults = await self._ask(wire.ask_fault(self._name), wire.read_fault)
+        if faults:
+            raise InstrumentFault(
+                self._device, f"axis {self._name} has a fault: {wire.name_faults(faults)}", sent=sent,
+                received=f"AXISFAULT {int(faults):#x}",
+                remedy="Remove the cause, acknowledge the fault at the controller (FAULTACK), then run again.",
+            )  # fmt: skip
+
+    async def enable(self) -> None:
+        """Energise the motor; raises Refused unless the status confirms it."""
+        command = wire.enable(self._name)
+        await self._order(command)
+        if not (await READ_BACK.until(self.state, lambda state: state.enabled)).enabled:
+            raise Refused(
+                self._device, f"axis {self._name} stays disabled", sent=command,
+                remedy="Check the emergency stop and the amplifier, then run again.",
+            )  # fmt: skip
+
+    async def prepare(self, rate_dps: float) -> None:
+        """Nothing: the rate is sent with each move."""
+
+    async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
+        """Sends the axis to an angle, once.
+
+        Returns when the controller has accepted the move, or has done it, or within `answer_s` when the answer is
+        missing: the feedback decides. Raises Refused, InstrumentFault.
+        """
+        await self._order(wire.move_absolute(self._name, angle_deg, rate_dps), answer_s=answer_s)
+
+    async def abort(self) -> None:
+        """Make the axis decelerate and hold."""
+        await self._order(wire.abort(self._name))
+
+    def abort_at_once(self) -> None:
+        """As `abort`, ahead of any queued message; raises LinkLost."""
+        self._dialogue.line.cut_in(wire.abort(self._name).encode())
+
+    async def _do_not_wait(self) -> None:
+        """Has moves answered when they are accepted.
+
+        A controller that does not know this answers them when they are done; a move's deadline allows for that.
+        """
+        await self._dialogue.order(wire.NO_WAIT.encode(), wire.read_reply)
+
+    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+        """What `read` makes of the data of an answer; raises Refused when there is none."""
+
+        def read_data(line: bytes) -> T | Reply:
+            reply = wire.read_reply(line)
+            return read(reply.data) if reply.outcome is Outcome.DONE else reply
+
+        answer = await self._dialogue.ask(question.encode(), read_data)
+        if isinstance(answer, Reply):
+            raise self._refusal(question, answer)
+        return answer
+
+    async def _order(self, command: str, *, answer_s: float = ANSWER_S) -> None:
+        """Send a command once; raises InstrumentFault or Refused if the answer shows that it was not executed."""
+        reply = await self._dialogue.order(command.encode(), wire.read_reply, answer_s=answer_s)
+        # A controller may stop waiting for a move ($) that goes on.
+        if reply is not None and reply.outcome not in (Outcome.DONE, Outcome.TIMEOUT):
+            await self.check_faults(command)
+            raise self._refusal(command, reply)
+
+    def _refusal(self, sent: str, reply: Reply) -> Refused:
+        words = {
+            Outcome.INVALID: "the controller refused a command as invalid",
+            Outcome.FAULT: "the controller could not carry out a command",
+            Outcome.TIMEOUT: "a command timed out inside the controller",
+        }
+        return Refused(
+            self._device, words[reply.outcome], sent=sent, received=str(reply),
+            remedy="Look at the controller's own messages, and check the axis name in the bench file.",
+        )  # fmt: skip
+
+    def _recognise(self, line: bytes) -> None:
+        """Compare the fingerprint with the first one; a controller may refuse to report it."""
+        reply = wire.read_reply(line)
+        if reply.outcome is Outcome.DONE and reply.data:
+            found = reply.data
+        elif reply.outcome is Outcome.INVALID and not reply.data:
+            found = NOT_TOLD
+        else:
+            raise ValueError("not a parameter of an axis")
+        if self._fingerprint not in ("", found):
+            raise WrongIdentity(
+                self._device, f"{wire.FINGERPRINT_PARAMETER} of axis {self._name} is {found}, it was "
+                f"{self._fingerprint}", received=str(reply),
+                remedy="Another controller, or another parameter file, is at this address.",
+            )  # fmt: skip
+        self._fingerprint = found

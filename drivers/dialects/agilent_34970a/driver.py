@@ -1,0 +1,139 @@
+"""An Agilent 34970A or 34972A as thermometers: a scan of all sensors at every poll."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+from drivers.description import Nothing, Setup
+from drivers.dialects.agilent_34970a import wire
+from drivers.dialects.agilent_34970a.description import ScannerOptions
+from drivers.errors import InstrumentFault, Refused
+from drivers.timing.readback import ReadBack
+from drivers.transport.dialogue import once_more
+from drivers.transport.scpi import ScpiLink
+from drivers.values import Identity, Reading
+
+READ_BACK = ReadBack()
+_SCAN_S, _CHANNEL_S = 3.0, 0.6  # what a scan may take: its answer, and each sensor with its relay
+
+
+class Agilent34970A:
+    """One scanner. Every poll reads the scan list, then scans once.
+
+    A changed scan list, sensor or unit, or a running scan of another master, is a fault; it is not corrected silently.
+    A sensor that is open or overloaded has no reading then.
+
+    Concurrency: polls are queued.
+    """
+
+    def __init__(self, setup: Setup[ScannerOptions, Nothing, Nothing]) -> None:
+        self.name = setup.name
+        self._pin, self._on_serial_line = setup.identity, setup.address.is_serial_line
+        self._names, self._sensors = setup.options.names(), setup.options.sensors()
+        end = b"\r\n" if self._on_serial_line else b"\n"
+        self._link = ScpiLink(setup, end=end, read_identity=wire.read_identity)
+        self._turn, self._note, self._begun_s = asyncio.Lock(), setup.note, 0.0
+
+    async def __aenter__(self) -> Self:
+        """Connects, identifies, sets the scan up; raises CannotConnect, WrongIdentity, Refused."""
+        await self._link.open()
+        try:
+            await self._set_up()
+        except BaseException:
+            self._link.close()
+            raise
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the wire; the scan list stays as it is."""
+        self._link.close()
+
+    async def identify(self) -> Identity:
+        """Who is there, with the cards in its slots as fingerprint; raises WrongIdentity.
+
+        A 34970A does not report its serial number: it is then the one stated in the bench file, unverified.
+        """
+        found = await self._link.identify()
+        cards = [await self._link.ask(f":SYST:CTYP? {slot}".encode(), wire.read_card) for slot in wire.SLOTS]
+        serial = found.serial if found.verified else self._pin.serial or ""
+        return found._replace(serial=serial, fingerprint=f"cards {', '.join(cards)}")
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """One scan: the readings (°C) by name, each with its time, none where a sensor is open or overloaded.
+
+        Raises InstrumentFault when the scanner is not set up as it was or somebody else scans, BadAnswer when the scan
+        has other channels.
+        """
+        async with self._turn:
+            state, wanted = await self._state(), wire.state_when(self._sensors)
+            if state != wanted:
+                raise InstrumentFault(
+                    self.name, f"is no longer set up as it was, for a scan of {wire.listed(wanted.channels)}",
+                    received=_in_words(state),
+                    remedy="Look for a power failure, a front panel in use, or who else scans; then run again.",
+                )  # fmt: skip
+            samples = await self._link.takes.agreed("a scan", self._scan, again=self._scanned, spell=_told)
+        return {
+            self._names[sample.channel]: (
+                [] if sample.temperature_c is None else [Reading(self._begun_s + sample.since_s, sample.temperature_c)]
+            )
+            for sample in samples
+        }
+
+    async def make_safe(self) -> None:
+        """Nothing to do: a thermometer energises nothing."""
+
+    async def _set_up(self) -> None:
+        """Sets the scan up, message by message, and reads all of it back; raises Refused."""
+        messages = wire.set_up(self._sensors)
+        for message in [wire.REMOTE, *messages] if self._on_serial_line else messages:
+            await self._link.write(message)
+        wanted = wire.state_when(self._sensors)
+        state = await READ_BACK.until(self._state, lambda state: state == wanted)
+        if state != wanted:
+            raise Refused(
+                self.name, "a setting was not carried out", sent=messages[-1], received=_in_words(state),
+                remedy="Check the cards in its slots, and channels and sensors in the bench file.",
+            )  # fmt: skip
+        for sensor in self._sensors:
+            found = await self._link.ask(question := wire.type_query(sensor), wire.read_type)
+            if found != sensor.type:
+                raise Refused(
+                    self.name, f"channel {sensor.channel} is not of type {sensor.type}", sent=question.decode(),
+                    received=found, remedy="Check its sensor in the bench file, and who else sets the scanner.",
+                )  # fmt: skip
+
+    async def _scan(self) -> list[wire.Sample]:
+        return await once_more(self._scan_once, self._note)
+
+    async def _scan_once(self) -> list[wire.Sample]:
+        patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
+        self._begun_s = asyncio.get_running_loop().time()  # its readings are timed from here
+        return await self._link.ask_once(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
+
+    async def _scanned(self) -> list[wire.Sample]:
+        """The scan that was last, out of memory."""
+        return await self._link.ask(wire.SCANNED, self._read_scan)
+
+    async def _state(self) -> wire.State:
+        return await self._link.ask(wire.state_query(self._sensors), wire.read_state)
+
+    def _read_scan(self, line: bytes) -> list[wire.Sample]:
+        samples = wire.read_scan(line)
+        if [sample.channel for sample in samples] != list(self._names):
+            raise ValueError(f"readings of other channels than {wire.listed(list(self._names))}")
+        return samples
+
+
+def _in_words(state: wire.State) -> str:
+    running = ", a scan under way" if state.scanning else ""
+    return f"{wire.listed(state.channels)} as {','.join(state.kinds)} in {','.join(state.units)}{running}"
+
+
+def _told(samples: Sequence[wire.Sample]) -> str:
+    return ", ".join(
+        f"{sample.channel}: " + ("open" if sample.temperature_c is None else f"{sample.temperature_c:.3f} °C")
+        for sample in samples
+    )

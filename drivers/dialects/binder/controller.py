@@ -1,0 +1,206 @@
+"""Binder's controllers: what is read and written for a chamber."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import ClassVar
+
+from drivers.description import IdentityPin
+from drivers.dialects.binder.description import BinderOptions
+from drivers.dialects.binder.wire import (
+    ALARM,
+    IDLE_LINE,
+    LINES,
+    MODE,
+    PROGRAM_STOP,
+    Mode,
+    mode_of,
+    registers_of,
+    value_c,
+    words,
+)
+from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
+from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
+from drivers.kinds.chamber.registers import READ_BACK, ProvedRegisters, hexadecimal
+from drivers.kinds.chamber.words import Words
+from drivers.transport.modbus import ModbusLink
+from drivers.values import Identity
+
+
+class _Controller:
+    """The common part of MB1 and MB2; a Controller except for the temperature set point.
+
+    The controller reports no names and no limits: the controller is known by temperatures where this one has them.
+    """
+
+    can_start = True
+    model: ClassVar[str]
+
+    def __init__(
+        self, link: ModbusLink, pin: IdentityPin, options: BinderOptions, note: Callable[[str], object]
+    ) -> None:
+        self.limits_c: tuple[float, float] | None = None
+        self._link, self._pin, self._options = link, pin, options
+        self._at = registers_of(options.controller, options.set_point, swapped=options.swapped)
+        self._registers = ProvedRegisters(link, self._identify, note)
+
+    async def connect(self) -> None:
+        """Reconnect and identify."""
+        await self._registers.connect()
+
+    def close(self) -> None:
+        """Closes the connection; the next request would open it again."""
+        self._link.close()
+
+    async def identify(self) -> Identity:
+        """The names stated in the bench file; the fingerprint is what the controller reports."""
+        await self._registers.identify()
+        fingerprint = f"temperatures in the registers of an {self.model}"
+        return as_stated(self._pin, fingerprint, maker="Binder", model=self.model)
+
+    def kept(self, temperature_c: float) -> float:
+        """The float32 nearest to it."""
+        return value_c(words(temperature_c))
+
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """Never called: outside a program these controllers do not ramp."""
+        raise NotImplementedError
+
+    async def _set(self, temperature_c: float) -> None:
+        await self._registers.set(self._at.set_point, words(temperature_c), "set point", _spelled)
+
+    async def _temperature(self, address: int) -> float:
+        return self._told_c(await self._registers.read(address, 2), address)
+
+    def _told_c(self, pair: Words, address: int) -> float:
+        try:
+            return value_c(pair)
+        except ValueError as problem:
+            raise BadAnswer(
+                self._link.device, str(problem), sent=f"read 2 registers at {address:#06x}",
+                received=hexadecimal(pair), remedy="Look at the controller for a sensor error.",
+            ) from problem  # fmt: skip
+
+    async def _identify(self) -> None:
+        try:
+            for address in (self._at.process_value, self._at.set_point):
+                self._told_c(await self._link.read(address, 2), address)
+            await self._check_more()
+        except (Refused, BadAnswer) as problem:
+            raise WrongIdentity(
+                self._link.device, f"this does not answer as an {self.model}", sent=problem.sent,
+                received=problem.received or problem.problem,
+                remedy="Check options.controller and the address in the bench file.",
+            ) from problem  # fmt: skip
+        self.limits_c = self._options.range.min, self._options.range.max
+
+    async def _check_more(self) -> None:
+        """What only one of them has; raises Refused or BadAnswer."""
+
+
+class Mb1(_Controller):
+    """A Controller that follows one of two set points, by its mode, or a program."""
+
+    model = "MB1"
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """Temperatures, mode and alarm."""
+        (mode,) = await self._registers.read(MODE, 1)
+        (alarm,) = await self._registers.read(ALARM, 1)
+        control, why = Control.OTHER, f"mode {_mode_name(mode)}"
+        if alarm:
+            why = f"alarm {alarm:#x}"
+        elif mode == mode_of(self._options.set_point):
+            control, why = Control.SET_POINT, ""
+        elif mode == Mode.IDLE:
+            control = Control.NOBODY
+        return Look(
+            await self._temperature(self._at.process_value), await self._temperature(self._at.set_point_in_force),
+            await self._temperature(self._at.set_point), control, why,
+        )  # fmt: skip
+
+    async def command(self, temperature_c: float) -> None:
+        """Write the set point and read it back; if its mode is in force, the mode is written again after it."""
+        await self._set(temperature_c)
+        mode = mode_of(self._options.set_point)
+        if await self._registers.read(MODE, 1) == (mode,):
+            await self._registers.set(MODE, (mode,), "mode", hexadecimal)
+
+    async def take_control(self) -> None:
+        """Activate the mode of the set point; InstrumentFault during an alarm."""
+        (alarm,) = await self._registers.read(ALARM, 1)
+        if alarm:
+            raise InstrumentFault(
+                self._link.device, "an alarm of the controller stands", received=f"{alarm:#x}",
+                remedy="Find its cause, then acknowledge it at the controller, which alone can.",
+            )  # fmt: skip
+        await self._registers.set(MODE, (mode_of(self._options.set_point),), "mode", hexadecimal)
+
+    async def _check_more(self) -> None:
+        (mode,) = await self._link.read(MODE, 1)
+        if mode not in list(Mode):
+            raise BadAnswer(
+                self._link.device, "no mode of this controller", sent=f"read 1 register at {MODE:#06x}",
+                received=f"{mode:#x}",
+            )  # fmt: skip
+
+
+class Mb2(_Controller):
+    """A Controller that follows its manual set point unless it is idle or a program runs."""
+
+    model = "MB2"
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """Temperatures and operation lines; a running program is recognised by a different active set point."""
+        (lines,) = await self._registers.read(LINES, 1)
+        process_value_c = await self._temperature(self._at.process_value)
+        target_c = await self._temperature(self._at.set_point)
+        in_force_c = await self._temperature(self._at.set_point_in_force)
+        if lines & IDLE_LINE:
+            return Look(process_value_c, in_force_c, target_c, Control.NOBODY, "it is idle")
+        if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
+            in_force_c = await self._followed(target_c)
+        if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
+            why = f"set point in force {in_force_c:g} °C, manual set point {target_c:g} °C: perhaps a program runs"
+            return Look(process_value_c, in_force_c, target_c, Control.OTHER, why)
+        return Look(process_value_c, in_force_c, target_c)
+
+    async def command(self, temperature_c: float) -> None:
+        """Writes the set point and reads it back."""
+        await self._set(temperature_c)
+
+    async def take_control(self) -> None:
+        """Ends idling, or stops a program; InstrumentFault when the set point is not in force then."""
+        target_c = await self._temperature(self._at.set_point)
+        (lines,) = await self._registers.read(LINES, 1)
+        if lines & IDLE_LINE:
+            await self._registers.set(LINES, (lines & ~IDLE_LINE,), "state of the operation lines", hexadecimal)
+        elif abs(await self._temperature(self._at.set_point_in_force) - target_c) > ARRIVED_WITHIN_C:
+            with suppress(NoAnswer, LinkLost):  # the active set point will show whether it was executed
+                await self._link.write(PROGRAM_STOP, (1,))
+        if abs(await self._followed(target_c) - target_c) > ARRIVED_WITHIN_C:
+            raise InstrumentFault(
+                self._link.device, "the chamber does not follow its set point", sent=f"set point {target_c:g} °C",
+                remedy="Stop the program at the controller.",
+            )  # fmt: skip
+
+    async def _followed(self, target_c: float) -> float:
+        """The set point in force, which is the manual one within some time when nothing else decides it."""
+        return await READ_BACK.until(
+            lambda: self._temperature(self._at.set_point_in_force),
+            lambda in_force_c: abs(in_force_c - target_c) <= ARRIVED_WITHIN_C,
+        )
+
+
+def _mode_name(mode: int) -> str:
+    return Mode(mode).name.lower() if mode in list(Mode) else f"unknown ({mode:#x})"
+
+
+def _spelled(pair: Words) -> str:
+    """Words as a temperature for a person, and as they were on the wire."""
+    try:
+        return f"{value_c(pair):g} °C ({hexadecimal(pair)})"
+    except ValueError:
+        return hexadecimal(pair)

@@ -1,0 +1,55 @@
+"""Bench file keys of a Binder chamber."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from drivers.description import DriverDescription
+from drivers.dialects.binder.wire import Kind, SetPointName
+from drivers.kinds.chamber.description import (
+    CHANNELS,
+    ChamberLimits,
+    ChamberSafe,
+    StairOptions,
+    TemperatureRange,
+    safe_state,
+)
+from drivers.schema.fields import Flag, PositiveSeconds, WholeNumber
+from drivers.schema.wording import telling
+
+
+class BinderOptions(StairOptions):
+    """How the controller is spoken to."""
+
+    controller: Kind = Field(description="which one it is: mb1 or mb2")
+    range: TemperatureRange = Field(
+        description="of set points, from the chamber's manual; the controller does not report them"
+    )
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+    set_point: SetPointName = Field("manual", description="of an mb1: the mode in which it is used")
+    swapped: Flag = Field(False, description="of an mb1: true where the registers of basic and manual are exchanged")
+    answer_timeout: PositiveSeconds = Field(1.0, description="how long an answer may take; it needs up to 250 ms")
+
+    @model_validator(mode="after")
+    def _an_mb2_has_one_set_point(self) -> Self:
+        if self.controller == "mb2" and (self.set_point == "basic" or self.swapped):
+            raise telling("an mb2 has the manual set point only; leave set_point and swapped out")
+        return self
+
+
+DESCRIPTION = DriverDescription(
+    name="binder",
+    title="Binder thermal chamber with MB1 or MB2, Modbus RTU",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"serial", "socket"}),
+    target="drivers.dialects.binder.driver:Binder",
+    simulator="simulators.instruments.chambers.binder:SimulatedBinder",
+    recognition="drivers.dialects.binder.recognition:RECOGNITION",
+    options=BinderOptions,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    safe_state=safe_state,
+    channels=CHANNELS,
+)

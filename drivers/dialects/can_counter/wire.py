@@ -1,0 +1,273 @@
+"""Counter frames in both directions: blocks of frames ⇄ latches, counts and temperatures.
+
+Frames of one latch carry its sequence number. Lost frames are seen by it and counted, never guessed; what comes twice
+or out of order is dropped and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc import Dbc, Field, readings_of
+from drivers.can.encoder_frames import PositionFormat, Positions, numbered_beside, position_formats
+from drivers.can.frame_block import FrameBlock
+from drivers.can.frame_cycles import Cycles, cycles_of
+from drivers.can.gap_detection import Unbroken
+from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
+
+NEWEST_FRAMES = 64  # of a block, among which the newest of each message are as a rule
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFormat:
+    """One pair of counters."""
+
+    positive: Field
+    negative: Field
+    sequence: Field
+
+
+@dataclass(frozen=True, slots=True)
+class CounterFormat:
+    """A counter's frames: the latch, channels and encoders by name, and the readings in °C by `Message.Signal`."""
+
+    tick: Field
+    tick_period_s: float
+    sequence: Field
+    boot_count: Field | None
+    channels: Mapping[str, ChannelFormat]
+    temperatures: Mapping[str, Field]
+    positions: Mapping[str, PositionFormat]
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """One channel as the wire gave it, a row for each latch whose frames all came.
+
+    `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick`, `positive`, `negative` (N,) are raw and wrap at
+    `2**bits` of their field; `host_s` (N,) is the arrival of the latch. `lost` counts latches that did not come whole,
+    but for the very last one, whose frames may come after the end; `gaps` (G, 2) are the numbers of the first and of
+    the last of each row of them, in the numbers of `sequence`, which begin with that of the `first` latch. `dropped`
+    counts frames that came twice or late, `restarts` how often the counter restarted.
+    """
+
+    sequence: Integers
+    tick: Integers
+    positive: Integers
+    negative: Integers
+    host_s: NDArray[np.float64]
+    tick_bits: int
+    counter_bits: int
+    first: int
+    gaps: Integers
+    lost: int
+    dropped: int
+    restarts: int
+
+
+def counter_format(
+    dbc: Dbc,
+    latch: Mapping[str, str | None],
+    tick_period_s: float,
+    channels: Mapping[str, Mapping[str, str]],
+    positions: Mapping[str, Mapping[str, Any]] | None = None,
+) -> CounterFormat:
+    """Binds names to the DBC; DbcError names what it does not have."""
+
+    def field(dotted: str | None) -> Field:
+        return dbc.field(dotted or "")
+
+    bound = {
+        name: ChannelFormat(field(entry["positive"]), field(entry["negative"]), field(entry["sequence"]))
+        for name, entry in channels.items()
+    }
+    boot = latch.get("boot_count")
+    return CounterFormat(
+        tick=field(latch["tick"]),
+        tick_period_s=tick_period_s,
+        sequence=field(latch["sequence"]),
+        boot_count=field(boot) if boot else None,
+        channels=bound,
+        temperatures=dbc.fields_in("°C"),
+        positions=position_formats(dbc, positions or {}),
+    )
+
+
+def unbroken(form: CounterFormat) -> Unbroken:
+    """Quick check of the frames of an acquisition: whether every latch arrived, with the counts of each channel."""
+    return Unbroken.of(form.sequence, form.tick, [pair.sequence for pair in form.channels.values()])
+
+
+@dataclass(frozen=True, slots=True)
+class Latches:
+    """The latches of a block: where they stand and when they came, their ticks and raw numbers, these also unwrapped.
+
+    `fresh` are those with a number above all before them, `newest` is the highest, -1 of no latch. `cycles` are those
+    of the frames that follow them.
+    """
+
+    rows: NDArray[np.intp]
+    host_s: NDArray[np.float64]
+    tick: Integers
+    raw: Integers
+    numbers: Integers
+    fresh: NDArray[np.bool_]
+    newest: int
+    restarts: int
+    cycles: Cycles
+
+
+def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
+    """The latches of a block, which all channels are paired with."""
+    rows = form.sequence.message.rows(block)
+    data, raw = _numbered(form.sequence, block, rows)
+    ticks, tick_bits = form.tick.signal.raw(data), form.tick.signal.length
+    numbers = unwrapped_by_clock(raw, form.sequence.signal.length, ticks, tick_bits)
+    boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
+    restarts = int(np.count_nonzero(np.diff(boots))) or begun_anew(numbers, ticks, tick_bits)
+    newest = int(numbers.max()) if len(numbers) else -1
+    cycles = cycles_of(block, rows)
+    return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), newest, restarts, cycles)
+
+
+@dataclass(frozen=True, slots=True)
+class _Paired:
+    """Frames of one message, their data (N, 8), the latches that they belong to, and what did not fit."""
+
+    sequence: Integers
+    tick: Integers
+    other: NDArray[np.uint8]
+    host_s: NDArray[np.float64]
+    first: int
+    last: int
+    lost: int
+    dropped: int
+    restarts: int
+
+
+def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches: Latches | None = None) -> Counts:
+    """The counts of one channel in a block, paired with their latches; those that are known need not be found again."""
+    pair = form.channels[channel]
+    found = _paired(form, pair.sequence, block, latches or latches_of(form, block))
+    return Counts(
+        sequence=found.sequence,
+        tick=found.tick,
+        positive=pair.positive.signal.raw(found.other),
+        negative=pair.negative.signal.raw(found.other),
+        host_s=found.host_s,
+        tick_bits=form.tick.signal.length,
+        counter_bits=pair.positive.signal.length,
+        first=found.first,
+        gaps=gaps_in(found.sequence, found.first, found.last),
+        lost=found.lost,
+        dropped=found.dropped,
+        restarts=found.restarts,
+    )
+
+
+def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches: Latches | None = None) -> Positions:
+    """What one encoder read, paired with the latches; rows with one sequence number belong to those of the counts."""
+    encoder = form.positions[name]
+    found = _paired(form, encoder.sequence, block, latches or latches_of(form, block))
+    return Positions(
+        sequence=found.sequence,
+        tick=found.tick,
+        position=encoder.position.signal.raw(found.other),
+        host_s=found.host_s,
+        tick_bits=form.tick.signal.length,
+        position_bits=encoder.position.signal.length,
+        lost=found.lost,
+        restarts=found.restarts,
+    )
+
+
+def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> _Paired:
+    """The frames with a sequence number `other` and their latches."""
+    sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
+    data = _in_step(form, other, block, latches)
+    if data is not None and len(data) < len(sequence):
+        sequence, tick, host_s = sequence[:-1], tick[:-1], host_s[:-1]
+    elif data is None:
+        rows = other.message.rows(block)
+        data, raw = _numbered(other, block, rows)
+        bits = min(other.signal.length, form.sequence.signal.length)  # of a longer one the rest is not known of latches
+        ahead = latches.fresh
+        numbers, fresh = numbered_beside(rows, raw, bits, latches.rows[ahead], latches.numbers[ahead])
+        sequence, latch_places, other_places = np.intersect1d(
+            latches.numbers[latches.fresh], numbers[fresh], assume_unique=True, return_indices=True
+        )
+        of_latch = np.flatnonzero(latches.fresh)[latch_places]
+        tick, host_s, data = tick[of_latch], host_s[of_latch], data[np.flatnonzero(fresh)[other_places]]
+        stale = int(np.count_nonzero(~latches.fresh) + np.count_nonzero(~fresh))
+    first = int(latches.numbers[0]) if len(latches.rows) else 0
+    last = latches.newest
+    if len(latches.rows) and (not len(sequence) or sequence[-1] != last):
+        last -= 1  # whose other frames may have come after the end
+    return _Paired(
+        sequence=sequence,
+        tick=tick,
+        other=data,
+        host_s=host_s,
+        first=first,
+        last=last,
+        lost=last - first + 1 - len(sequence),
+        dropped=stale,
+        restarts=latches.restarts,
+    )
+
+
+def _in_step(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> NDArray[np.uint8] | None:
+    """The data of frames that come with each latch and have its number: when nothing is lost, late or twice; or None.
+
+    The last latch may be without one.
+    """
+    rows = latches.cycles.rows(other.message)
+    if rows is None or other.signal.length != form.sequence.signal.length or not latches.fresh.all():
+        return None
+    data, raw = _numbered(other, block, rows)
+    return data if (raw == latches.raw[: len(raw)]).all() else None
+
+
+def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
+    """Raw sequence numbers of the latches in a block, and when they arrived."""
+    rows = form.sequence.message.rows(block)
+    return form.sequence.signal.raw(block.payloads(rows)), block.at_s[rows]
+
+
+def newest_counts(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[float, tuple[int, int]]]:
+    """When the last frame of each channel in a block arrived, and its raw counts; without those that have none."""
+    messages = {name: pair.sequence.message for name, pair in form.channels.items()}
+    wanted = {(message.id, message.length) for message in messages.values()}
+    rows = _newest_rows(block, max(len(block) - NEWEST_FRAMES, 0))
+    if not wanted <= rows.keys():
+        rows = _newest_rows(block, 0)
+    found = {}
+    for name, pair in form.channels.items():
+        row = rows.get((messages[name].id, messages[name].length))
+        if row is not None:
+            data = block.data[row].tobytes()
+            counts = pair.positive.signal.raw_of(data), pair.negative.signal.raw_of(data)
+            found[name] = float(block.at_s[row]), counts
+    return found
+
+
+def _newest_rows(block: FrameBlock, begin: int) -> dict[tuple[int, int], int]:
+    """Where each message stands last from a row on, by its id and its length."""
+    kinds = zip(block.ids[begin:].tolist(), block.dlc[begin:].tolist(), strict=True)
+    return {kind: row for row, kind in enumerate(kinds, start=begin)}
+
+
+def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Readings in a block by channel name: arrival times and values in °C."""
+    return readings_of(form.temperatures, block)
+
+
+def _numbered(sequence: Field, block: FrameBlock, rows: NDArray[np.intp]) -> tuple[NDArray[np.uint8], Integers]:
+    """The data of the frames in these rows, and the raw sequence numbers in it."""
+    data = block.payloads(rows)
+    return data, sequence.signal.raw(data)

@@ -1,0 +1,108 @@
+"""The telemetry of units under test: takes in frames, checks them during acquisitions, hands out blocks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Self
+
+import numpy as np
+
+from drivers.can.dbc import Dbc, Field
+from drivers.can.encoder_frames import PositionFormat
+from drivers.can.frame_block import FrameBlock
+from drivers.can.sequence_numbers import Integers
+from drivers.description import Nothing, Setup, check_identity
+from drivers.dialects.can_telemetry import wire
+from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.description import TelemetryOptions
+from drivers.errors import InstrumentFault, NoAnswer
+from drivers.kinds.frame_source.intake import (
+    MOST_NAMED,
+    SILENT_PERIODS,
+    STANDING_FRAMES,
+    FrameDriver,
+    bound_format,
+    frames_named,
+)
+from drivers.timing.awake import awake_s
+from drivers.transport.frame_link import FrameLink
+from drivers.values import Heard
+
+
+class CanTelemetry(FrameDriver[TelemetryOptions]):
+    """Output sent by the units themselves; nothing is ever sent to them.
+
+    A unit without power sends nothing, so that silence is a fault only during an acquisition. Lifetime: a task of its
+    own takes frames in from entry to exit. A problem is raised by the next `poll` and by a running acquisition.
+    """
+
+    def __init__(self, setup: Setup[TelemetryOptions, Nothing, Nothing]) -> None:
+        super().__init__(setup)
+        self._heard = dict.fromkeys(self._options.channels, Heard(-math.inf, -math.inf))
+        self._numbers: dict[str, Integers] = {}  # of the last samples, by channel
+        self._codes: dict[str, int] = {}  # the last one of each channel
+        self._others: set[int] = set()  # frames that are none of the channels'
+        self._formats: Mapping[str, wire.SampleFormat] = {}
+        self._encoders: Mapping[str, PositionFormat] = {}
+        self._temperatures: Mapping[str, Field] = {}
+
+    async def __aenter__(self) -> Self:
+        """Opens the channel; raises CannotConnect, BadAnswer."""
+        self._formats, self._fingerprint = bound_format(self.name, self._options.dbc, self._bind)
+        self._begin(await self._open())
+        return self
+
+    async def _open(self) -> FrameLink:
+        link = await self._setup.wires.frames(self.name, self._setup.address)
+        try:
+            check_identity(self.name, self._setup.identity, await self.identify())
+        except BaseException:
+            link.close()
+            raise
+        return link
+
+    def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
+        self._temperatures, self._encoders = dbc.fields_in("°C"), encoders_of(self._options, dbc)
+        return formats_of(self._options, dbc)
+
+    def _look(self, block: FrameBlock) -> None:
+        """Takes readings and the newest samples from a block; raises when something is wrong with it."""
+        self._keep_readings(self._temperatures, block)
+        known = {form.value.message.id for form in self._formats.values()}
+        known |= {encoder.position.message.id for encoder in self._encoders.values()}
+        self._others |= set(sorted(set(block.ids.tolist()) - known)[:MOST_NAMED])
+        for channel, form in self._formats.items():
+            self._listen(channel, *wire.arrivals(form, block))
+        self._check_silence()
+
+    def _listen(self, channel: str, numbers: Integers, codes: Integers, at_s: np.ndarray) -> None:
+        """Store the newest value of a channel; raises if it repeats the same sample."""
+        if not len(numbers):
+            return
+        changed = np.flatnonzero(np.diff(codes, prepend=self._codes.get(channel, ~int(codes[0]))))
+        changed_s = float(at_s[changed[-1]]) if len(changed) else self._heard[channel].pulse_s
+        self._heard[channel], self._codes[channel] = Heard(float(at_s[-1]), changed_s), int(codes[-1])
+        last = np.concatenate([self._numbers.get(channel, numbers[:0]), numbers])[-STANDING_FRAMES:]
+        self._numbers[channel] = last
+        if len(last) == STANDING_FRAMES and not np.diff(last).any():
+            raise InstrumentFault(
+                self.name, f"channel '{channel}' is frozen: its samples have the sequence number {last[0]}",
+                remedy="Switch the unit off and on; it repeats an old sample.",
+            )  # fmt: skip
+
+    def _check_silence(self) -> None:
+        """Raises if all channels are silent during an acquisition."""
+        since_s = self._intake.acquiring_since_s
+        if since_s is None:
+            return
+        silent_s = SILENT_PERIODS * max(sample.period for sample in self._options.channels.values())
+        last_s = max(since_s, *(heard.frame_s for heard in self._heard.values()))
+        if awake_s(last_s) <= silent_s:
+            return
+        wanted = frames_named(form.value.message.id for form in self._formats.values())
+        raise NoAnswer(
+            self.name, f"no sample ({wanted}) for more than {silent_s:g} s while it is acquired",
+            received=f"{frames_named(self._others)} besides" if self._others else "no other frame either",
+            remedy="Check that the unit is on, the CAN cable and the bit rate, and that the DBC is that of this unit.",
+        )  # fmt: skip

@@ -1,0 +1,157 @@
+"""Telemetry frames read: blocks of frames → samples of channels.
+
+A sample is a code or a decoded value, with the time of the unit's own clock and a number that rises by one. Lost frames
+are seen by it and counted, never guessed; what comes twice or out of order is dropped and counted, and so is what the
+unit itself marks as invalid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc import Dbc, DbcError, Field
+from drivers.can.encoder_frames import PositionFormat, Positions, numbered_beside
+from drivers.can.frame_block import FrameBlock
+from drivers.can.gap_detection import Unbroken
+from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
+
+
+@dataclass(frozen=True, slots=True)
+class SampleFormat:
+    """The frames of one channel; all its fields are in one message.
+
+    Where it is `decoded`, values are in the unit of the DBC, else they are the codes as they came. A sample with any of
+    the `invalid_bits` in its status is not to be used.
+    """
+
+    value: Field
+    tick: Field
+    sequence: Field
+    status: Field | None
+    invalid_bits: int
+    decoded: bool
+
+    @property
+    def step(self) -> float:
+        """How far two neighbouring codes are apart."""
+        return abs(self.value.signal.scale) if self.decoded else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """One channel as the wire gave it, a row for each sample that came once, in order and valid.
+
+    `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick` (N,) is raw and wraps at `2**tick_bits`; `values`
+    (N,) are codes, or what they are decoded to; `host_s` (N,) is the arrival. `lost` counts samples that did not come,
+    `gaps` (G, 2) are the numbers of the first and of the last of each row of them, in the numbers of `sequence`, which
+    begin with that of the `first` sample. `dropped` counts those that came twice or late, `invalid` those that the unit
+    marked, `restarts` how often it began anew.
+    """
+
+    sequence: Integers
+    tick: Integers
+    values: NDArray[np.float64]
+    host_s: NDArray[np.float64]
+    tick_bits: int
+    first: int
+    gaps: Integers
+    lost: int
+    dropped: int
+    invalid: int
+    restarts: int
+
+
+def sample_formats(dbc: Dbc, channels: Mapping[str, Mapping[str, Any]]) -> dict[str, SampleFormat]:
+    """Binds the names of each channel to the DBC; DbcError names what it does not have, or has in several messages."""
+    return {name: _sample_format(dbc, name, entry) for name, entry in channels.items()}
+
+
+def _sample_format(dbc: Dbc, name: str, entry: Mapping[str, Any]) -> SampleFormat:
+    status = dbc.field(entry["status"]) if entry["status"] else None
+    form = SampleFormat(
+        value=dbc.field(entry["value"]),
+        tick=dbc.field(entry["tick"]),
+        sequence=dbc.field(entry["sequence"]),
+        status=status,
+        invalid_bits=entry["invalid_bits"],
+        decoded=entry["unit"] is not None,
+    )
+    messages = {field.message.name for field in (form.value, form.tick, form.sequence, status) if field is not None}
+    if len(messages) > 1:
+        raise DbcError(f"channel {name} is in several messages: {', '.join(sorted(messages))}")
+    return form
+
+
+def unbroken(forms: Mapping[str, SampleFormat]) -> list[Unbroken]:
+    """Quick check of the frames of an acquisition, message by message: whether every sample arrived."""
+    distinct = {(form.sequence.message.id, form.sequence.signal.name): form for form in forms.values()}
+    return [Unbroken.of(form.sequence, form.tick) for form in distinct.values()]
+
+
+def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
+    """The samples of one channel in a block."""
+    rows = form.value.message.rows(block)
+    data = block.data[rows]
+    number, tick = form.sequence.signal, form.tick.signal
+    ticks = tick.raw(data)
+    numbers = unwrapped_by_clock(number.raw(data), number.length, ticks, tick.length)
+    first, last = (int(numbers[0]), int(numbers.max())) if len(rows) else (0, -1)
+    fresh = ascending(numbers)
+    usable = fresh & _valid(form, data)
+    signal, kept = form.value.signal, data[usable]
+    return Samples(
+        sequence=numbers[usable],
+        tick=tick.raw(kept),
+        values=signal.physical(kept) if form.decoded else signal.raw(kept).astype(np.float64),
+        host_s=block.at_s[rows[usable]],
+        tick_bits=tick.length,
+        first=first,
+        gaps=gaps_in(numbers[fresh], first, last),
+        lost=last - first + 1 - int(np.count_nonzero(fresh)),
+        dropped=int(np.count_nonzero(~fresh)),
+        invalid=int(np.count_nonzero(fresh & ~usable)),
+        restarts=begun_anew(numbers, ticks, tick.length),
+    )
+
+
+def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBlock) -> Positions:
+    """What an encoder read at the ends of the samples of a channel, a row for each usable sample that has one."""
+    samples = decode_samples(form, block)
+    rows, of_samples = encoder.sequence.message.rows(block), form.value.message.rows(block)
+    data, number, tick = block.data[of_samples], form.sequence.signal, form.tick.signal
+    known = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
+    data, own = block.data[rows], encoder.sequence.signal
+    bits = min(own.length, number.length)  # of a longer one the rest is not known of the samples
+    ahead = ascending(known)
+    numbers, fresh = numbered_beside(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
+    sequence, of_sample, of_encoder = np.intersect1d(
+        samples.sequence, numbers[fresh], assume_unique=True, return_indices=True
+    )
+    return Positions(
+        sequence=sequence,
+        tick=samples.tick[of_sample],
+        position=encoder.position.signal.raw(data[fresh][of_encoder]),
+        host_s=samples.host_s[of_sample],
+        tick_bits=samples.tick_bits,
+        position_bits=encoder.position.signal.length,
+        lost=len(samples.sequence) - len(sequence),
+        restarts=0,
+    )
+
+
+def arrivals(form: SampleFormat, block: FrameBlock) -> tuple[Integers, Integers, NDArray[np.float64]]:
+    """Raw sequence numbers and codes of all samples in a block, and when they arrived."""
+    rows = form.value.message.rows(block)
+    data = block.data[rows]
+    return form.sequence.signal.raw(data), form.value.signal.raw(data), block.at_s[rows]
+
+
+def _valid(form: SampleFormat, data: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    if form.status is None:
+        return np.ones(len(data), dtype=bool)
+    return np.asarray(form.status.signal.raw(data) & form.invalid_bits == 0)

@@ -1,0 +1,191 @@
+"""A CTS chamber: what is asked and set."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TypeVar
+
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.dialects.cts import wire
+from drivers.dialects.cts.description import CtsOptions
+from drivers.dialects.cts.wire import Ramp, Status
+from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
+from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.lines import ProvedLine
+from drivers.kinds.chamber.ramp import OwnRamp
+from drivers.timing.readback import ReadBack
+from drivers.transport.exchange import Pace, Proof, lines_ending
+from drivers.values import Identity
+
+T = TypeVar("T")
+
+READ_BACK = ReadBack()
+
+
+class CtsController:
+    """A Controller; it ramps by itself, in tenths of a degree per minute, from where its set point is.
+
+    It reports no limits, and its versions instead of names; where those are not asked for, any CTS chamber is the right
+    one. A program that runs is seen by its set points alone.
+    """
+
+    can_start = True
+
+    def __init__(self, setup: Setup[CtsOptions, ChamberLimits, ChamberSafe]) -> None:
+        self.limits_c: tuple[float, float] | None = None
+        self._device, self._pin, self._options = setup.name, setup.identity, setup.options
+        self._address = address = setup.options.address
+        self._ramp: OwnRamp | None = None  # the one that was commanded last
+        self._identity: Identity | None = None
+        proof = Proof(wire.STATUS_QUERY.encode(), wire.of_address(address, wire.read_status))
+        self._line = ProvedLine(
+            setup, proof, self._identify, Pace(answer_s=setup.options.answer_timeout),
+            framing=lines_ending(bytes([wire.ETX])), wrap=partial(wire.frame, address),
+        )  # fmt: skip
+
+    async def connect(self) -> None:
+        """Reconnect and identify."""
+        await self._line.connect()
+
+    def close(self) -> None:
+        """Closes the wire; the next exchange would open it again."""
+        self._line.close()
+
+    async def identify(self) -> Identity:
+        """The names as the bench file states them, the versions as it answers."""
+        await self._line.identify()
+        return self._identity or Identity()
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """Temperatures, end of the ramp, and state of the chamber."""
+        process_value_c, set_point_c, ramp = await self._temperatures()
+        control, why = await self._control()
+        return Look(process_value_c, set_point_c, ramp.target_c, control, why)
+
+    async def command(self, temperature_c: float) -> None:
+        """Sends the set point and reads it back."""
+        target_c = wire.kept(temperature_c)
+        process_value_c, set_point_c, ramp = await self._temperatures()
+        control, _ = await self._control()
+        start_c = process_value_c if control is Control.NOBODY else set_point_c
+        rate_c_per_min = (ramp.up_c_per_min if target_c > start_c else ramp.down_c_per_min) if ramp.active else math.inf
+        command = wire.set_point(target_c)
+        self._ramp = OwnRamp(start_c, target_c, rate_c_per_min / 60, _now_s())
+        await self._order(command)
+        kept_c = (await READ_BACK.until(self._temperatures, lambda told: told[2].target_c == target_c))[2].target_c
+        if kept_c != target_c:
+            raise Refused(
+                self._device, "the chamber did not take a new set point", sent=command,
+                received=f"set point {kept_c:g} °C", remedy="Look at the chamber for a lock or a running program.",
+            )  # fmt: skip
+
+    def kept(self, temperature_c: float) -> float:
+        """To a tenth of a degree."""
+        return wire.kept(temperature_c)
+
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """Both rates, read back; BeyondLimit for what is no tenth of a degree per minute."""
+        if not wire.can_be_set(rate_c_per_min):
+            raise BeyondLimit(
+                self._device, f"the chamber cannot be set to {rate_c_per_min:g} °C/min; nothing was sent",
+                remedy="Choose a rate in steps of 0.1 °C/min, which is 6 °C/h.",
+            )  # fmt: skip
+        commands = wire.ramp_rates(self._options.ramp_channel, rate_c_per_min)
+        for command in commands:
+            await self._order(command)
+        rates = {round(rate_c_per_min, 1)}
+
+        def agrees(ramp: Ramp) -> bool:
+            return ramp.active and {ramp.up_c_per_min, ramp.down_c_per_min} == rates
+
+        ramp = await READ_BACK.until(self._ask_ramp, agrees)
+        if not agrees(ramp):
+            raise Refused(
+                self._device, "the chamber did not take a new rate", sent=" and ".join(commands),
+                received=f"rates {ramp.up_c_per_min:g} and {ramp.down_c_per_min:g} °C/min",
+                remedy="Look at the chamber for a lock; options.ramp_channel in the bench file may be wrong.",
+            )  # fmt: skip
+
+    async def take_control(self) -> None:
+        """Ends a pause, starts the chamber, sends the set point again; InstrumentFault while there is an error."""
+        status = await self._ask(wire.STATUS_QUERY, wire.read_status)
+        if status.error:
+            raise InstrumentFault(
+                self._device, "the chamber has an error", received=f"number '{status.error}'",
+                remedy="See to its cause and acknowledge it at the chamber.",
+            )  # fmt: skip
+        if status.running:
+            await self._order(wire.RESUME)
+        else:
+            await self._order(wire.START)
+        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
+        if control is not Control.SET_POINT:
+            raise Refused(
+                self._device, "the chamber did not start", sent=wire.RESUME if status.running else wire.START,
+                received=why, remedy="Start it by hand at the chamber.",
+            )  # fmt: skip
+        if self._ramp is not None:
+            self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
+            await self.command(self._ramp.target_c)
+
+    async def _control(self) -> tuple[Control, str]:
+        return _control(await self._ask(wire.STATUS_QUERY, wire.read_status))
+
+    async def _temperatures(self) -> tuple[float, float, Ramp]:
+        """Process value and set point in force, °C, and the ramp.
+
+        During a ramp the chamber reports as its set point the present value of the ramp or, possibly, its end: then the
+        present value follows from the rate and the clock.
+        """
+        temperatures = await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+        ramp = await self._ask_ramp()
+        told_c = temperatures.set_point_c
+        if not ramp.active:
+            return temperatures.process_value_c, told_c, Ramp(False, math.inf, math.inf, told_c)
+        mine = self._ramp
+        by_the_clock = mine is not None and told_c == ramp.target_c == mine.target_c
+        set_point_c = mine.set_point_c(_now_s()) if mine is not None and by_the_clock else told_c
+        return temperatures.process_value_c, set_point_c, ramp
+
+    async def _identify(self) -> None:
+        versions = await self._ask_versions() if self._options.versions else ""
+        fingerprint = f"versions {versions}" if versions else f"answers at address {self._address}"
+        found = as_stated(self._pin, fingerprint, maker="CTS", model="", firmware=versions)
+        check_identity(self._device, self._pin, found)
+        self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
+        self.limits_c = (wire.COLDEST_C, wire.HOTTEST_C)
+
+    async def _ask_versions(self) -> str:
+        try:
+            return await self._line.ask_once(wire.VERSIONS_QUERY, wire.of_address(self._address, wire.read_versions))
+        except NoAnswer as silent:
+            raise NoAnswer(
+                self._device, "the chamber does not report its versions", sent=wire.VERSIONS_QUERY,
+                remedy="If it never does, set options.versions to false in the bench file.",
+            ) from silent  # fmt: skip
+
+    async def _ask_ramp(self) -> Ramp:
+        return await self._ask(f"R{self._options.ramp_channel}", wire.read_ramp)
+
+    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+        return await self._line.ask(question, wire.of_address(self._address, read))
+
+    async def _order(self, command: str) -> None:
+        await self._line.order(command, wire.of_address(self._address, wire.read_done(command)))
+
+
+def _control(status: Status) -> tuple[Control, str]:
+    if status.error:
+        return Control.OTHER, f"the chamber has an error, number '{status.error}'"
+    if not status.running:
+        return Control.NOBODY, "the chamber is off"
+    return (Control.OTHER, "the chamber is paused") if status.paused else (Control.SET_POINT, "")
+
+
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()

@@ -1,0 +1,38 @@
+"""Bench file keys of a CTS chamber."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.description import DriverDescription
+from drivers.dialects.cts.wire import ADDRESSES, RampChannel
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe, safe_state
+from drivers.schema.fields import Flag, WholeNumber
+
+
+class CtsOptions(ChamberOptions):
+    """How the chamber is spoken to. Its line is 19200 baud with odd parity: `?baud=19200&parity=O`."""
+
+    address: Annotated[WholeNumber, Field(ge=ADDRESSES[0], le=ADDRESSES[-1])] = Field(
+        1, description="its address; 1 is 81 hexadecimal on the wire"
+    )
+    ramp_channel: RampChannel = Field(1, description="the number of the temperature in commands for ramps")
+    versions: Flag = Field(True, description="false for a chamber that does not answer when it is asked for them")
+
+
+DESCRIPTION = DriverDescription(
+    name="cts",
+    title="thermal chamber of CTS, ASCII protocol",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"serial", "socket"}),
+    target="drivers.dialects.cts.driver:Cts",
+    simulator="simulators.instruments.chambers.cts:SimulatedCts",
+    recognition="drivers.dialects.cts.recognition:RECOGNITION",
+    options=CtsOptions,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    safe_state=safe_state,
+    channels=CHANNELS,
+)

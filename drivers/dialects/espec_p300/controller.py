@@ -1,0 +1,177 @@
+"""A P300: what is asked and set for a chamber."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.dialects.espec_p300 import wire
+from drivers.dialects.espec_p300.description import P300Options
+from drivers.dialects.espec_p300.wire import Monitor, Temperatures
+from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
+from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.lines import ProvedLine
+from drivers.timing.readback import ReadBack
+from drivers.transport.exchange import Pace, Proof
+from drivers.values import Identity
+
+T = TypeVar("T")
+
+READ_BACK = ReadBack()
+SAME_WITHIN_C = 1.0  # what the air of a chamber may do in the second between two questions
+QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # what drivers of others leave after a question and after a setting
+_CONTROL: Mapping[str, Control] = {
+    wire.CONSTANT: Control.SET_POINT, wire.OFF: Control.NOBODY, wire.STANDBY: Control.NOBODY,
+}  # fmt: skip
+
+
+class P300:
+    """A Controller; it has one set point and no ramp.
+
+    It reports its kind and firmware version, but no serial number.
+    """
+
+    can_start = True
+
+    def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
+        self.limits_c: tuple[float, float] | None = None
+        self._device, self._pin, self._address = setup.name, setup.identity, setup.options.address
+        self._commanded_c = math.nan
+        self._kind = ""  # the answer to TYPE?
+        self._identity: Identity | None = None
+        proof = Proof(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
+        pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUESTION_GAP_S)
+        self._line = ProvedLine(setup, proof, self._identify, pace, end=wire.END, order_gap_s=SETTING_GAP_S)
+
+    async def connect(self) -> None:
+        """Reconnect and identify."""
+        await self._line.connect()
+
+    def close(self) -> None:
+        """Closes the wire; the next exchange would open it again."""
+        self._line.close()
+
+    async def identify(self) -> Identity:
+        """Kind and version as it answers, the serial number as the bench file states it."""
+        await self._line.identify()
+        return self._identity or Identity()
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """Temperatures, then the state of the chamber.
+
+        BadAnswer if the two answers disagree about the process value.
+        """
+        temperatures = await self._temperatures()
+        monitor = await self._monitor()
+        set_point_c = temperatures.set_point_c
+        if abs(temperatures.process_value_c - monitor.process_value_c) > SAME_WITHIN_C:
+            raise BadAnswer(
+                self._device, "the process value was reported twice, with different values",
+                sent=f"{wire.TEMPERATURE_QUERY} and {wire.MONITOR_QUERY}",
+                received=f"{temperatures.process_value_c:g} and {monitor.process_value_c:g} °C",
+                remedy="Check the serial line: its cable, its shield, its baud rate.",
+            )  # fmt: skip
+        control = Control.OTHER if monitor.alarms else _CONTROL.get(monitor.mode, Control.OTHER)
+        return Look(temperatures.process_value_c, set_point_c, set_point_c, control, await self._in_words(monitor))
+
+    async def command(self, temperature_c: float) -> None:
+        """Sends the set point and reads it back.
+
+        While a program runs it may be refused, and what is read is the program's: then `take_control` sends it again.
+        """
+        self._commanded_c = temperature_c
+        command = wire.set_point(temperature_c)
+        try:
+            await self._order(command)
+            kept_c = wire.kept(temperature_c)
+            told = await READ_BACK.until(self._temperatures, lambda told: told.set_point_c == kept_c)
+            if (set_point_c := told.set_point_c) != kept_c:
+                raise Refused(
+                    self._device, "the controller did not take a new set point", sent=command,
+                    received=f"set point {set_point_c:g} °C",
+                    remedy="Look at the controller for a running program or protected settings.",
+                )  # fmt: skip
+        except Refused:
+            if (await self._monitor()).mode in _CONTROL:
+                raise
+
+    def kept(self, temperature_c: float) -> float:
+        """To a tenth of a degree."""
+        return wire.kept(temperature_c)
+
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """Nothing: it has no ramp; the driver sends one set point after the other."""
+
+    async def take_control(self) -> None:
+        """Switches it on and to constant operation, which ends a program, and sends the set point again.
+
+        InstrumentFault while there is an alarm.
+        """
+        monitor = await self._monitor()
+        if monitor.alarms:
+            raise InstrumentFault(
+                self._device, "the chamber has an alarm", received=await self._in_words(monitor),
+                remedy="See to its cause and acknowledge it at the chamber.",
+            )  # fmt: skip
+        if monitor.mode == wire.OFF:
+            await self._order(wire.POWER_ON)
+            await READ_BACK.until(self._monitor, lambda told: told.mode != wire.OFF)
+        await self._order(wire.CONSTANT_MODE)
+        monitor = await READ_BACK.until(self._monitor, lambda told: told.mode == wire.CONSTANT)
+        if monitor.mode != wire.CONSTANT:
+            raise Refused(
+                self._device, "the chamber did not go to constant operation", sent=wire.CONSTANT_MODE,
+                received=await self._in_words(monitor), remedy="Start it by hand at the chamber.",
+            )  # fmt: skip
+        await self.command(self._commanded_c)
+
+    async def _identify(self) -> None:
+        rom = await self._once(wire.ROM_QUERY, wire.read_rom)
+        limits = await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+        fingerprint = f"controller {self._kind}, programs {rom}"
+        stated = as_stated(self._pin, fingerprint, maker="ESPEC", model=self._kind, firmware=rom)
+        found = stated._replace(model=self._kind)  # which the wire does tell
+        check_identity(self._device, self._pin, found)
+        self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
+        self.limits_c = (limits.lowest_c, limits.highest_c)
+
+    def _recognise(self, line: bytes) -> None:
+        kind = wire.read_type(line.decode("ascii"))
+        expected = self._pin.model if self._identity is None else self._identity.model
+        if expected not in (None, kind):
+            raise WrongIdentity(
+                self._device, f"the controller is of kind '{kind}', expected '{expected}'", sent=wire.TYPE_QUERY,
+                received=line.decode("ascii"),
+                remedy="Check that the right chamber is at this address, or correct the bench file.",
+            )  # fmt: skip
+        self._kind = kind
+
+    async def _temperatures(self) -> Temperatures:
+        return await self._line.takes.agreed("its temperature", self._ask_temperatures, alike=wire.alike)
+
+    async def _ask_temperatures(self) -> Temperatures:
+        return await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+
+    async def _monitor(self) -> Monitor:
+        return await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
+
+    async def _in_words(self, monitor: Monitor) -> str:
+        if not monitor.alarms:
+            return f"the chamber is in mode {monitor.mode}"
+        codes = await self._ask(wire.ALARM_QUERY, wire.read_alarms)
+        return f"the chamber is in mode {monitor.mode}, alarm {', '.join(map(str, codes))}"
+
+    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+        return await self._line.ask(self._addressed(question), wire.unless_refused(read))
+
+    async def _once(self, question: str, read: Callable[[str], T]) -> T:
+        return await self._line.ask_once(self._addressed(question), wire.unless_refused(read))
+
+    async def _order(self, command: str) -> None:
+        await self._line.order(self._addressed(command), wire.unless_refused(wire.read_done))
+
+    def _addressed(self, command: str) -> str:
+        return wire.addressed(command, self._address)

@@ -1,0 +1,35 @@
+"""Bench file keys of a chamber with an ESPEC P300 or SCP-220."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.description import DriverDescription
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.schema.fields import WholeNumber
+
+
+class P300Options(StairOptions):
+    """Protocol settings, and how it is ramped."""
+
+    address: Annotated[WholeNumber, Field(ge=1, le=16)] | None = Field(
+        None, description="its address on an RS-485 line; without one on RS-232 and TCP"
+    )
+
+
+DESCRIPTION = DriverDescription(
+    name="espec_p300",
+    title="thermal chamber with an ESPEC P300 or SCP-220",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"serial", "socket", "tcp"}),
+    target="drivers.dialects.espec_p300.driver:EspecP300",
+    simulator="simulators.instruments.chambers.espec_p300:SimulatedP300",
+    recognition="drivers.dialects.espec_p300.recognition:RECOGNITION",
+    options=P300Options,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    safe_state=safe_state,
+    channels=CHANNELS,
+)

@@ -1,0 +1,23 @@
+"""How an ESPEC P300 is known: by its type and the version of its programs."""
+
+from __future__ import annotations
+
+from drivers.dialects.espec_p300 import wire
+from drivers.discovery.recognition import Found, Language, Port, Recognition, text_of
+from drivers.kinds.chamber.recognition import CHAMBER_STARTER
+from drivers.values import Identity
+
+
+async def ask(port: Port) -> Found:
+    """A controller without an address, as on RS-232 and TCP."""
+    kind = wire.read_type(text_of(await port.ask(wire.TYPE_QUERY.encode() + wire.END)))
+    programs = wire.read_rom(text_of(await port.ask(wire.ROM_QUERY.encode() + wire.END)))
+    return Found(Identity(maker="ESPEC", model=kind, firmware=programs, verified=False))
+
+
+def asks(line: str) -> bool:
+    """Whether a line is a question."""
+    return line.endswith("?")
+
+
+RECOGNITION = Recognition(Language("espec", asks=asks), ask, starter=CHAMBER_STARTER)

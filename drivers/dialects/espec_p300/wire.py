@@ -1,0 +1,144 @@
+"""Lines of an ESPEC P300 or SCP-220 controller ⇄ values, both directions; no I/O.
+
+Facts from the driver that the maker's American branch publishes, and from drivers that others use with the SH-641 and
+the PR-3J. Lines end with CR LF. A question ends with `?`; a setting is answered by `OK:` and the setting, or refused
+by `NA:` and the reason. Temperatures are in °C with one decimal.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from drivers.kinds.chamber.refusal import Refusal
+
+T = TypeVar("T")
+
+END = b"\r\n"
+TYPE_QUERY, ROM_QUERY = "TYPE?", "ROM?"
+TEMPERATURE_QUERY, MONITOR_QUERY, ALARM_QUERY = "TEMP?", "MON?", "ALARM?"
+POWER_ON, CONSTANT_MODE = "POWER,ON", "MODE,CONSTANT"
+OFF, STANDBY, CONSTANT = "OFF", "STANDBY", "CONSTANT"
+
+TENTHS = 10
+STEADY_WITHIN_C = 0.25  # what the air of a chamber may do from one answer to the next: two steps of its resolution
+REFUSALS: Mapping[str, str] = {
+    "ADDR ERR": "wrong address",
+    "CHB NOT READY": "the chamber cannot do that now",
+    "CMD ERR": "a command that it does not know",
+    "DATA NOT READY": "there is no such program",
+    "DATA OUT OF RANGE": "a value beyond its limits",
+    "INVALID REQ": "it has no such function",
+    "PARA ERR": "a parameter that is missing or not understood",
+    "PROTECT ON": "its settings are protected at the front panel",
+}
+
+_TEMPERATURE = r"(-?\d{1,3}\.\d)"
+_TEMPERATURES = re.compile(",".join(4 * [_TEMPERATURE]), re.ASCII)
+_MONITOR = re.compile(rf"{_TEMPERATURE},\d{{0,3}},([A-Z][A-Z ]*),(\d{{1,2}})", re.ASCII)
+_TYPE = re.compile(r"(?:\w+,){1,2}(\w+),(\d{1,3}\.\d)", re.ASCII)
+_ALARMS = re.compile(r"(\d{1,2})((?:,\d{1,3})*)", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class Temperatures:
+    """The answer to TEMP?, °C; the limits are those of the set point."""
+
+    process_value_c: float
+    set_point_c: float
+    highest_c: float
+    lowest_c: float
+
+    def __str__(self) -> str:
+        limits = f"limits {self.lowest_c:g} and {self.highest_c:g} °C"
+        return f"{self.process_value_c:g} °C, set point {self.set_point_c:g} °C, {limits}"
+
+
+@dataclass(frozen=True, slots=True)
+class Monitor:
+    """The answer to MON?: the air, °C, what the chamber does, and how many alarms are there."""
+
+    process_value_c: float
+    mode: str
+    alarms: int
+
+
+def alike(one: Temperatures, other: Temperatures) -> bool:
+    """Whether two answers, one right after the other, may be of the same state: only the air moves by itself."""
+    near = abs(one.process_value_c - other.process_value_c) <= STEADY_WITHIN_C
+    return near and replace(one, process_value_c=other.process_value_c) == other
+
+
+def set_point(temperature_c: float) -> str:
+    """The command that sets it."""
+    return f"TEMP, S{kept(temperature_c):.1f}"
+
+
+def kept(temperature_c: float) -> float:
+    """A set point as it is sent, to a tenth of a degree."""
+    return round(temperature_c * TENTHS) / TENTHS
+
+
+def addressed(command: str, address: int | None) -> str:
+    """A command to one of several controllers on an RS-485 line."""
+    return command if address is None else f"{address},{command}"
+
+
+def unless_refused(read: Callable[[str], T]) -> Callable[[bytes], T | Refusal]:
+    """Reads an answer that may be a refusal instead; ValueError when it is neither."""
+
+    def read_line(line: bytes) -> T | Refusal:
+        text = line.decode("ascii")
+        if not text.startswith("NA:"):
+            return read(text)
+        reason = text[3:].strip()
+        return Refusal(f"NA:{reason}", REFUSALS.get(reason, ""))
+
+    return read_line
+
+
+def read_done(text: str) -> None:
+    """`OK:` and the setting."""
+    if not text.startswith("OK:"):
+        raise ValueError("neither OK: nor NA:")
+
+
+def read_temperatures(text: str) -> Temperatures:
+    """`23.1,25.0,100.0,-40.0`."""
+    return Temperatures(*map(float, _groups(_TEMPERATURES, text, "four temperatures")))
+
+
+def read_monitor(text: str) -> Monitor:
+    """`23.1,50,CONSTANT,0`; the humidity may be empty."""
+    process_value, mode, alarms = _groups(_MONITOR, text, "temperature, humidity, mode and alarms")
+    return Monitor(float(process_value), mode, int(alarms))
+
+
+def read_alarms(text: str) -> tuple[int, ...]:
+    """`2,1,7`: how many, then the code of each."""
+    count, codes = _groups(_ALARMS, text, "a number of alarms and their codes")
+    found = tuple(map(int, codes.split(",")[1:]))
+    if len(found) != int(count):
+        raise ValueError(f"{count} alarms and {len(found)} codes")
+    return found
+
+
+def read_type(text: str) -> str:
+    """The controller's name out of `T,T,S2,160.0`: sensors, name, hottest temperature."""
+    return _groups(_TYPE, text, "sensors, controller and temperature")[0]
+
+
+def read_rom(text: str) -> str:
+    """The version of its programs, a line of any form."""
+    if not text.isprintable() or not text.strip():
+        raise ValueError("not a version")
+    return text.strip()
+
+
+def _groups(form: re.Pattern[str], text: str, what: str) -> tuple[str, ...]:
+    match = form.fullmatch(text)
+    if match is None:
+        raise ValueError(f"not {what}")
+    return match.groups()

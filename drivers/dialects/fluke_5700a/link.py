@@ -1,0 +1,116 @@
+"""The conversation with a Fluke 5700A: identified, its fault queue drained after each command, opened again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.dialects.fluke_5700a import wire
+from drivers.errors import BadAnswer, Refused, WrongIdentity
+from drivers.protocols import scpi
+from drivers.transport.dialogue import Dialogue, once_more
+from drivers.transport.exchange import Pace, Proof
+from drivers.values import Identity
+
+T = TypeVar("T")
+
+ANSWER_S = 5.0  # a calibrator that changes its range keeps commands waiting
+FAULTS_AT_MOST = 32
+
+
+class FlukeLink:
+    """The line to one calibrator.
+
+    Every message is one command or one question, and the next one waits for an answer: its input buffer of 128 bytes
+    is never full. `takes` are of what enters a result. Lifetime: `open`, then `close`; `reopen` when the wire was lost.
+    Concurrency: callers queue.
+    """
+
+    def __init__(self, setup: Setup[Any, Any, Any], *, end: bytes) -> None:
+        self._device, self._pin, self._end, self._note = setup.name, setup.identity, end, setup.note
+        self._identity: Identity | None = None
+        proof = Proof(wire.IDENTITY_QUERY, self._recognise)
+        pace = Pace(answer_s=ANSWER_S)
+        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end, pace=pace, note=setup.note)
+        self.takes = self._dialogue.takes
+
+    async def open(self) -> None:
+        """Connects, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""
+        try:
+            await self._dialogue.open()
+            await once_more(self.faults, self._note)  # of before
+        except BadAnswer as problem:
+            self.close()
+            raise BadAnswer(
+                self._device, problem.problem, sent=problem.sent, received=problem.received,
+                remedy="If it repeats what it is sent: set its remote interface to COMPUTER, not TERMINAL. "
+                "Else check baud rate, parity and terminator in its RS-232 menu and in the bench file.",
+            ) from problem  # fmt: skip
+        except BaseException:
+            self.close()
+            raise
+
+    async def reopen(self) -> bool:
+        """Connects and identifies again if the wire was lost; whether it was."""
+        lost = await self._dialogue.reopen()
+        if lost:
+            await once_more(self.faults, self._note)
+        return lost
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._dialogue.close()
+
+    async def identify(self) -> Identity:
+        """Who is there now; raises WrongIdentity when it is not who was there before."""
+        return await self.ask(wire.IDENTITY_QUERY, self._recognise)
+
+    async def ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
+        """One question that may be asked again; see Dialogue.ask."""
+        return await self._dialogue.ask(question, read)
+
+    async def ask_once(self, question: bytes, read: Callable[[bytes], T]) -> T:
+        """One question that the instrument answers only once; see Dialogue.ask_once."""
+        return await self._dialogue.ask_once(question, read)
+
+    async def write(self, command: str) -> list[str]:
+        """Sends a command, once; the faults that are in the queue after it.
+
+        Returns as well when the answer is missing or garbled: what the caller reads back decides.
+        """
+        message = command.encode() + self._end + wire.FAULT_QUERY
+        fault = await self._dialogue.order(message, wire.read_integer)
+        return await self.faults() if fault is None else await self._faults_from(fault)
+
+    def cut_in(self, *commands: str) -> None:
+        """Sends commands at once, before anything else; see LineExchange.cut_in."""
+        self._dialogue.line.cut_in(self._end.join(command.encode() for command in commands))
+
+    async def faults(self) -> list[str]:
+        """Every fault in the queue, with what it means; the queue is empty after it.
+
+        NoAnswer if one of them may have been lost: each is reported only once.
+        """
+        return await self._faults_from(await self.ask_once(wire.FAULT_QUERY, wire.read_integer))
+
+    async def _faults_from(self, fault: int) -> list[str]:
+        found: list[str] = []
+        while fault != wire.NO_FAULT:
+            found.append(f"{fault} {await self.ask(wire.explain_query(fault), wire.read_text)}")
+            if len(found) == FAULTS_AT_MOST:
+                raise Refused(self._device, "its fault queue does not become empty", received=found[-1])
+            fault = await self.ask_once(wire.FAULT_QUERY, wire.read_integer)
+        return found
+
+    def _recognise(self, line: bytes) -> Identity:
+        """Reads an identity and compares it with the bench file and with who was there before."""
+        found = scpi.identity(line)
+        check_identity(self._device, self._pin, found)
+        if found.model not in wire.MODELS:
+            raise WrongIdentity(
+                self._device, f"a {found.model} is none of {', '.join(wire.MODELS)}; its status may mean other things",
+                received=line.decode("ascii"), remedy="Correct driver or connection in the bench file.",
+            )  # fmt: skip
+        self._identity = still_the_same(self._device, self._identity, found, line.decode("ascii"))
+        return found

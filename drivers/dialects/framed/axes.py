@@ -1,0 +1,200 @@
+"""An axis behind frames, as the logic of heads and that of rate tables see it."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any
+
+from drivers.description import Setup
+from drivers.dialects.framed.controller import FramedController
+from drivers.dialects.framed.description import FramedHeadOptions, FramedTableOptions
+from drivers.dialects.framed.status import Status
+from drivers.errors import InstrumentFault, Refused
+from drivers.kinds.head.axis import AxisState, OwnLimits
+from drivers.kinds.table.axis import Drive, Mode, State
+from drivers.kinds.table.description import TableLimits
+from drivers.kinds.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
+from drivers.transport.double_read import Takes
+from drivers.values import Identity, Reading
+
+_MODES = {"off": Mode.OFF, "position": Mode.POSITION, "rate": Mode.RATE, "sine": Mode.SYNTHESIS}
+
+
+class _FramedAxis:
+    """What both have in common."""
+
+    def __init__(self, controller: FramedController) -> None:
+        self._controller = controller
+
+    async def open(self) -> None:
+        """Connect and identify; raises CannotConnect, NoAnswer, WrongIdentity."""
+        await self._controller.line.open()
+
+    async def reopen(self) -> None:
+        """Connects again if the wire was lost; else nothing."""
+        await self._controller.line.reopen()
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._controller.line.close()
+
+    async def identify(self) -> Identity:
+        """Who is there, the same as before; raises WrongIdentity."""
+        return await self._controller.identify()
+
+    def _at_once(self) -> None:
+        self._controller.line.cut_in("stop")
+
+
+class FramedHeadAxis(_FramedAxis):
+    """An Axis of a head; `acceleration_dps2` goes with every move whose frame has a place for it."""
+
+    limits: OwnLimits | None = None  # it tells none
+
+    def __init__(self, setup: Setup[FramedHeadOptions, Any, Any]) -> None:
+        super().__init__(FramedController(setup, setup.options))
+        self.takes = Takes(setup.name, setup.note, checked=True)  # every frame has a checksum
+        self._acceleration_dps2 = setup.options.acceleration
+
+    async def angle(self) -> Reading:
+        """The encoder's angle (°)."""
+        status = await self._controller.look()
+        return Reading(asyncio.get_running_loop().time(), status.angle_deg)
+
+    async def state(self) -> AxisState:
+        """The bits of a status."""
+        status = await self._controller.look()
+        return AxisState(
+            homed=status.homed, enabled=status.enabled, moving=status.moving, in_position=status.in_position,
+            words=str(status),
+        )  # fmt: skip
+
+    async def check_faults(self) -> None:
+        """Raises InstrumentFault with the names of the faults there are, and when others command the axis."""
+        status = await self._controller.look()
+        self._controller.check_faults(status)
+        if not status.remote:
+            raise InstrumentFault(
+                self._controller.device, "the controller does not obey this line", received=str(status),
+                remedy="Switch it to remote control.",
+            )  # fmt: skip
+
+    async def enable(self) -> None:
+        """Energise the motor; raises Refused unless the status confirms it."""
+        await self._controller.enable()
+
+    async def prepare(self, rate_dps: float) -> None:
+        """Nothing: the rate is sent with each move."""
+
+    async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
+        """Sends the axis to an angle, once; returns when the status after it was read. Raises Refused."""
+        await self._controller.order("move", angle=angle_deg, rate=rate_dps, acceleration=self._acceleration_dps2)
+
+    async def abort(self) -> None:
+        """Make the axis decelerate and hold."""
+        await self._controller.order("stop")
+
+    def abort_at_once(self) -> None:
+        """As `abort`, ahead of any queued message; raises LinkLost."""
+        self._at_once()
+
+
+class FramedTableAxis(_FramedAxis):
+    """A TableAxis. Where the status tells no mode, it is what the axis was last told; at first, whether it moves."""
+
+    def __init__(self, setup: Setup[FramedTableOptions, TableLimits, Any]) -> None:
+        super().__init__(FramedController(setup, setup.options))
+        self._wraps, self._endless = self._controller.profile.angle_wraps, setup.limits.angle is None
+        self.longest_leg_deg = LONGEST_LEG_DEG if self._wraps else math.inf
+        self._turns = TurnCounter(setup.limits.angle)
+        self._told = Mode.OFF
+        self._rate_dps, self._acceleration_dps2 = setup.options.rate, setup.options.acceleration
+        self._here_deg, self._sine = 0.0, (0.0, 0.0)
+
+    async def look(self) -> State:
+        """What the axis does now, its angle over whole turns."""
+        return self._understood(await self._controller.look())
+
+    async def check_fault(self, state: State, sent: str = "") -> None:
+        """Raises InstrumentFault with its reasons when the state has a fault, which `sent` met; clears nothing."""
+        if state.drive is Drive.FAULT:
+            raise self._controller.fault(state.words, sent, str(state))
+
+    async def make_ready(self) -> State:
+        """Energises the motor, unless that is so already; what the axis then does. Raises InstrumentFault, Refused."""
+        status = await self._controller.look()
+        self._controller.check_faults(status)
+        if not status.homed:
+            raise InstrumentFault(
+                self._controller.device, "the axis has not been homed, so its angles mean nothing",
+                received=str(status), remedy="Home it at the controller, where you can see it move.",
+            )  # fmt: skip
+        if not status.enabled:
+            self._told = Mode.OFF
+            status = await self._controller.enable()
+        return self._understood(status)
+
+    async def give_back(self) -> None:
+        """Nothing: who is obeyed is set at the controller."""
+
+    async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:
+        """Keeps what goes with the next command; the controller slows down as it is set."""
+        if mode is not Mode.OFF:
+            self._rate_dps, self._acceleration_dps2 = rate_dps, acceleration_dps2
+
+    async def demand_here(self, mode: Mode, angle_deg: float) -> None:
+        """Keeps the angle, for POSITION to begin with."""
+        self._here_deg = angle_deg
+
+    async def demand_sine(self, amplitude_deg: float, frequency_hz: float, run_up_s: float) -> None:
+        """Keeps the sine; how it grows is the controller's own. Raises Refused where it cannot swing."""
+        if self._controller.profile.commands.sine is None:
+            raise Refused(
+                self._controller.device, "the controller does not swing by itself: its profile has no commands.sine",
+                remedy="Take the sine out of the sequence, or use a table that has it.",
+            )  # fmt: skip
+        self._sine = (amplitude_deg, frequency_hz)
+
+    async def enter(self, mode: Mode) -> None:
+        """Goes to where the axis stands, turns at rate zero, or swings: a command is the only way into a mode."""
+        self._told = mode
+        if mode is Mode.SYNTHESIS:
+            amplitude_deg, frequency_hz = self._sine
+            await self._controller.order("sine", amplitude=amplitude_deg, frequency=frequency_hz)
+        elif mode is Mode.RATE:
+            await self.turn(0.0)
+        else:
+            await self.go(self._here_deg)
+
+    async def go(self, angle_deg: float) -> None:
+        """Sends the axis to an angle, within a turn where angles wrap."""
+        within_deg = angle_deg % TURN_DEG if self._wraps and self._endless else angle_deg
+        await self._controller.order(
+            "move", angle=within_deg, rate=self._rate_dps, acceleration=self._acceleration_dps2
+        )  # fmt: skip
+
+    async def turn(self, rate_dps: float) -> None:
+        """Sends the axis to a rate."""
+        await self._controller.order("rate", rate=rate_dps, acceleration=self._acceleration_dps2)
+
+    async def stop(self) -> None:
+        """Slows down and holds."""
+        self._told = Mode.OFF
+        await self._controller.order("stop")
+
+    def stop_at_once(self) -> None:
+        """As `stop`, before anything else that is to be said; raises LinkLost."""
+        self._told = Mode.OFF
+        self._at_once()
+
+    def _understood(self, status: Status) -> State:
+        mode = _MODES.get(status.mode, Mode.OTHER) if status.mode else self._told
+        if not status.mode and status.moving and mode is Mode.OFF:
+            mode = Mode.OTHER
+        drive = Drive.FAULT if status.faults else Drive.ON if status.enabled else Drive.OFF
+        state = State(
+            status.angle_deg, status.rate_dps or 0.0, drive, mode, held=not status.moving, swinging=status.at_sine,
+            ours=status.remote, words=str(status),
+        )  # fmt: skip
+        return self._turns.count(asyncio.get_running_loop().time(), state) if self._wraps else state

@@ -1,0 +1,156 @@
+"""The conversation about one axis with a controller that speaks in frames, whatever it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.dialects.framed.description import FramedOptions
+from drivers.dialects.framed.line import FramedLine
+from drivers.dialects.framed.parts import Number
+from drivers.dialects.framed.status import Status
+from drivers.dialects.framed.wire import NumberFormat, Raw
+from drivers.errors import BeyondLimit, CannotConnect, InstrumentFault, Refused
+from drivers.timing.readback import ReadBack
+from drivers.values import Identity
+
+READ_BACK = ReadBack()
+
+
+class FramedController:
+    """Looks and commands; a command is proved by the status after it.
+
+    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
+    """
+
+    def __init__(self, setup: Setup[Any, Any, Any], options: FramedOptions) -> None:
+        profile = options.profile.content
+        if profile is None:
+            raise CannotConnect(
+                setup.name, f"the profile {options.profile.path} of its controller is gone",
+                remedy="Put the file back beside the bench file.",
+            )  # fmt: skip
+        self.device, self.profile, self._pin = setup.name, profile, setup.identity
+        self._identity: Identity | None = None
+        self._last: Status | None = None
+        self.line = FramedLine(
+            setup.name, setup.wires, setup.address, profile, answer_s=options.answer_timeout, check=self._take,
+            note=setup.note,
+        )  # fmt: skip
+
+    async def identify(self) -> Identity:
+        """Who is there; names are stated, and what the status tells of them is compared. Raises WrongIdentity."""
+        return self._recognise(await self.look())
+
+    async def look(self) -> Status:
+        """What the axis does now; raises WrongIdentity when the status is another controller's."""
+        status = await self.line.status()
+        self._take(status)
+        return status
+
+    def check_faults(self, status: Status, sent: str = "") -> None:
+        """Raises InstrumentFault with the names of the faults there are, which `sent` met; clears nothing."""
+        if status.faults:
+            raise self.fault(", ".join(status.faults), sent, str(status))
+
+    def fault(self, names: str, sent: str, received: str) -> InstrumentFault:
+        """The error of a fault that the controller reports."""
+        return InstrumentFault(
+            self.device, f"the controller reports a fault: {names}", sent=sent, received=received,
+            remedy="Remove the cause, clear the fault at the controller, then run again.",
+        )  # fmt: skip
+
+    async def enable(self) -> Status:
+        """Energise the motor, if there is a command for it; Refused unless the status confirms it."""
+        if self.profile.commands.enable is not None:
+            await self.line.order("enable")
+        status = await READ_BACK.until(self.look, lambda status: status.enabled or status.faults)
+        self.check_faults(status, "enable")
+        if not status.enabled:
+            raise Refused(
+                self.device, "the motor stays off", sent="enable", received=str(status),
+                remedy="Check the emergency stop and the amplifier, then run again.",
+            )  # fmt: skip
+        return status
+
+    async def order(self, name: str, **values: float) -> None:
+        """Sends a command once, with those of the values that its frame has a place for.
+
+        Where the status tells what the controller is to do, it must not be something else than was sent; a command that
+        seems not to have come is not repeated: the axis decides. Raises BeyondLimit, Refused, InstrumentFault.
+        """
+        self._check_limits(values)
+        told = self._raw(name, values)
+        echo = {"move": ("angle", "target_angle"), "rate": ("rate", "target_rate")}.get(name)
+        before = self._last  # asking here would let a stop be sent before the command
+        await self.line.order(name, told.values())
+        if before is None or echo is None:
+            return
+        after = await self.look()
+        self.check_faults(after, name)
+        self._check_taken(name, told[echo[0]], echo[1], before, after)
+
+    def _check_limits(self, values: Mapping[str, float]) -> None:
+        """Raises BeyondLimit if a motion exceeds the controller's limits in the profile."""
+        allowed, rate_dps, angle_deg = self.profile.limits, values.get("rate"), values.get("angle")
+        problem = ""
+        if allowed.rate is not None and rate_dps is not None and abs(rate_dps) > allowed.rate.max:
+            problem = f"the rate {rate_dps:g} °/s is above the {allowed.rate.max:g} °/s of the profile"
+        angles = allowed.angle
+        if angles is not None and angle_deg is not None and not angles.min <= angle_deg <= angles.max:
+            problem = f"the angle {angle_deg:g}° is outside the {angles.min:g}° to {angles.max:g}° of the profile"
+        if problem:
+            raise BeyondLimit(
+                self.device, problem, remedy="No motion was sent. Correct the sequence, or limits in the profile."
+            )  # fmt: skip
+
+    def _raw(self, name: str, values: Mapping[str, float]) -> dict[str, tuple[NumberFormat, Raw]]:
+        """Each value in the units of the wire; Refused when its place does not hold it."""
+        found = {}
+        for key, value in values.items():
+            number = getattr(self.profile.shape(name), key, None)
+            if isinstance(number, Number):
+                form = self.profile.number(number)
+                try:
+                    found[key] = (form, form.raw(value))
+                except OverflowError as problem:
+                    raise Refused(
+                        self.device, f"no frame holds this {key}: {problem}; nothing was sent", sent=name,
+                        remedy="Correct the sequence, or type and scale in the profile if they are wrong.",
+                    ) from problem  # fmt: skip
+        return found
+
+    def _check_taken(
+        self, name: str, told: tuple[NumberFormat, Raw], key: str, before: Status, after: Status
+    ) -> None:  # fmt: skip
+        """Raises Refused if the controller's order is neither the one sent nor the previous one."""
+        number: Number | None = getattr(self.profile.status, key)
+        if number is None:
+            return
+        form, (sent_form, sent) = self.profile.number(number), told
+        wanted, kept = form.raw(sent_form.value(sent)), getattr(after, key)
+        if kept not in (wanted, getattr(before, key)):
+            raise Refused(
+                self.device, f"the controller took another {key.replace('_', ' ')} than commanded",
+                sent=f"{name} {sent_form.value(sent):g} ({wanted})", received=f"{form.value(kept):g} ({kept})",
+                remedy="Look for a limit of the controller, or for who else commands it.",
+            )  # fmt: skip
+
+    def _take(self, status: Status) -> None:
+        self._recognise(status)
+        self._last = status
+
+    def _recognise(self, status: Status) -> Identity:
+        """Who sent a status, compared with the bench file and with who was there before."""
+        serial, firmware = status.serial_number, status.firmware
+        pin, profile = self._pin, self.profile
+        found = Identity(
+            maker=pin.maker or profile.maker, model=pin.model or profile.model,
+            serial=pin.serial or "" if serial is None else str(serial),
+            firmware=pin.firmware or "" if firmware is None else str(firmware),
+            verified=serial is not None, fingerprint=profile.fingerprint(),
+        )  # fmt: skip
+        check_identity(self.device, pin, found)
+        self._identity = still_the_same(self.device, self._identity, found, f"{found.serial} {found.firmware}".strip())
+        return found

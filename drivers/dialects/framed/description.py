@@ -1,0 +1,91 @@
+"""Bench file keys of a head or a rate table whose frames a profile describes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from drivers.certificates.corrections import AxisCorrections
+from drivers.description import DriverDescription
+from drivers.dialects.framed.profile import FrameProfile
+from drivers.kinds.axes import AxisUncertainty
+from drivers.kinds.head import description as head
+from drivers.kinds.head.description import HeadLimits, HeadOptions
+from drivers.kinds.table import description as table
+from drivers.kinds.table.description import TableLimits, TableOptions
+from drivers.schema.fields import DocumentFile, InUnit, ModelBeside, StrictModel
+from drivers.schema.wording import problem_at
+
+
+class FramedOptions(StrictModel):
+    """How the controller is spoken to."""
+
+    profile: Annotated[DocumentFile[FrameProfile], ModelBeside(FrameProfile)] = Field(
+        description="describes its frames"
+    )
+    answer_timeout: Annotated[float, InUnit("s", above=0, at_most=2)] = Field(
+        0.5, description="how long a status may take"
+    )
+
+
+class FramedHeadOptions(HeadOptions, FramedOptions):
+    """How the axis is moved."""
+
+    @model_validator(mode="after")
+    def _angles_do_not_wrap(self) -> Self:
+        profile = self.profile.content
+        if profile is not None and profile.angle_wraps:
+            raise _refusal(self, "its angles begin again after a turn, which only framed_table counts")
+        return self
+
+
+class FramedTableOptions(TableOptions, FramedOptions):
+    """How the axis is moved."""
+
+    @model_validator(mode="after")
+    def _it_turns(self) -> Self:
+        profile = self.profile.content
+        if profile is not None and (profile.commands.rate is None or profile.status.rate is None):
+            raise _refusal(self, "a rate table needs commands.rate and status.rate; framed_head needs neither")
+        return self
+
+
+def _refusal(options: StrictModel, problem: str) -> ValidationError:
+    return ValidationError.from_exception_data(type(options).__name__, [problem_at(("profile",), problem)])
+
+
+SCHEMES = frozenset({"serial", "socket", "tcp"})
+SIMULATOR = "simulators.instruments.axes.framed:SimulatedFrames"
+
+HEAD = DriverDescription(
+    name="framed_head",
+    title="indexing head whose frames a profile describes",
+    capabilities=frozenset({"positioner"}),
+    schemes=SCHEMES,
+    target="drivers.dialects.framed.driver:FramedHead",
+    simulator=SIMULATOR,
+    options=FramedHeadOptions,
+    limits=HeadLimits,
+    safe_state=head.safe_state,
+    busy_s=head.busy_s,
+    uncertainty=AxisUncertainty,
+    corrections=AxisCorrections,
+    channels={"angle": "°"},
+)
+
+TABLE = DriverDescription(
+    name="framed_table",
+    title="rate table whose frames a profile describes",
+    capabilities=frozenset({"positioner", "rate_table"}),
+    schemes=SCHEMES,
+    target="drivers.dialects.framed.driver:FramedTable",
+    simulator=SIMULATOR,
+    options=FramedTableOptions,
+    limits=TableLimits,
+    safe_state=table.safe_state,
+    busy_s=table.busy_s,
+    uncertainty=AxisUncertainty,
+    corrections=AxisCorrections,
+    channels={"angle": "°", "rate": "°/s"},
+)

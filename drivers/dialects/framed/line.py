@@ -1,0 +1,285 @@
+"""The line to a controller with a frame protocol: fresh status frames, commands that are sent once.
+
+A status that is read after a command tells of what came after it: until the `reaction` of the profile has passed, what
+comes is not looked at. After a silence in which a late answer may still come, and after a status that nobody asked for,
+the line is not trusted: what comes is thrown away until it has been silent for as long as an answer may take.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import replace
+
+from drivers.dialects.framed.profile import FrameProfile
+from drivers.dialects.framed.status import Status, StatusReader
+from drivers.dialects.framed.stream import StatusStream
+from drivers.dialects.framed.wire import NumberFormat, Raw
+from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
+from drivers.timing.awake import patience
+from drivers.transport.address import Address
+from drivers.transport.dialogue import Pauses, once_more
+from drivers.transport.exchange import printable_hex
+from drivers.transport.wires import Wires
+
+DRAIN_LIMIT_S = 5.0
+SILENT_PERIODS = 5  # what a controller that sends by itself may be silent for at the least
+TELL_EVERY_S = 60.0
+SILENCES = 2  # one after the other on a network connection: it may be open at one end only
+
+Numbers = Iterable[tuple[NumberFormat, Raw]]
+
+
+class FramedLine:
+    """One line after the other to the same controller.
+
+    Reading the status looks once more when there is none, and connects again when the wire was lost: at once, then
+    after longer and longer pauses; a command does neither. `check` sees the first status of every connection, and
+    raises when it is another controller's. `note` is told what was looked at again, what was dropped or is missing,
+    once a minute at most, and that the wire was lost and is there again.
+
+    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers take turns.
+    """
+
+    def __init__(
+        self, device: str, wires: Wires, address: Address, profile: FrameProfile, *, answer_s: float,
+        check: Callable[[Status], None], note: Callable[[str], object],
+    ) -> None:  # fmt: skip
+        self._device, self._wires, self._profile = device, wires, profile
+        self._at_a_port = address.scheme == "serial"
+        as_stated = profile.line.options() | dict(address.options)
+        self._address = replace(address, options=as_stated) if self._at_a_port else address
+        self._check, self._note = check, note
+        self._period_s = profile.cyclic.period if profile.cyclic is not None else 0.0
+        self._answer_s = max(answer_s, SILENT_PERIODS * self._period_s)
+        self._reader = StatusReader(profile)
+        self._turn = asyncio.Lock()
+        self._stream: StatusStream | None = None
+        self._doubtful = False
+        self._number = self._cut_ins = self._silences = 0
+        self._sent_at_s = self._told_at_s = -math.inf
+        self._pauses, self._closed = Pauses(), False
+        self._told = (0, 0)
+
+    async def open(self) -> None:
+        """Connect and identify; raises CannotConnect, NoAnswer, and what `check` raises."""
+        async with self._turn:
+            await once_more(self._connect, self._note)
+
+    async def reopen(self) -> None:
+        """Connects again if the wire was lost; else nothing, at once."""
+        if self._is_open:
+            return
+        async with self._turn:
+            if not self._is_open:
+                await self._connect()
+
+    @property
+    def _is_open(self) -> bool:
+        return self._stream is not None and not self._stream.lost
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._closed = True
+        if self._stream is not None:
+            self._stream.close()
+
+    async def status(self) -> Status:
+        """What the controller does now, after the last command; on a new connection if the wire was lost.
+
+        Raises NoAnswer, BadAnswer, LinkLost, Refused when something cut in, and what connecting raises.
+        """
+        async with self._turn:
+            if self._stream is not None and self._stream.lost:
+                await self._revive()
+            stream = self._opened()
+            return await once_more(lambda: self._look(stream), self._note)
+
+    async def order(self, name: str, numbers: Numbers = ()) -> None:
+        """Send a command once; its effect is in the status. Raises LinkLost, and Refused if it was not sent.
+
+        Where commands are answered it returns after the answer, or when that is missing.
+        """
+        cut_ins, frame = self._cut_ins, self._frame(name, numbers)
+        async with self._turn:
+            stream = self._opened()
+            if self._profile.commands_answered:
+                await self._trust(stream)
+            await self._leave_gap()
+            if self._cut_ins != cut_ins:
+                raise Refused(self._device, "not sent, the instrument is being made safe", sent=_spelled(name, frame))
+            self._send(stream, name, frame)
+            if self._profile.commands_answered:
+                stream.expect()
+                with suppress(NoAnswer):
+                    await self._expected(stream, _spelled(name, frame))
+
+    def cut_in(self, name: str) -> None:
+        """Sends a command at once: for what makes an instrument safe; raises LinkLost.
+
+        What waits for a status ends with Refused, and commands that wait for their turn are not sent any more.
+        """
+        self._cut_ins += 1
+        self._doubtful = True
+        stream = self._opened()
+        self._send(stream, name, self._frame(name, ()))
+        stream.interrupt()
+
+    def _frame(self, name: str, numbers: Numbers) -> bytes:
+        """A frame with the next running number, where it has a place for one."""
+        shape = self._profile.shape(name)
+        if shape.counter is not None:
+            form = self._profile.number(shape.counter)
+            self._number = (self._number + 1) % (1 << 8 * shape.counter.count)
+            numbers = [*numbers, (form, self._number)]
+        return self._profile.format(name).build(numbers)
+
+    async def _look(self, stream: StatusStream) -> Status:
+        """The next status, asked for where it has to be."""
+        await self._trust(stream)
+        while (early_s := self._sent_at_s + self._profile.reaction - _now_s()) > 0:  # noqa: ASYNC110 - cut_in moves it
+            await asyncio.sleep(early_s)
+        frame = b""
+        if self._profile.request is not None:
+            await self._leave_gap()
+            frame = self._frame("request", ())
+            echoed = self._profile.status.answers is not None
+            stream.expect(self._number if echoed else None)
+            self._write(stream, "request", frame)
+        else:
+            stream.expect()
+        found = await self._expected(stream, _spelled("request", frame) if frame else "")
+        self._silences = 0
+        self._tell(stream)
+        try:
+            return self._reader.read(found)
+        except ValueError as problem:
+            raise BadAnswer(
+                self._device, f"a status with a number that is none: {problem}", received=printable_hex(found),
+                remedy="Look at the controller for a fault of its encoder, and at the types in the profile.",
+            ) from problem  # fmt: skip
+
+    async def _expected(self, stream: StatusStream, sent: str) -> bytes:
+        dropped, repeated = stream.dropped, stream.repeated
+        self._doubtful = True  # until it is here
+        try:
+            async with patience(self._answer_s):
+                found = await stream.expected()
+        except TimeoutError:
+            self._silences += 1
+            if self._silences >= SILENCES and not self._at_a_port:
+                stream.close("no more answers")
+            raise self._silence(stream, sent, dropped, repeated) from None
+        except ConnectionError as problem:
+            raise LinkLost(self._device, str(problem), sent=sent) from problem
+        self._doubtful = False
+        return found
+
+    async def _trust(self, stream: StatusStream) -> None:
+        """Drains a line that answers, if it may still hold what was asked before."""
+        if self._profile.cyclic is not None or not (self._doubtful or stream.strays):
+            return
+        deadline_s = _now_s() + DRAIN_LIMIT_S
+        while True:
+            stream.forget()
+            try:
+                async with patience(self._answer_s):
+                    await stream.more()
+            except TimeoutError:
+                self._doubtful = False
+                return
+            except ConnectionError as problem:
+                raise LinkLost(self._device, str(problem)) from problem
+            if _now_s() > deadline_s:
+                raise BadAnswer(
+                    self._device, f"does not stop talking within {DRAIN_LIMIT_S:g} s",
+                    remedy="Check whether it sends its status by itself: its profile then says cyclic, not request.",
+                )  # fmt: skip
+
+    async def _leave_gap(self) -> None:
+        early_s = self._sent_at_s + self._profile.gap - _now_s()
+        if early_s > 0:
+            await asyncio.sleep(early_s)
+
+    def _send(self, stream: StatusStream, name: str, frame: bytes) -> None:
+        """Sends a command, after which a status may still be that of before."""
+        self._write(stream, name, frame)
+        self._sent_at_s = _now_s()
+
+    def _write(self, stream: StatusStream, name: str, frame: bytes) -> None:
+        try:
+            stream.send(frame)
+        except ConnectionError as problem:
+            raise LinkLost(self._device, str(problem), sent=_spelled(name, frame)) from problem
+
+    # The life of the wire
+
+    async def _connect(self) -> None:
+        self._closed, why = False, ""
+        if self._stream is not None:
+            self._stream.close()
+            why = self._stream.lost
+        try:
+            self._stream = await self._wires.stream(self._device, self._address, self._new_stream)
+            self._doubtful, self._silences, self._told = self._address.is_serial_line, 0, (0, 0)
+            self._sent_at_s = _now_s()  # something on the way may hold what was sent before
+            self._check(await self._look(self._stream))
+        except BaseException:
+            if self._stream is not None:
+                self._stream.close()
+            self._pauses.failed()
+            raise
+        self._pauses = Pauses()
+        if why:
+            self._note(f"connected and identified again at {self._address}: {why}")
+
+    async def _revive(self) -> None:
+        """Connects again, unless it is not time yet."""
+        if self._closed:
+            raise LinkLost(self._device, "is not connected")
+        if (wait_s := self._pauses.left_s()) > 0:
+            raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
+        await self._connect()
+
+    def _new_stream(self) -> StatusStream:
+        return StatusStream(self._device, self._profile.format("status"), self._reader, self._period_s)
+
+    def _opened(self) -> StatusStream:
+        if self._stream is None:
+            raise LinkLost(self._device, "is not connected")
+        return self._stream
+
+    # What is sent
+
+    def _silence(self, stream: StatusStream, sent: str, dropped: int, repeated: int) -> NoAnswer:
+        problem, received = f"no status within {self._answer_s:g} s", ""
+        remedy = "Check that the controller is on, the cable, and the settings of the line."
+        if stream.repeated > repeated:
+            problem = f"only the same status again and again for {self._answer_s:g} s"
+            remedy = "Check the controller: its status is not updated."
+        elif stream.dropped > dropped:
+            received = f"{stream.dropped - dropped} bytes that belong to no frame, {printable_hex(stream.last_dropped)}"
+            remedy = "Check the settings of the line, and header, length and checksum in the profile."
+        return NoAnswer(self._device, problem, sent=sent, received=received, remedy=remedy)
+
+    def _tell(self, stream: StatusStream) -> None:
+        """Notes what was lost, when there is more of it and the last note is not too fresh."""
+        missing = stream.missing if self._profile.cyclic is not None else 0
+        found = (stream.dropped, missing)
+        if found != self._told and _now_s() >= self._told_at_s + TELL_EVERY_S:
+            self._told, self._told_at_s = found, _now_s()
+            self._note(
+                f"since it was connected {stream.dropped} bytes belonged to no frame"
+                + (f", the last {printable_hex(stream.last_dropped)}" if stream.dropped else "")
+                + (f"; {missing} statuses did not come" if missing else "")
+            )
+
+
+def _spelled(name: str, frame: bytes) -> str:
+    return f"{name} {printable_hex(frame)}"
+
+
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()

@@ -1,0 +1,256 @@
+"""The file that describes the frames of a table or a head: their layout, and the meaning of their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails
+
+from drivers.dialects.framed.parts import (
+    AccelerationNumber,
+    AmplitudeNumber,
+    AngleNumber,
+    Bit,
+    ChecksumSettings,
+    Code,
+    Constant,
+    Count,
+    Fault,
+    FrequencyNumber,
+    HexBytes,
+    LineSettings,
+    Number,
+    Place,
+    RateNumber,
+)
+from drivers.dialects.framed.wire import ByteOrder, FrameFormat, NumberFormat
+from drivers.kinds.axes import RateRange
+from drivers.kinds.head.description import AngleRange
+from drivers.schema.fields import Flag, InUnit, StrictModel, WholeNumber
+from drivers.schema.wording import problem_at
+
+Meaning = Annotated[str, Field(min_length=1, max_length=80)]
+Where = tuple[str | int, ...]
+
+
+class FrameShape(StrictModel):
+    """Common keys of all frames; undescribed bytes are sent as 0, and ignored on reception."""
+
+    length: Annotated[WholeNumber, Field(ge=3, le=256)] = Field(description="in bytes, with header and checksum")
+    header: HexBytes | None = Field(None, description="where it is not that of the profile")
+    constants: list[Constant] = Field([], description="bytes that are always the same, such as a kind of frame")
+    counter: Count | None = Field(None, description="goes up by one from frame to frame")
+
+    def parts(self) -> Iterator[tuple[Where, Place]]:
+        """Its parts, with their places in the file."""
+        for name in type(self).model_fields:
+            found = getattr(self, name)
+            if isinstance(found, Place):
+                yield (name,), found
+            elif isinstance(found, list):
+                yield from (((name, index), each) for index, each in enumerate(found))
+            elif isinstance(found, StrictModel):
+                inner = ((key, getattr(found, key)) for key in type(found).model_fields)
+                yield from (((name, key), each) for key, each in inner if isinstance(each, Place))
+
+
+class MoveFrame(FrameShape):
+    """Goes to an angle."""
+
+    angle: AngleNumber
+    rate: RateNumber | None = Field(None, description="how fast; without it that is set at the controller")
+    acceleration: AccelerationNumber | None = None
+
+
+class RateFrame(FrameShape):
+    """Turns on and on."""
+
+    rate: RateNumber
+    acceleration: AccelerationNumber | None = None
+
+
+class SineFrame(FrameShape):
+    """Swings about the present angle."""
+
+    amplitude: AmplitudeNumber
+    frequency: FrequencyNumber
+
+
+class Commands(StrictModel):
+    """Commands to the controller. The driver never sends `home`, `clear_fault` and `disable`; others may."""
+
+    stop: FrameShape = Field(description="slows down and holds")
+    move: MoveFrame
+    enable: FrameShape | None = Field(None, description="energises the motor")
+    disable: FrameShape | None = None
+    rate: RateFrame | None = Field(None, description="for a rate table")
+    sine: SineFrame | None = Field(None, description="for a rate table that swings by itself")
+    home: FrameShape | None = None
+    clear_fault: FrameShape | None = None
+
+
+class States(StrictModel):
+    """Bits with the state of the axis."""
+
+    moving: Bit = Field(description="it is on its way: going, turning, swinging or slowing down")
+    enabled: Bit | None = Field(None, description="the motor is energised; without it, it always is")
+    homed: Bit | None = Field(None, description="angles mean something; without it, they always do")
+    in_position: Bit | None = Field(None, description="it is at its target")
+    at_sine: Bit | None = Field(None, description="a sine has its full amplitude")
+    remote: Bit | None = Field(None, description="commands over this line are obeyed; without it, they always are")
+    emergency_stop: Bit | None = Field(None, description="the emergency stop is pressed")
+
+
+class StatusFrame(FrameShape):
+    """Status of the controller."""
+
+    angle: AngleNumber
+    rate: RateNumber | None = Field(None, description="needed of a rate table")
+    target_angle: AngleNumber | None = Field(None, description="the angle of the last move that it took")
+    target_rate: RateNumber | None = Field(None, description="the rate of the last `rate` that it took")
+    answers: Count | None = Field(None, description="the counter of the request that this answers")
+    serial_number: Count | None = Field(None, description="compared with the bench file")
+    firmware: Count | None = Field(None, description="compared with the bench file")
+    mode: Code | None = Field(None, description="what the servo follows")
+    states: States
+    faults: list[Fault] = Field([], description="what is wrong, in words")
+
+
+class Cycle(StrictModel):
+    """The controller sends its status by itself."""
+
+    period: Annotated[float, InUnit("s", above=0, at_most=1)] = Field(description="from one status to the next")
+
+
+class ControllerLimits(StrictModel):
+    """What the axis and its controller bear; those of the bench file hold as well."""
+
+    angle: AngleRange | None = Field(None, description="of moves, as encoded in their frame")
+    rate: RateRange | None = Field(None, description="of moves and of turning")
+
+
+class FrameProfile(StrictModel):
+    """One kind of controller."""
+
+    schema_: Literal["itb-table/1"] = Field(alias="schema", description="what kind of file this is")
+    maker: Meaning = Field(description="who makes the controller")
+    model: Meaning = Field(description="its name")
+    source: Meaning = Field(description="where these numbers are from: a document and its edition, or who tried them")
+    line: LineSettings = Field(LineSettings(), description="of a serial line, unless given in the address")
+    byte_order: ByteOrder = Field(description="of numbers of more than one byte")
+    header: HexBytes = Field(description="the bytes that every frame begins with")
+    trailer: HexBytes = Field(b"", description="the bytes after every checksum")
+    checksum: ChecksumSettings
+    cyclic: Cycle | None = Field(None, description="where the controller sends its status by itself")
+    request: FrameShape | None = Field(None, description="where it has to be asked: the frame that asks")
+    commands_answered: Flag = Field(False, description="whether a command is answered with a status as well")
+    gap: Annotated[float, InUnit("s", at_least=0, at_most=2)] = Field(
+        0.0, description="what the controller needs between two frames that it is sent"
+    )
+    reaction: Annotated[float, InUnit("s", at_least=0, at_most=2)] = Field(
+        description="time after a command in which a status may still be an earlier one"
+    )
+    angle_wraps: Flag = Field(
+        False, description="angles begin again after a turn, and moves take the shorter way; for rate tables only"
+    )
+    limits: ControllerLimits = Field(ControllerLimits(), description="beyond them no motion is sent")
+    status: StatusFrame
+    commands: Commands
+
+    @model_validator(mode="after")
+    def _complete_and_unambiguous(self) -> Self:
+        if problems := [*self._missing(), *self._misplaced(), *self._alike()]:
+            raise ValidationError.from_exception_data(type(self).__name__, problems)
+        return self
+
+    def number(self, number: Number | Count | Code) -> NumberFormat:
+        """How a number is written."""
+        return number.form(self.byte_order)
+
+    def shape(self, name: str) -> FrameShape:
+        """A frame by its place in the file: `status`, `request` or the name of a command."""
+        return self._shapes[name]
+
+    def format(self, name: str) -> FrameFormat:
+        """How it is written."""
+        return self._formats[name]
+
+    def command_names(self) -> list[str]:
+        """The commands that it has."""
+        return [name for name in Commands.model_fields if getattr(self.commands, name) is not None]
+
+    def fingerprint(self) -> str:
+        """The features that distinguish its frames from others, as far as the profile describes them."""
+        status = self.format("status")
+        fixed = ", ".join(f"{data.hex(' ').upper()} at {at}" for at, data in status.fixed)
+        return f"frames of {status.length} bytes with {fixed}, {self.checksum.kind}"
+
+    @cached_property
+    def _formats(self) -> dict[str, FrameFormat]:
+        checksum, found = self.checksum.of(self.byte_order), {}
+        for name, shape in self._shapes.items():
+            fixed = [(0, shape.header or self.header), *((each.at, each.bytes) for each in shape.constants)]
+            found[name] = FrameFormat(name, shape.length, tuple(fixed), checksum, self.trailer)
+        return found
+
+    @cached_property
+    def _shapes(self) -> dict[str, FrameShape]:
+        shapes = {name: getattr(self.commands, name) for name in self.command_names()}
+        return shapes | {"status": self.status} | ({"request": self.request} if self.request is not None else {})
+
+    def _missing(self) -> Iterator[InitErrorDetails]:
+        if (self.cyclic is None) == (self.request is None):
+            yield problem_at((), "needs either cyclic or request: how its status is come by")
+        if self.cyclic is not None and (baud := self.line.baud) is not None:
+            takes_s = self.status.length * self.line.bits_per_byte / baud
+            if takes_s > self.cyclic.period:
+                yield problem_at(("cyclic", "period"), f"a status takes {takes_s * 1000:.3g} ms at {baud} baud")
+        if self.cyclic is not None and self.commands_answered:
+            yield problem_at(("commands_answered",), "is for a controller that has to be asked")
+        if self.status.answers is not None and (self.request is None or self.request.counter is None):
+            yield problem_at(("status", "answers"), "needs request.counter: what it answers with")
+        if self.commands.enable is not None and self.status.states.enabled is None:
+            yield problem_at(("commands", "enable"), "needs status.states.enabled: where its effect is seen")
+        if self.commands.sine is not None and self.status.states.at_sine is None:
+            yield problem_at(("commands", "sine"), "needs status.states.at_sine: where its effect is seen")
+
+    def _misplaced(self) -> Iterator[InitErrorDetails]:
+        """Parts that overlap, or extend beyond the end of their frame."""
+        for name, shape in self._shapes.items():
+            at: Where = (name,) if name in ("status", "request") else ("commands", name)
+            form = self.format(name)
+            end, header = form.checksum_at, shape.header or self.header
+            if end < max(len(header), self.checksum.from_):
+                yield problem_at((*at, "length"), f"{shape.length} bytes do not hold header, checksum and trailer")
+                continue
+            holders: dict[int, str] = dict.fromkeys(range(len(header)), "the header")
+            for where, part in shape.parts():
+                yield from _settle(holders, (*at, *where), part, end)
+
+    def _alike(self) -> Iterator[InitErrorDetails]:
+        """Command frames that cannot be distinguished."""
+        told: dict[tuple[int, frozenset[tuple[int, int]]], str] = {}
+        for name in (each for each in self._shapes if each != "status"):
+            form = self.format(name)
+            bytes_at = frozenset((at + index, byte) for at, data in form.fixed for index, byte in enumerate(data))
+            if before := told.get((form.length, bytes_at)):
+                at = ("request",) if name == "request" else ("commands", name)
+                yield problem_at(at, f"it cannot be distinguished from {before}: give it constants")
+            told[form.length, bytes_at] = name
+
+
+def _settle(holders: dict[int, str], where: Where, part: Place, end: int) -> Iterator[InitErrorDetails]:
+    """Puts a part into the bytes that it fills; bits may share theirs with other bits."""
+    name = ".".join(map(str, where[1:]))
+    mark = "bits" if part.shares else name
+    for place in range(part.at, part.at + part.count):
+        before = holders.setdefault(place, mark)
+        if place >= end:
+            yield problem_at((*where, "at"), f"byte {place} is beyond the last before the checksum, {end - 1}")
+            return
+        if before != mark:
+            yield problem_at((*where, "at"), f"byte {place} is that of {before} already")
+            return

@@ -1,0 +1,127 @@
+"""One connection over which a controller sends its status in frames."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+from drivers.dialects.framed.status import StatusReader
+from drivers.dialects.framed.wire import FrameFormat, Raw, Splitter
+from drivers.errors import Refused
+
+SPLICE_S = 0.05  # the rest of a frame that has not come by then does not come any more
+
+
+class StatusStream(asyncio.Protocol):
+    """Takes status frames in: that which was expected is `fresh`, the others are `strays`; both begin with `expect`.
+
+    A status with the counter of the last is neither, since nothing new is in it: `repeated` counts those, `missing`
+    what the counter says that did not come. A frame that was begun and not gone on with for `rest_s` is dropped, so
+    that two halves make no frame. Concurrency: one waits for the next bytes at a time.
+    """
+
+    def __init__(self, device: str, status: FrameFormat, reader: StatusReader, rest_s: float) -> None:
+        self._device, self._reader, self._rest_s = device, reader, max(rest_s, SPLICE_S)
+        self._splitter = Splitter([status])
+        self._counter: Raw | None = None
+        self._expecting = False
+        self._answers: Raw | None = None
+        self.fresh: bytes | None = None
+        self.strays = self.repeated = self.missing = 0
+        self._heard_at_s = -math.inf
+        self._waiter: asyncio.Future[None] | None = None
+        self._transport: asyncio.Transport | None = None
+        self.lost = "not connected"
+
+    def expect(self, answers: Raw | None = None) -> None:
+        """The next status is the fresh one, or the next that answers a request with this counter."""
+        self._expecting, self._answers, self.fresh = True, answers, None
+
+    async def expected(self) -> bytes:
+        """Returns the fresh status; ConnectionError when none will come, Refused after `interrupt`."""
+        try:
+            while self.fresh is None:
+                await self.more()
+            return self.fresh
+        finally:
+            self._expecting = False
+
+    @property
+    def dropped(self) -> int:
+        """How many bytes belonged to no frame."""
+        return self._splitter.dropped
+
+    @property
+    def last_dropped(self) -> bytes:
+        """Some of them."""
+        return self._splitter.last_dropped
+
+    def send(self, frame: bytes) -> None:
+        """Sends a frame; ConnectionError when the connection is closed."""
+        if self._transport is None or self.lost:
+            raise ConnectionError(self.lost)
+        self._transport.write(frame)
+
+    async def more(self) -> None:
+        """Waits for the next bytes; ConnectionError when none will come, Refused after `interrupt`."""
+        if self.lost:
+            raise ConnectionError(self.lost)
+        self._waiter = asyncio.get_running_loop().create_future()
+        try:
+            await self._waiter
+        finally:
+            self._waiter = None
+
+    def interrupt(self) -> None:
+        """Ends what waits for bytes."""
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_exception(Refused(self._device, "cut short, the instrument is being made safe"))
+
+    def forget(self) -> None:
+        """Drops what came and was not expected."""
+        self.strays = 0
+        self._splitter.forget()
+
+    def close(self, why: str = "the connection was closed by this program") -> None:
+        """Closes the connection; closing twice is harmless."""
+        self.lost = self.lost or why
+        if self._transport is not None:
+            self._transport.close()
+
+    def _take(self, frame: bytes) -> None:
+        counter, last = self._reader.counter(frame), self._counter
+        if counter is not None and counter == last:
+            self.repeated += 1
+            return
+        if counter is not None and last is not None:
+            self.missing += int(counter - last - 1) % self._reader.counter_range
+        self._counter = counter
+        if self._expecting and self._answers in (None, self._reader.answers(frame)):
+            self.fresh, self._expecting = frame, False
+        else:
+            self.strays += 1
+
+    # asyncio.Protocol
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The connection is open."""
+        if not isinstance(transport, asyncio.Transport):
+            raise TypeError("a stream transport is needed")
+        self._transport, self.lost = transport, ""
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes from the controller."""
+        now_s = asyncio.get_running_loop().time()
+        if self._splitter.unfinished and now_s - self._heard_at_s > self._rest_s:
+            self._splitter.forget()
+        self._heard_at_s = now_s
+        for _, frame in self._splitter.feed(data):
+            self._take(frame)
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The connection is closed; who waits learns it now."""
+        self.lost = self.lost or f"the connection was closed ({exc or 'by the other end'})"
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_exception(ConnectionError(self.lost))

@@ -1,0 +1,50 @@
+"""Bench file keys of a Keithley 6220 or 6221."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.certificates.corrections import CurrentCorrections
+from drivers.certificates.current_standard import CurrentUncertainty
+from drivers.description import DriverDescription
+from drivers.dialects.keithley_6220.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A, Terminator
+from drivers.kinds.ranges import SourceLimits, range_of
+from drivers.safe_state import ZERO_THEN_OFF
+from drivers.schema.fields import InUnit, StrictModel
+
+KNOWN_RANGE = range_of(RANGES_A, "A", "one of 2 nA to 20 mA in decades, or 100 mA")
+
+
+class KeithleyOptions(StrictModel):
+    """How the source is used.
+
+    `terminator` ends lines in both directions and must be the one in the instrument's communication menu: on RS-232 it
+    acts on a CR, with or without an LF after it; over TCP (6221) `lf` is usual.
+    """
+
+    range: Annotated[float, InUnit("A", above=0), KNOWN_RANGE] = Field(
+        description="the one range for all levels, 2 nA to 20 mA in decades or 100 mA"
+    )
+    compliance: Annotated[float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V)] = Field(
+        description="the most that a sequence may ask for"
+    )
+    terminator: Terminator = "crlf"
+
+
+DESCRIPTION = DriverDescription(
+    name="keithley_6220",
+    title="precision current source Keithley 6220 or 6221",
+    capabilities=frozenset({"current_source"}),
+    schemes=frozenset({"serial", "socket", "tcp"}),
+    target="drivers.dialects.keithley_6220.driver:Keithley6220",
+    simulator="simulators.instruments.sources.keithley_6220:SimulatedKeithley",
+    recognition="drivers.dialects.keithley_6220.recognition:RECOGNITION",
+    options=KeithleyOptions,
+    limits=SourceLimits,
+    safe_state=ZERO_THEN_OFF,
+    uncertainty=CurrentUncertainty,
+    corrections=CurrentCorrections,
+    channels={"current": "A"},
+)

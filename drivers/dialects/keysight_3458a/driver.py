@@ -1,0 +1,216 @@
+"""A Keysight 3458A as a meter: one range, every measurement begun by asking how it is set."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from typing import Self, TypeVar
+
+from drivers.description import Nothing, Setup, check_identity, still_the_same
+from drivers.dialects.keysight_3458a import wire
+from drivers.dialects.keysight_3458a.description import MeterOptions
+from drivers.dialects.keysight_3458a.wire import Setting
+from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
+from drivers.timing.readback import ReadBack
+from drivers.transport.dialogue import Dialogue, once_more
+from drivers.transport.exchange import Pace, Proof
+from drivers.values import Identity, Reading
+
+T = TypeVar("T")
+
+READ_BACK = ReadBack()
+ERRORS_AT_MOST = 32  # more than its two registers have bits
+KEPT_READINGS = 10_000  # for a poll that never comes
+_SLOWEST_LINE_HZ = 45.0
+_SLACK_S = 1.0
+_LONGEST_S = wire.takes_s(wire.NPLCS[-1], _SLOWEST_LINE_HZ) + _SLACK_S
+
+
+class Keysight3458A:
+    """One meter, here for DC volts.
+
+    A second master, a power failure and a front panel in use show in the settings, which are read before every
+    measurement: they are a fault, not set right again in silence.
+
+    Concurrency: measurements queue. A `poll` meanwhile gives what the one under way has read so far.
+    """
+
+    _function = wire.DC_VOLTS
+    _channel = "voltage"
+
+    def __init__(self, setup: Setup[MeterOptions, Nothing, Nothing]) -> None:
+        self.name = setup.name
+        self._options, self._pin = setup.options, setup.identity
+        proof = Proof(wire.IDENTITY_QUESTION, self._recognise)
+        # A reading whose asker has gone is still to come, so the line is quiet only when the longest is over.
+        pace = Pace(quiet_s=_LONGEST_S)
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace, note=setup.note
+        )
+        self._turn, self._note = asyncio.Lock(), setup.note
+        self._identity: Identity | None = None
+        self._set: Setting | None = None  # what was made and read back
+        self._line_hz = _SLOWEST_LINE_HZ
+        self._fresh: deque[Reading] = deque(maxlen=KEPT_READINGS)
+
+    async def __aenter__(self) -> Self:
+        """Connects, identifies, sets the instrument up; raises CannotConnect, WrongIdentity, InstrumentFault."""
+        await self._dialogue.open()
+        try:
+            await once_more(self._errors, self._note)  # what others sent wrongly is forgotten
+            self._line_hz = await self._ask(wire.LINE_FREQUENCY_QUESTION, wire.read_number)
+            await self._set_up(self._setting(self._options.nplc))
+        except BaseException:
+            self._dialogue.close()
+            raise
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the wire; the instrument waits for a trigger that does not come."""
+        self._dialogue.close()
+
+    async def identify(self) -> Identity:
+        """Who is there: the serial number as the bench file states it, since the wire tells none.
+
+        The fingerprint is how often it has been calibrated. Raises WrongIdentity, also when anything has changed.
+        """
+        async with self._turn:
+            told = await self._ask(wire.IDENTITY_QUESTION, self._recognise)
+            revision = await self._ask(wire.REVISION_QUESTION, wire.read_numbers)
+            calibrations = await self._ask(wire.CALIBRATIONS_QUESTION, wire.read_number)
+        found = told._replace(
+            serial=self._pin.serial or "", firmware=",".join(f"{number:g}" for number in revision),
+            fingerprint=f"calibrated {calibrations:.0f} times",
+        )  # fmt: skip
+        check_identity(self.name, self._pin, found)
+        self._identity = still_the_same(self.name, self._identity, found, str(found))
+        return found
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """One reading, or those of the measurement under way; InstrumentFault as `measure`."""
+        if not self._turn.locked():
+            async with self._turn:
+                await self._read(1)
+        fresh = list(self._fresh)
+        self._fresh.clear()
+        return {self._channel: fresh}
+
+    async def measure(self, count: int, *, nplc: float | None) -> Sequence[Reading]:
+        """`count` readings (V, or A of an ammeter), one after the other, each with the time of its middle.
+
+        Each integrates over `nplc` cycles of the power line, 1 to 10 or 20 to 100 in tens; None is as the bench file
+        says. Raises BeyondLimit before anything is sent, Refused when the instrument does not take the setting,
+        InstrumentFault when it is no longer set as it was, has an error, or its input is beyond the range.
+        """
+        wanted = self._setting(self._options.nplc if nplc is None else nplc)
+        if wanted.nplc not in wire.NPLCS:
+            raise BeyondLimit(
+                self.name, f"{wanted.nplc:g} line cycles are not 1 to 10, or 20 to 100 in tens",
+                remedy="Nothing was sent. Correct the sequence.",
+            )  # fmt: skip
+        async with self._turn:
+            if wanted != self._set:
+                await self._set_up(wanted)
+            return await self._read(count)
+
+    async def make_safe(self) -> None:
+        """Nothing to do: a meter energises nothing."""
+
+    def _setting(self, nplc: float) -> Setting:
+        return Setting(self._options.range, nplc, self._function)
+
+    async def _set_up(self, setting: Setting) -> None:
+        """Sets the instrument up and reads back; raises Refused."""
+        self._set = None
+        message = wire.set_up(setting)
+        await self._dialogue.order(message, wire.read_numbers)
+        problem = "; ".join(await once_more(self._errors, self._note))
+        if problem := problem or await READ_BACK.until(lambda: self._misfit(setting), lambda misfit: not misfit):
+            raise Refused(
+                self.name, "a setting was not carried out", sent=message.decode(), received=problem,
+                remedy="Look at its display, and check range and nplc in the bench file.",
+            )  # fmt: skip
+        self._set = setting
+
+    async def _read(self, count: int) -> Sequence[Reading]:
+        """Readings with the setting that was made, checked before and after; raises InstrumentFault."""
+        setting = self._set
+        if setting is None or (misfit := await self._misfit(setting)):
+            raise InstrumentFault(
+                self.name, "is no longer set as it was", received="" if setting is None else misfit,
+                remedy="Look for a power failure, a front panel in use, or who else sets it; then run again.",
+            )  # fmt: skip
+        readings, errors = await self._proved(setting, count)
+        if errors:
+            raise InstrumentFault(self.name, "has errors after a measurement", received="; ".join(errors))
+        return readings
+
+    async def _proved(self, setting: Setting, count: int) -> tuple[Sequence[Reading], list[str]]:
+        """Readings, and the errors that the instrument tells after them.
+
+        It tells an error only once: where that answer is missing, the readings before it are not believed.
+        """
+        readings = [await self._reading(setting) for _ in range(count)]
+        try:
+            return readings, await self._errors()
+        except NoAnswer as problem:
+            self._note(f"measured again: {problem}")
+        return [await self._reading(setting) for _ in range(count)], await self._errors()
+
+    async def _reading(self, setting: Setting) -> Reading:
+        takes_s = wire.takes_s(setting.nplc, self._line_hz)
+        value = await self._dialogue.ask(wire.TRIGGER, wire.read_number, answer_s=takes_s + _SLACK_S)
+        if abs(value) >= wire.OVERLOAD:
+            raise InstrumentFault(
+                self.name, f"the input is beyond the {setting.full_scale:g} {setting.function.unit} range",
+                received=f"{value:g}",
+                remedy="Check what is connected to it, and its range in the bench file.",
+            )  # fmt: skip
+        now_s = asyncio.get_running_loop().time()
+        reading = Reading(now_s - wire.middle_before_answer_s(setting.nplc, self._line_hz), value)
+        self._fresh.append(reading)
+        return reading
+
+    async def _misfit(self, setting: Setting) -> str:
+        """The first answer that tells of another setting, "" when there is none."""
+        for question, expected in wire.state_when(setting).items():
+            found = await self._ask(question, wire.read_numbers)
+            if found[: len(expected)] != expected:
+                told, wanted = (", ".join(f"{number:g}" for number in numbers) for numbers in (found, expected))
+                return f"{told} to {question.decode()}, expected {wanted}"
+        return ""
+
+    async def _errors(self) -> list[str]:
+        """All that its error registers hold, which are empty then; raises InstrumentFault for faults of its own."""
+        errors: list[str] = []
+        faults: list[str] = []
+        for _ in range(ERRORS_AT_MOST):
+            entry = await self._dialogue.ask_once(wire.ERROR_QUESTION, wire.read_error)
+            if not entry.code:
+                break
+            (faults if wire.is_own_fault(entry) else errors).append(str(entry))
+        else:
+            raise InstrumentFault(self.name, "its error registers do not become empty", received=str(entry))
+        if faults:
+            raise InstrumentFault(
+                self.name, "the instrument reports a fault of its own", received="; ".join(faults),
+                remedy="Look it up in its user's guide (ERR?, AUXERR?); it may need calibration or repair.",
+            )  # fmt: skip
+        return errors
+
+    async def _ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
+        return await self._dialogue.ask(question, read)
+
+    def _recognise(self, line: bytes) -> Identity:
+        """Maker and model; raises WrongIdentity when they are not those of the bench file."""
+        found = wire.read_identity(line)
+        check_identity(self.name, self._pin.model_copy(update={"firmware": None}), found)
+        return found
+
+
+class Keysight3458AAmmeter(Keysight3458A):
+    """The same for DC current; its input resists, which whatever drives the current has to overcome."""
+
+    _function = wire.DC_CURRENT
+    _channel = "current"

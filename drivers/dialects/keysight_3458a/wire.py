@@ -1,0 +1,137 @@
+"""Keysight 3458A messages and answers; its language is its own, older than SCPI.
+
+Facts from the user's guide (03458-90014: chapters 3, 4 and 6, appendix on throughput). How answers look is as others
+have recorded them from instruments, such as `10.0000000E+00` to NPLC? and `1, .1` to FUNC?.
+
+A message may hold several commands, separated by semicolons, but only one question: one answer takes the place of
+the other. Answers end with CR and LF.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from drivers.protocols import scpi
+from drivers.protocols.scpi import ErrorEntry
+from drivers.values import Identity
+
+END = b"\n"  # a CR before it would be the end of a command already, and the LF that of an empty one
+RANGES_V = (0.1, 1.0, 10.0, 100.0, 1000.0)
+RANGES_A = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
+NPLCS = (*range(1, 11), *range(20, 101, 10))  # what the instrument takes as it is; it rounds others up
+OVERLOAD = 1e38  # in V or A; told of an input beyond the range
+
+# The instrument measures on and on until its trigger is held, and its readings would be taken for answers; a gateway
+# sees where an answer ends once END is ALWAYS.
+IDENTITY_QUESTION = b"TARM HOLD;END ALWAYS;ID?"
+REVISION_QUESTION = b"REV?"
+CALIBRATIONS_QUESTION = b"CALNUM?"
+LINE_FREQUENCY_QUESTION = b"LFREQ?"
+ERROR_QUESTION = b"ERRSTR?"
+TRIGGER = b"TARM SGL"  # answered by the reading, when it is there
+
+_ON, _OFF, _HOLD = 1.0, 0.0, 4.0
+_CONTINUOUS_NPLC = 10  # a longer reading is the mean of several of this length
+_OWN_ERRORS = {100, 101, 108, 109, 110}  # hardware, calibration, overload that destroys, out of calibration, due for it
+_AUXILIARY_ERRORS = 200  # and above: what of the hardware
+
+_AROUND = " \r"  # what may be around a number; Python alone would take control characters for spaces as well
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,2})?", re.ASCII)
+_IDENTITY = re.compile(r"(HP|Agilent|Keysight) ?(3458A)", re.ASCII | re.IGNORECASE)
+
+
+class Function(NamedTuple):
+    """What is measured: the command for it, what FUNC? answers, and in which unit its readings are."""
+
+    command: str
+    code: float
+    unit: str
+
+
+DC_VOLTS = Function("DCV", 1.0, "V")
+DC_CURRENT = Function("DCI", 6.0, "A")
+
+
+class Setting(NamedTuple):
+    """How it measures: in which range (V or A), over how many cycles of the power line, and what."""
+
+    full_scale: float
+    nplc: float
+    function: Function = DC_VOLTS
+
+
+def set_up(setting: Setting) -> bytes:
+    """What sets the instrument up, whatever it was doing, and makes it wait for a trigger; it answers as to TARM?.
+
+    The input buffer lets the bus go while a reading is taken, so that a gateway is not held up. It is off after a power
+    failure, which shows in `state_when`.
+    """
+    return (
+        "PRESET NORM;TARM HOLD;TRIG AUTO;INBUF ON;END ALWAYS;QFORMAT NORM;"
+        f"{setting.function.command} {setting.full_scale:G};NPLC {setting.nplc:g};AZERO ON;TARM?"
+    ).encode()
+
+
+def state_when(setting: Setting) -> Mapping[bytes, tuple[float, ...]]:
+    """The answers, question by question, of an instrument that is set up so and waits for a trigger.
+
+    An answer may have more numbers than those here.
+    """
+    measured = (setting.function.code, setting.full_scale)
+    return {
+        b"TARM?": (_HOLD,), b"FUNC?": measured, b"NPLC?": (setting.nplc,), b"AZERO?": (_ON,), b"MATH?": (_OFF,),
+        b"INBUF?": (_ON,),
+    }  # fmt: skip
+
+
+def takes_s(nplc: float, line_hz: float) -> float:
+    """How long a reading takes with its zeros, which are measured for as long as the input."""
+    return 2 * nplc / line_hz
+
+
+def last_zero_s(nplc: float, line_hz: float) -> float:
+    """How long the last zero is measured; before it, the input (and in long readings other zeros, in turn)."""
+    return min(nplc, _CONTINUOUS_NPLC) / line_hz
+
+
+def middle_before_answer_s(nplc: float, line_hz: float) -> float:
+    """How long before it is answered the middle of a reading was."""
+    return (takes_s(nplc, line_hz) + last_zero_s(nplc, line_hz)) / 2
+
+
+def read_identity(line: bytes) -> Identity:
+    """The answer to ID?: maker and model, which is all the wire tells; ValueError."""
+    match = _IDENTITY.fullmatch(line.decode("ascii").strip(_AROUND))
+    if match is None:
+        raise ValueError("not a 3458A")
+    return Identity(maker=match[1], model=match[2].upper(), verified=False)
+
+
+def read_numbers(line: bytes) -> tuple[float, ...]:
+    """The numbers of an answer, which commas separate; ValueError."""
+    texts = [text.strip(_AROUND) for text in line.decode("ascii").split(",")]
+    for text in texts:
+        if _NUMBER.fullmatch(text) is None or not math.isfinite(float(text)):
+            raise ValueError(f"'{text}' is not a number")
+    return tuple(map(float, texts))
+
+
+def read_number(line: bytes) -> float:
+    """An answer of one number, such as a reading (V or A), which is ± OVERLOAD beyond the range; ValueError."""
+    numbers = read_numbers(line)
+    if len(numbers) != 1:
+        raise ValueError(f"{len(numbers)} numbers, expected one")
+    return numbers[0]
+
+
+def read_error(line: bytes) -> ErrorEntry:
+    """The answer to ERRSTR?, like `106,"PARAMETER OUT OF RANGE"`, and 0 when there is no more; ValueError."""
+    return scpi.error_entry(line.strip(_AROUND.encode()))
+
+
+def is_own_fault(entry: ErrorEntry) -> bool:
+    """Whether an error is one of the instrument itself, not of what it was sent."""
+    return entry.code in _OWN_ERRORS or entry.code >= _AUXILIARY_ERRORS

@@ -1,0 +1,200 @@
+"""A controller as its profile describes it: what is read and written for a chamber."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers.description import IdentityPin
+from drivers.dialects.modbus_chamber.profile import (
+    ChamberProfile,
+    CodeRegister,
+    ModeRegister,
+    Switch,
+    ValueRegister,
+    WrittenRegister,
+)
+from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
+from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.registers import ProvedRegisters, hexadecimal
+from drivers.kinds.chamber.words import Words
+from drivers.transport.modbus import ModbusLink
+from drivers.values import Identity
+
+COLDEST_C, HOTTEST_C = -273.15, 2000.0
+
+
+class ProfiledController:
+    """A Controller; the wire tells what the profile says that it tells.
+
+    Every controller is told a set point only when another is there, since many wear out a memory with each.
+    """
+
+    def __init__(
+        self, link: ModbusLink, pin: IdentityPin, profile: ChamberProfile, note: Callable[[str], object]
+    ) -> None:
+        self.limits_c: tuple[float, float] | None = None
+        self.can_start = profile.mode is not None and profile.mode.start is not None
+        self._link, self._pin, self._profile = link, pin, profile
+        self._registers = ProvedRegisters(link, self._identify, note)
+
+    async def connect(self) -> None:
+        """Reconnect and identify."""
+        await self._registers.connect()
+
+    def close(self) -> None:
+        """Closes the connection; the next request would open it again."""
+        self._link.close()
+
+    async def identify(self) -> Identity:
+        """The names as the bench file and the profile state them; the fingerprint is what the wire tells."""
+        await self._registers.identify()
+        low_c, high_c = self.limits_c or (0.0, 0.0)
+        told = [each.means for each in self._profile.must_be]
+        if self._profile.limits is not None:
+            told.append(f"set point {low_c:g} to {high_c:g} °C")
+        fingerprint = ", ".join(told) or "a temperature where the process value is"
+        return as_stated(self._pin, fingerprint, maker=self._profile.maker, model=self._profile.model)
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """Alarms, mode and temperatures."""
+        control, why = await self._control()
+        target_c = in_force_c = await self._value(self._profile.set_point)
+        if self._profile.set_point_in_force is not None:
+            in_force_c = await self._value(self._profile.set_point_in_force)
+        return Look(await self._value(self._profile.process_value), in_force_c, target_c, control, why)
+
+    async def command(self, temperature_c: float) -> None:
+        """Writes the set point, unless it is there already, and reads it back."""
+        register = self._profile.set_point
+        words = self._profile.form(register).words(temperature_c)
+        if await self._registers.read(register.address, register.count, function=register.read) != words:
+            await self._set(register, temperature_c, "set point")
+
+    def kept(self, temperature_c: float) -> float:
+        """As the register of the set point holds it; as it is where that cannot."""
+        form = self._profile.form(self._profile.set_point)
+        try:
+            return form.value(form.words(temperature_c))
+        except OverflowError:
+            return temperature_c
+
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """Tells the rate, then switches the ramp on."""
+        ramp = self._profile.ramp
+        if ramp is None:
+            raise NotImplementedError
+        await self._set(ramp.rate, rate_c_per_min * (60 if ramp.per == "hour" else 1), "ramp rate")
+        if ramp.on is not None:
+            await self._switch(ramp.on, ramp.on.value, "ramp switch")
+
+    async def take_control(self) -> None:
+        """Writes the mode in which the set point decides; InstrumentFault where it cannot, or while an alarm stands."""
+        if alarm := await self._alarm():
+            raise InstrumentFault(
+                self._link.device, "an alarm of the controller stands", received=alarm,
+                remedy="Find its cause, then acknowledge it at the controller.",
+            )  # fmt: skip
+        mode = self._profile.mode
+        if mode is None or mode.start is None:
+            raise InstrumentFault(
+                self._link.device, "the chamber does not follow its set point", received=(await self._control())[1],
+                remedy="Switch it over at the controller; look for who switched it.",
+            )  # fmt: skip
+        await self._switch(mode, mode.start, "mode")
+
+    async def _control(self) -> tuple[Control, str]:
+        """The master of the temperature, with a message."""
+        if alarm := await self._alarm():
+            return Control.OTHER, alarm
+        mode = self._profile.mode
+        if mode is None:
+            return Control.SET_POINT, ""
+        found = await self._code(mode)
+        if found in mode.follows:
+            return Control.SET_POINT, ""
+        if found in mode.off:
+            return Control.NOBODY, f"mode {found}, off"
+        names = [name for name, number in mode.other.items() if number == found]
+        return Control.OTHER, f"mode {found}, {names[0] if names else 'which the profile does not know'}"
+
+    async def _alarm(self) -> str:
+        """The alarms that stand, in words; empty when there is none."""
+        found = [(each, await self._code(each)) for each in self._profile.alarms]
+        return ", ".join(f"{each.means} ({code})" for each, code in found if code not in each.quiet)
+
+    async def _code(self, register: CodeRegister) -> int:
+        return (await self._registers.read(register.address, 1, function=register.read))[0]
+
+    async def _value(self, register: ValueRegister) -> float:
+        words = await self._registers.read(register.address, register.count, function=register.read)
+        return self._number(register, words)
+
+    async def _set(self, register: WrittenRegister, value: float, what: str) -> None:
+        form = self._profile.form(register)
+        try:
+            words = form.words(value)
+        except OverflowError as problem:
+            raise Refused(
+                self._link.device, f"no register holds this {what}: {problem}; nothing was sent",
+                remedy="Correct the sequence, or the scale in the profile if it is wrong.",
+            ) from problem  # fmt: skip
+        await self._registers.set(
+            register.address, words, what, lambda kept: self._spelled(register, kept), many=register.write == 16,
+            function=register.read,
+        )  # fmt: skip
+
+    async def _switch(self, register: ModeRegister | Switch, word: int, what: str) -> None:
+        await self._registers.set(
+            register.address, (word,), what, lambda words: str(words[0]), many=register.write == 16,
+            function=register.read,
+        )  # fmt: skip
+
+    async def _identify(self) -> None:
+        for each in self._profile.must_be:
+            (found,) = await self._link.read(each.address, 1, function=each.read)
+            if found != each.is_:
+                raise self._other(f"this must hold, and does not: {each.means}", f"{found}, expected {each.is_}",
+                                  f"read 1 register at {each.address}")  # fmt: skip
+        limits_c = await self._read_limits()
+        if self.limits_c not in (None, limits_c):
+            raise self._other("another controller than before, or its set-point limits were changed",
+                              f"set points from {limits_c[0]:g} to {limits_c[1]:g} °C")  # fmt: skip
+        at = self._profile.process_value
+        process_value_c = self._number(at, await self._link.read(at.address, at.count, function=at.read))
+        if not COLDEST_C <= process_value_c <= HOTTEST_C:
+            raise self._other("the process value is no temperature", f"{process_value_c:g} °C")
+        self.limits_c = limits_c
+
+    async def _read_limits(self) -> tuple[float, float]:
+        stated, limits = self._profile.range, self._profile.limits
+        if limits is None:
+            return (stated.min, stated.max) if stated is not None else (COLDEST_C, HOTTEST_C)
+        low_c, high_c = [
+            self._number(each, await self._link.read(each.address, each.count, function=each.read))
+            for each in (limits.min, limits.max)
+        ]
+        if low_c < COLDEST_C or high_c > HOTTEST_C or low_c >= high_c:
+            raise self._other("the set-point limits of the controller make no sense", f"{low_c:g} to {high_c:g} °C")
+        return low_c, high_c
+
+    def _number(self, register: ValueRegister, words: Words) -> float:
+        try:
+            return self._profile.form(register).value(words)
+        except ValueError as problem:
+            raise BadAnswer(
+                self._link.device, str(problem), sent=f"read {len(words)} registers at {register.address}",
+                received=hexadecimal(words), remedy="Look at the controller for a sensor error.",
+            ) from problem  # fmt: skip
+
+    def _spelled(self, register: ValueRegister, words: Words) -> str:
+        """Words as a number for a person, and as they were on the wire."""
+        try:
+            return f"{self._profile.form(register).value(words):g} ({hexadecimal(words)})"
+        except ValueError:
+            return hexadecimal(words)
+
+    def _other(self, what: str, received: str, sent: str = "") -> WrongIdentity:
+        return WrongIdentity(
+            self._link.device, what, sent=sent, received=received,
+            remedy="Check the address in the bench file and, for a new profile, its addresses, types and word order.",
+        )  # fmt: skip

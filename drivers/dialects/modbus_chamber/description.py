@@ -1,0 +1,46 @@
+"""Bench file keys of a chamber whose controller a profile describes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from drivers.description import DriverDescription
+from drivers.dialects.modbus_chamber.profile import ChamberProfile
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.schema.fields import DocumentFile, ModelBeside, WholeNumber
+from drivers.schema.wording import problem_at
+
+
+class ModbusChamberOptions(StairOptions):
+    """How the controller is spoken to."""
+
+    profile: Annotated[DocumentFile[ChamberProfile], ModelBeside(ChamberProfile)] = Field(
+        description="describes the controller"
+    )
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+
+    @model_validator(mode="after")
+    def _steps_are_for_controllers_without_a_ramp(self) -> Self:
+        profile = self.profile.content
+        if profile is not None and profile.ramp is not None and "step" in self.model_fields_set:
+            problem = "this controller ramps by itself, as its profile says; leave step out"
+            raise ValidationError.from_exception_data(type(self).__name__, [problem_at(("step",), problem)])
+        return self
+
+
+DESCRIPTION = DriverDescription(
+    name="modbus_chamber",
+    title="thermal chamber whose Modbus registers a profile describes",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"tcp", "serial", "socket"}),
+    target="drivers.dialects.modbus_chamber.driver:ModbusChamber",
+    simulator="simulators.instruments.chambers.modbus_chamber:SimulatedProfile",
+    recognition="drivers.dialects.modbus_chamber.recognition:RECOGNITION",
+    options=ModbusChamberOptions,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    safe_state=safe_state,
+    channels=CHANNELS,
+)

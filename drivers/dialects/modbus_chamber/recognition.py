@@ -1,0 +1,22 @@
+"""How a controller is known that only a profile could describe: something answers in Modbus."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from drivers.discovery.recognition import MODBUS, Found, NoSuchRegister, Port, Recognition
+from drivers.kinds.chamber.recognition import CHAMBER_STARTER
+from drivers.values import Identity
+
+
+async def ask(port: Port) -> Found:
+    """Whoever answers a request for a register, be it by a refusal."""
+    with suppress(NoSuchRegister):
+        await port.registers(0, 1)
+    return Found(
+        Identity(verified=False), {"options": {"profile": "profile.yaml", "unit_id": port.unit_id}},
+        missing="something answers in Modbus that no driver knows; if it is a chamber, write its profile first",
+    )  # fmt: skip
+
+
+RECOGNITION = Recognition(MODBUS, ask, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"), generic=True)

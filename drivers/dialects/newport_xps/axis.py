@@ -1,0 +1,235 @@
+"""The conversation about one axis with an XPS: three connections, questions, calls, and what its answers mean.
+
+A connection on which a call is under way refuses the next one, and a move is answered when it has arrived. Drivers of
+others therefore keep a connection for moves (BLISS, EPICS). Stopping has one of its own too: it never waits for an
+answer to a question, and is never refused because of one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TypeVar
+
+from drivers.description import Nothing, Setup, check_identity, still_the_same
+from drivers.dialects.newport_xps import wire
+from drivers.dialects.newport_xps.description import XpsOptions
+from drivers.dialects.newport_xps.wire import GroupState, Profile, Reply
+from drivers.errors import InstrumentFault, Refused
+from drivers.kinds.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
+from drivers.kinds.head.description import HeadLimits
+from drivers.transport.dialogue import Dialogue
+from drivers.transport.exchange import Pace, Proof, lines_ending
+from drivers.values import Identity, Reading
+
+T = TypeVar("T")
+
+PROFILE_TOLERANCE = 1e-5  # relative: the controller may round what it is told
+
+
+class XpsAxis:
+    """One axis of a controller.
+
+    Lifetime: `open`, then `close`; `reopen` when a connection was lost. Concurrency: callers queue for a connection.
+    """
+
+    def __init__(self, setup: Setup[XpsOptions, HeadLimits, Nothing]) -> None:
+        options = setup.options
+        self._device, self._stated = setup.name, setup.identity
+        self._group, self._positioner = options.group, f"{options.group}.{options.positioner}"
+        self._acceleration_dps2 = options.acceleration
+        self._firmware: Identity | None = None
+        self.limits: OwnLimits | None = None
+        self._asking, self._moving, self._stopping = (self._connection(setup) for _ in range(3))
+        self.takes = self._asking.takes
+
+    def _connection(self, setup: Setup[XpsOptions, HeadLimits, Nothing]) -> Dialogue:
+        return Dialogue(
+            setup.name, setup.wires, setup.address, Proof(wire.ASK_FIRMWARE.encode(), self._recognise), end=b"",
+            framing=lines_ending(wire.END), pace=Pace(ANSWER_S), note=setup.note,
+        )  # fmt: skip
+
+    async def open(self) -> None:
+        """Connects and learns the controller's own limits; raises CannotConnect, WrongIdentity, Refused."""
+        try:
+            for connection in (self._asking, self._moving, self._stopping):
+                await connection.open()
+            low_deg, high_deg = await self._ask(wire.ask_travel(self._positioner), _numbers(2))
+            rate_dps, _ = await self._ask(wire.ask_fastest(self._positioner), _numbers(2))
+        except BaseException:
+            self.close()
+            raise
+        self.limits = OwnLimits(low_deg, high_deg, rate_dps)
+
+    async def reopen(self) -> None:
+        """Connects again what was lost of what stopping needs; else nothing."""
+        await self._stopping.reopen()
+        await self._asking.reopen()
+
+    def close(self) -> None:
+        """Closes the connections; closing twice is harmless."""
+        for connection in (self._asking, self._moving, self._stopping):
+            connection.close()
+
+    async def identify(self) -> Identity:
+        """Model and firmware as the controller tells them; its serial number is stated, the wire does not tell it.
+
+        Raises WrongIdentity when model or firmware are others than in the bench file, or have changed.
+        """
+        firmware = await self._asking.ask(wire.ASK_FIRMWARE.encode(), self._recognise)
+        rate_dps, acceleration_dps2 = await self._ask(wire.ask_fastest(self._positioner), _numbers(2))
+        return Identity(
+            maker=self._stated.maker or "Newport", model=firmware.model, serial=self._stated.serial or "",
+            firmware=firmware.firmware, verified=False,
+            fingerprint=f"{self._positioner} up to {rate_dps:g} °/s and {acceleration_dps2:g} °/s²",
+        )  # fmt: skip
+
+    async def angle(self) -> Reading:
+        """The encoder's angle (°)."""
+        (angle_deg,) = await self._ask(wire.ask_angle(self._positioner), _numbers(1))
+        return Reading(asyncio.get_running_loop().time(), angle_deg)
+
+    async def state(self) -> AxisState:
+        """The group's status, in words where it cannot move."""
+        status = await self._ask(wire.ask_status(self._group), wire.read_integer)
+        state = wire.group_state(status)
+        at_rest = state is GroupState.READY
+        enabled = at_rest or state is GroupState.MOVING
+        words = "" if enabled else await self._words(wire.ask_status_words(status), status)
+        return AxisState(
+            homed=state not in (GroupState.NOT_INITIALISED, GroupState.NOT_HOMED),
+            enabled=enabled,
+            moving=state is GroupState.MOVING,
+            in_position=at_rest,
+            words=words,
+        )
+
+    async def check_faults(self, sent: str = "") -> None:
+        """Raises InstrumentFault with the positioner's error, or why the group is disabled; `sent` met them."""
+        error = await self._ask(wire.ask_error(self._positioner), wire.read_integer)
+        if error:
+            words = await self._words(wire.ask_error_words(error), error)
+            raise InstrumentFault(
+                self._device, f"{self._positioner} has an error: {words}", sent=sent, received=f"{error:#x}",
+                remedy="Remove the cause, clear the error at the controller (PositionerErrorGet), initialise and home "
+                "the group if it says so, then run again.",
+            )  # fmt: skip
+        status = await self._ask(wire.ask_status(self._group), wire.read_integer)
+        if wire.group_state(status) is GroupState.TRIPPED:
+            words = await self._words(wire.ask_status_words(status), status)
+            raise InstrumentFault(
+                self._device, f"group {self._group} was disabled by a fault: {words}", sent=sent,
+                received=f"status {status}",
+                remedy="Remove the cause, enable the group at the controller, then run again.",
+            )  # fmt: skip
+
+    async def enable(self) -> None:
+        """Energise the motor; raises Refused unless the status confirms it."""
+        call = wire.enable(self._group)
+        await self._moving.reopen()
+        await self._order(self._moving, call)
+        state = await READ_BACK.until(self.state, lambda state: state.enabled)
+        if not state.enabled:
+            raise Refused(
+                self._device, f"group {self._group} stays disabled", sent=call, received=state.words,
+                remedy="Check the emergency stop and the driver of the motor, then run again.",
+            )  # fmt: skip
+
+    async def prepare(self, rate_dps: float) -> None:
+        """Sets rate and acceleration unless they are so, and reads them back; raises Refused."""
+        await self._moving.reopen()
+        found = await self._profile()
+        wanted = found._replace(rate_dps=rate_dps, acceleration_dps2=self._acceleration_dps2)
+        if _alike(found, wanted):
+            return
+        call = wire.set_profile(self._positioner, wanted)
+        await self._order(self._moving, call)
+        found = await READ_BACK.until(self._profile, lambda found: _alike(found, wanted))
+        if not _alike(found, wanted):
+            raise Refused(
+                self._device, f"{self._positioner} would move at {found.rate_dps:g} °/s and "
+                f"{found.acceleration_dps2:g} °/s², expected {rate_dps:g} °/s and {self._acceleration_dps2:g} °/s²",
+                sent=call, remedy="Look for another program that uses the controller; nothing was moved.",
+            )  # fmt: skip
+
+    async def _profile(self) -> Profile:
+        return Profile(*await self._ask(wire.ask_profile(self._positioner), _numbers(4)))
+
+    async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
+        """Sends the axis to an angle, once, as prepared; the answer comes when it has arrived.
+
+        Returns then, or within `answer_s` when the answer is missing: the angle decides. Raises Refused,
+        InstrumentFault.
+        """
+        await self._order(self._moving, wire.move_absolute(self._positioner, angle_deg), answer_s=answer_s)
+
+    async def abort(self) -> None:
+        """Lets the axis decelerate and hold; that nothing moves is as good. A move that waits is not sent any more."""
+        await self._stopping.reopen()
+        self._cut_in(self._moving)
+        await self._order(self._stopping, wire.abort(self._group), also=wire.NOT_ALLOWED)
+
+    def abort_at_once(self) -> None:
+        """As `abort`, whatever is under way; raises LinkLost.
+
+        Said on the other connections too, where it is refused while a call is under way: a move that waits there is
+        not sent any more, and of a connection that nothing is said on, nobody learns that its other end is gone.
+        """
+        self._stopping.line.cut_in(wire.abort(self._group).encode())
+        for connection in (self._moving, self._asking):
+            self._cut_in(connection)
+
+    def _cut_in(self, connection: Dialogue) -> None:
+        if connection.is_open:
+            connection.line.cut_in(wire.abort(self._group).encode())
+
+    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+        """What `read` makes of what was asked for; raises Refused when there is none."""
+
+        def read_text(answer: bytes) -> T | Reply:
+            reply = wire.read_reply(answer)
+            return read(reply.text) if reply.code == wire.SUCCESS else reply
+
+        answer = await self._asking.ask(question.encode(), read_text)
+        if isinstance(answer, Reply):
+            raise await self._refusal(question, answer)
+        return answer
+
+    async def _order(
+        self, connection: Dialogue, call: str, *, answer_s: float = ANSWER_S, also: int = wire.SUCCESS
+    ) -> None:
+        """Makes a call once; raises InstrumentFault or Refused when its answer is neither success nor `also`."""
+        reply = await connection.order(call.encode(), wire.read_reply, answer_s=answer_s)
+        if reply is not None and reply.code not in (wire.SUCCESS, also):
+            await self.check_faults(call)
+            raise await self._refusal(call, reply)
+
+    async def _refusal(self, sent: str, reply: Reply) -> Refused:
+        words = await self._words(wire.ask_code_words(reply.code), reply.code)
+        return Refused(
+            self._device, f"the controller did not carry out a call: {words}", sent=sent, received=str(reply),
+            remedy="Look at the controller's own page, and check the group and the positioner in the bench file.",
+        )  # fmt: skip
+
+    async def _words(self, question: str, number: int) -> str:
+        """The controller's words for a number of its; the number where it has none."""
+        reply = await self._asking.ask(question.encode(), wire.read_reply)
+        return reply.text if reply.code == wire.SUCCESS and reply.text else f"number {number}"
+
+    def _recognise(self, answer: bytes) -> Identity:
+        """Compares model and firmware with the bench file, and the first time; ValueError when it is no XPS."""
+        reply = wire.read_reply(answer)
+        if reply.code != wire.SUCCESS:
+            raise ValueError("no version of a firmware")
+        found = Identity(model=wire.read_model(reply.text), firmware=reply.text, verified=False)
+        check_identity(self._device, self._stated.model_copy(update={"maker": None}), found)
+        self._firmware = still_the_same(self._device, self._firmware, found, str(reply))
+        return found
+
+
+def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+    return lambda text: wire.read_numbers(text, count)
+
+
+def _alike(one: Profile, other: Profile) -> bool:
+    return all(abs(a - b) <= PROFILE_TOLERANCE * abs(b) for a, b in zip(one[:2], other[:2], strict=True))

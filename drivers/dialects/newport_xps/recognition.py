@@ -1,0 +1,26 @@
+"""How an XPS is known: by the version of its firmware."""
+
+from __future__ import annotations
+
+from drivers.dialects.newport_xps import wire
+from drivers.discovery.recognition import Blocks, Found, Language, Port, Recognition
+from drivers.kinds.head.recognition import HEAD_STARTER
+from drivers.values import Identity
+
+GROUP = "Group1"  # as a controller is delivered
+STARTER: Blocks = {**HEAD_STARTER, "options": {"group": GROUP, **HEAD_STARTER["options"]}}
+
+
+async def ask(port: Port) -> Found:
+    """A controller; what its groups are called it is not asked."""
+    answer = await port.ask(wire.ASK_FIRMWARE.encode())
+    if not answer.endswith(wire.END):
+        raise ValueError("not the end of an answer")
+    reply = wire.read_reply(answer.removesuffix(wire.END))
+    if reply.code != wire.SUCCESS or not reply.text.isprintable():
+        raise ValueError("no version of a firmware")
+    identity = Identity(maker="Newport", model=wire.read_model(reply.text), firmware=reply.text, verified=False)
+    return Found(identity)
+
+
+RECOGNITION = Recognition(Language("xps"), ask, starter=STARTER)

@@ -1,0 +1,66 @@
+"""Bench file keys of an indexing head that is turned by hand."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from drivers.certificates.corrections import TURN_DEG, AxisCorrections
+from drivers.description import DriverDescription
+from drivers.kinds.axes import AxisUncertainty
+from drivers.kinds.head.description import AngleRange
+from drivers.safe_state import NOTHING
+from drivers.schema.fields import InUnit, PositiveSeconds, StrictModel
+from drivers.schema.wording import telling
+
+SAME_DEG = 1e-6  # what decimals leave of a fraction of a degree
+
+
+class OperatorHeadOptions(StrictModel):
+    """How the head is turned, and which angles it can stand at."""
+
+    index_step: Annotated[float, InUnit("°", above=0, at_most=180)] | None = Field(
+        None,
+        description="from tooth to tooth of its coupling, such as 0.25° of 1440 teeth; without it any angle is one",
+    )
+    tolerance: Annotated[float, InUnit("°", above=0, at_most=1)] = Field(
+        0.01, description="how far from what was asked the angle may be that is typed"
+    )
+    turn_time: PositiveSeconds = Field(120.0, description="how long a person takes to turn it, read it, and answer")
+    give_up_after: PositiveSeconds = Field(86400.0, description="after this time a missing answer is an error")
+
+    @model_validator(mode="after")
+    def _whole_steps_in_a_turn(self) -> Self:
+        if self.index_step is not None and not self.seats(TURN_DEG):
+            raise telling(
+                f"index_step is {self.index_step:.9g}°, a turn is {TURN_DEG / self.index_step:.6g} of them; "
+                "expected a whole number"
+            )
+        return self
+
+    def seats(self, angle_deg: float) -> bool:
+        """Whether the head can stand at an angle."""
+        return self.index_step is None or not abs(math.remainder(angle_deg, self.index_step)) > SAME_DEG
+
+
+class OperatorHeadLimits(StrictModel):
+    """What the bench allows the head."""
+
+    angle: AngleRange
+
+
+DESCRIPTION = DriverDescription(
+    name="operator_head",
+    title="indexing head, dividing head or Hirth-coupling table that a person turns by hand",
+    capabilities=frozenset({"positioner"}),
+    schemes=frozenset({"person"}),
+    target="drivers.dialects.operator_head.driver:OperatorHead",
+    options=OperatorHeadOptions,
+    limits=OperatorHeadLimits,
+    safe_state=NOTHING,
+    uncertainty=AxisUncertainty,
+    corrections=AxisCorrections,
+    channels={"angle": "°"},
+)

@@ -1,0 +1,30 @@
+"""How a power supply is known whose make no driver names: it answers *IDN?, and has a level, a limit and a switch."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from drivers.discovery.recognition import IDN, SCPI, Found, Port, Recognition, forget_errors, text_of
+from drivers.protocols import scpi
+
+SETTINGS_QUERY = b":VOLT?;:CURR?;:OUTP?\n"
+ERROR_QUERIES = (b":SYST:ERR?\n", b":STAT:ERR?\n")
+
+
+async def ask(port: Port) -> Found:
+    """A supply, or a ValueError and an error queue without what another instrument made of the question."""
+    identity = scpi.identity(text_of(await port.ask(IDN)).encode())
+    try:
+        level, limit, output = scpi.answers(text_of(await port.ask(SETTINGS_QUERY)).encode(), 3)
+        scpi.number(level), scpi.number(limit), scpi.boolean(output)
+    finally:
+        for question in ERROR_QUERIES:
+            with suppress(ValueError):  # it does not know this one
+                await forget_errors(port, question)
+                break
+    return Found(identity)
+
+
+RECOGNITION = Recognition(
+    SCPI, ask, starter={"limits": {"voltage": {"max": "5 V"}, "current": {"max": "100 mA"}}}, generic=True
+)

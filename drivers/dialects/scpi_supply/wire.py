@@ -1,0 +1,109 @@
+"""The few SCPI headers that laboratory supplies share, and what is to be sent next to reach a setting.
+
+After the SCPI-1999 instrument class for power supplies. The watchdog is that of Keysight (Operating and Service Guides
+of the N6900 and N7900 series, pages 252 and 287, and of the N6700C, page 158): when no remote interface has had any
+traffic for its delay, the output is latched off. OUTP? does not show that, bit 11 of the questionable status does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drivers.protocols import scpi
+
+# Headers as a simulator matches them
+VOLTAGE = "[SOURce:]VOLTage[:LEVel][:IMMediate][:AMPLitude]"
+CURRENT = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
+OUTPUT = "OUTPut[:STATe]"
+MEASURE_VOLTAGE = "MEASure[:SCALar]:VOLTage[:DC]"
+MEASURE_CURRENT = "MEASure[:SCALar]:CURRent[:DC]"
+MEASURE_POWER = "MEASure[:SCALar]:POWer[:DC]"
+OVER_VOLTAGE = "[SOURce:]VOLTage:PROTection:TRIPped"
+OVER_CURRENT = "[SOURce:]CURRent:PROTection:TRIPped"
+
+WATCHDOG = "OUTPut:PROTection:WDOG[:STATe]"
+WATCHDOG_DELAY = "OUTPut:PROTection:WDOG:DELay"
+QUESTIONABLE = "STATus:QUEStionable:CONDition"
+
+STATE_QUERY = b"MEAS:VOLT?;:MEAS:CURR?;:OUTP?;:VOLT?;:CURR?"
+MAXIMUM_QUERY = b"VOLT? MAX;:CURR? MAX"
+TRIPS = {"over_voltage": b"VOLT:PROT:TRIP?", "over_current": b"CURR:PROT:TRIP?"}
+WATCHDOG_QUERY = b"OUTP:PROT:WDOG?;:OUTP:PROT:WDOG:DEL?;:STAT:QUES:COND?"
+PROTECTED = 2048  # bit of the questionable status: the watchdog has switched the output off
+OFF = "OUTP OFF"
+
+LEVEL_WITHIN_V = 0.001  # finer than any unit needs, not finer than a supply resolves
+LIMIT_WITHIN_A = 0.001
+STEADY_WITHIN = 0.05  # relative: what a unit at work may change its voltage and current by from one answer to the next
+STEADY_WITHIN_V, STEADY_WITHIN_A = 0.02, 0.005  # and in any case: what a supply resolves, and its noise
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What an output is to do: its level, its current limit, whether it is on, and its watchdog's delay; 0 for none."""
+
+    level_v: float
+    limit_a: float
+    output: bool
+    watchdog_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What a supply measures, what it is set to, and which of its protections have tripped, as in TRIPS."""
+
+    voltage_v: float
+    current_a: float
+    setting: Setting
+    tripped: tuple[str, ...] = ()
+
+
+def state_query(trips: Sequence[str], *, watchdog: bool = False) -> bytes:
+    """The question for the state, with those protections that the supply tells of."""
+    return b";:".join([STATE_QUERY, *(TRIPS[trip] for trip in trips), *([WATCHDOG_QUERY] if watchdog else [])])
+
+
+def read_state(line: bytes, trips: Sequence[str] = (), *, watchdog: bool = False) -> State:
+    """The answer to `state_query`; ValueError."""
+    voltage, current, output, level, limit, *told = scpi.answers(line, 5 + len(trips) + 3 * watchdog)
+    tripped = [trip for trip, has in zip(trips, told, strict=False) if scpi.boolean(has)]
+    watchdog_s = 0.0
+    if watchdog:
+        armed, delay, questionable = told[len(trips) :]
+        watchdog_s = scpi.number(delay) if scpi.boolean(armed) else 0.0
+        if int(scpi.number(questionable)) & PROTECTED:
+            tripped.append("watchdog")
+    setting = Setting(scpi.number(level), scpi.number(limit), scpi.boolean(output), watchdog_s)
+    return State(scpi.number(voltage), scpi.number(current), setting, tuple(tripped))
+
+
+def read_maximum(line: bytes) -> tuple[float, float]:
+    """The answer to MAXIMUM_QUERY: the highest level (V) and the highest limit (A); ValueError."""
+    most_v, most_a = scpi.answers(line, 2)
+    return scpi.number(most_v), scpi.number(most_a)
+
+
+def steady(one: State, other: State) -> bool:
+    """Whether what is measured in two answers, one right after the other, may be of an output that stands still."""
+    return abs(one.voltage_v - other.voltage_v) <= STEADY_WITHIN_V + STEADY_WITHIN * abs(one.voltage_v) and abs(
+        one.current_a - other.current_a
+    ) <= STEADY_WITHIN_A + STEADY_WITHIN * abs(one.current_a)
+
+
+def next_step(now: Setting, wanted: Setting) -> str:
+    """The next command on the way from one setting to another, "" when it is reached.
+
+    Limit, level and watchdog come before the output goes on; the watchdog ends after the output has gone off.
+    """
+    if now.output and not wanted.output:
+        return OFF
+    if abs(now.limit_a - wanted.limit_a) > LIMIT_WITHIN_A:
+        return f"CURR {scpi.spell(wanted.limit_a)}"
+    if abs(now.level_v - wanted.level_v) > LEVEL_WITHIN_V:
+        return f"VOLT {scpi.spell(wanted.level_v)}"
+    if now.watchdog_s != wanted.watchdog_s:
+        if not wanted.watchdog_s:
+            return "OUTP:PROT:WDOG OFF"
+        return f"OUTP:PROT:WDOG:DEL {wanted.watchdog_s:.0f};:OUTP:PROT:WDOG ON"
+    return "OUTP ON" if wanted.output and not now.output else ""

@@ -1,0 +1,245 @@
+"""A SIMPAC: what is asked and set for a chamber."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+from drivers.description import Setup, check_identity, still_the_same
+from drivers.dialects.simserv import wire
+from drivers.dialects.simserv.description import SimservOptions
+from drivers.dialects.simserv.wire import Function, Info, Status, message
+from drivers.errors import InstrumentFault, NoAnswer, Refused, WrongIdentity
+from drivers.kinds.chamber.controller import Control, Look
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.lines import ProvedLine
+from drivers.kinds.chamber.ramp import OwnRamp
+from drivers.kinds.chamber.refusal import Refusal
+from drivers.timing.readback import ReadBack
+from drivers.transport.exchange import Pace, Proof, lines_ending
+from drivers.values import Identity
+
+T = TypeVar("T")
+
+READ_BACK = ReadBack()  # a controller may acknowledge a setting before it tells it
+MESSAGES_AT_MOST = 40  # that are looked through for the text of an error
+_SERIAL_QUESTION = message(Function.INFO, Info.SERIAL)
+_GRADIENTS = (
+    (Function.SET_GRADIENT_UP, Function.GRADIENT_UP), (Function.SET_GRADIENT_DOWN, Function.GRADIENT_DOWN),
+)  # fmt: skip
+
+
+class Simpac:
+    """A Controller; it ramps by itself, from where its set point is.
+
+    It tells one set point only. When that is where a ramp ends, where the ramp is follows from its gradient and the
+    clock; when it is where the ramp is, it is compared with where that should be.
+    """
+
+    can_start = True
+
+    def __init__(self, setup: Setup[SimservOptions, ChamberLimits, ChamberSafe]) -> None:
+        self.limits_c: tuple[float, float] | None = None
+        self._device, self._pin = setup.name, setup.identity
+        self._tells_target = setup.options.set_point_reads == "target"
+        self._ramp: OwnRamp | None = None  # the one that was commanded last
+        self._serial = ""
+        self._identity: Identity | None = None
+        self._line = ProvedLine(
+            setup, Proof(_SERIAL_QUESTION.encode("latin-1"), self._recognise), self._identify,
+            Pace(answer_s=setup.options.answer_timeout), end=wire.END, framing=lines_ending(wire.ANSWER_END),
+        )  # fmt: skip
+
+    async def connect(self) -> None:
+        """Reconnect and identify."""
+        await self._line.connect()
+
+    def close(self) -> None:
+        """Closes the connection; the next exchange would open it again."""
+        self._line.close()
+
+    async def identify(self) -> Identity:
+        """Type and serial number as it answers."""
+        await self._line.identify()
+        return self._identity or Identity()
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """Process value, set point, and what the chamber does."""
+        process_value_c = await self._variable(Function.PROCESS_VALUE)
+        told_c = await self._variable(Function.SET_POINT)
+        set_point_c, target_c = self._where(told_c, commanded_c)
+        control, why = await self._control()
+        return Look(process_value_c, set_point_c, target_c, control, why)
+
+    async def command(self, temperature_c: float) -> None:
+        """Sends the set point and reads it back.
+
+        While a program runs it may be refused, and what is read is the program's: then `take_control` sends it again.
+        """
+        target_c = wire.kept(temperature_c)
+        self._ramp = await self._ramp_to(target_c)
+        try:
+            await self._send(self._ramp)
+        except Refused:
+            if not await self._program_status():
+                raise
+
+    def kept(self, temperature_c: float) -> float:
+        """To a tenth of a degree."""
+        return wire.kept(temperature_c)
+
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """Both gradients, each read back."""
+        rate = wire.gradient(rate_c_per_min)
+        for setting, reading in _GRADIENTS:
+            command = message(setting, wire.TEMPERATURE, rate)
+            await self._order(command)
+            kept_c_per_min = await self._told(reading, lambda told: wire.gradient(told) == rate)
+            if wire.gradient(kept_c_per_min) != rate:
+                raise Refused(
+                    self._device, "the controller did not take a new gradient", sent=command,
+                    received=f"gradient {kept_c_per_min:g} °C/min",
+                    remedy="Ramp at a rate that the controller takes as it is.",
+                )  # fmt: skip
+
+    async def take_control(self) -> None:
+        """Stops a program, starts the chamber, sends the set point again; InstrumentFault while there is an error."""
+        await self._check_errors()
+        if await self._program_status():
+            await self._order(message(Function.STOP_PROGRAM))
+        start = message(Function.SWITCH, wire.START, 1)
+        await self._order(start)
+        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
+        if control is not Control.SET_POINT:
+            raise Refused(
+                self._device, "the chamber did not start", sent=start, received=why,
+                remedy="Start it by hand at the chamber.",
+            )  # fmt: skip
+        if self._ramp is not None:
+            self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
+            await self.command(self._ramp.target_c)
+
+    async def _send(self, ramp: OwnRamp) -> None:
+        """Sends the end of a ramp and reads it back."""
+        command = message(Function.SET_SET_POINT, wire.TEMPERATURE, wire.temperature(ramp.target_c))
+        acknowledged = await self._order(command)
+        told_c = await self._told(
+            Function.SET_POINT, lambda told: told == ramp.target_c or (acknowledged and self._may_be_on(ramp, told))
+        )
+        if told_c == ramp.target_c:
+            return
+        if not self._may_be_on(ramp, told_c):
+            raise Refused(
+                self._device, "the controller did not take a new set point", sent=command,
+                received=f"set point {told_c:g} °C",
+                remedy="Look at the controller for a lock; options.set_point_reads in the bench file may be wrong.",
+            )  # fmt: skip
+        if not acknowledged:
+            raise NoAnswer(self._device, "it is unknown whether a new set point was accepted", sent=command)
+
+    def _may_be_on(self, ramp: OwnRamp, told_c: float) -> bool:
+        """Whether a set point that is not the end of a ramp may be where the ramp is, as far as that is told."""
+        return not self._tells_target and ramp.is_at(told_c, _now_s())
+
+    async def _ramp_to(self, target_c: float) -> OwnRamp:
+        """The ramp that a new set point begins: from the one in force, or from the air when the chamber is off."""
+        control, _ = await self._control()
+        if control is Control.NOBODY:
+            start_c = await self._variable(Function.PROCESS_VALUE)
+        else:
+            start_c, _ = self._where(await self._variable(Function.SET_POINT), None)
+        rate_c_per_min = await self._variable(Function.GRADIENT_UP if target_c > start_c else Function.GRADIENT_DOWN)
+        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, _now_s())  # no gradient is no ramp
+
+    def _where(self, told_c: float, commanded_c: float | None) -> tuple[float, float]:
+        """The set point in force and the one that was commanded last, °C."""
+        ramp = self._ramp
+        if ramp is None:
+            return told_c, told_c
+        if self._tells_target:
+            return (ramp.set_point_c(_now_s()) if told_c == ramp.target_c else told_c), told_c
+        on_its_way = commanded_c == ramp.target_c and ramp.is_at(told_c, _now_s())
+        return told_c, (ramp.target_c if on_its_way else told_c)
+
+    async def _control(self) -> tuple[Control, str]:
+        status = await self._ask(message(Function.STATUS), wire.status)
+        if Status.ERROR in status:
+            return Control.OTHER, f"the chamber has an error: {await self._error()}"
+        if Status.RUNNING not in status:
+            return Control.NOBODY, "the chamber is off"
+        if program := await self._program_status():
+            return Control.OTHER, f"the chamber runs a program (status {program})"
+        return Control.SET_POINT, ""
+
+    async def _program_status(self) -> int:
+        """0 without a program."""
+        return await self._ask(message(Function.PROGRAM_STATUS), wire.whole)
+
+    async def _check_errors(self) -> None:
+        if Status.ERROR in await self._ask(message(Function.STATUS), wire.status):
+            raise InstrumentFault(
+                self._device, "the chamber has an error", received=await self._error(),
+                remedy="See to its cause and acknowledge it at the chamber.",
+            )  # fmt: skip
+
+    async def _error(self) -> str:
+        """The text of the first message that is active."""
+        count = await self._ask(message(Function.MESSAGES), wire.whole)
+        for index in range(1, min(count, MESSAGES_AT_MOST) + 1):
+            if await self._ask(message(Function.MESSAGE_ACTIVE, index), wire.whole):
+                return await self._ask(message(Function.MESSAGE_TEXT, index), wire.text)
+        return "no message says which"
+
+    async def _identify(self) -> None:
+        kind = await self._once(message(Function.INFO, Info.TYPE), wire.text)
+        unit = await self._once(message(Function.UNIT, wire.TEMPERATURE), wire.text)
+        if not unit.endswith("C"):
+            raise WrongIdentity(
+                self._device, "the first control variable is not a temperature in °C", received=f"unit '{unit}'",
+                remedy="Check that this is a thermal chamber, and its unit at the controller.",
+            )  # fmt: skip
+        low_c = await self._once(message(Function.LOWEST, wire.TEMPERATURE), wire.number)
+        high_c = await self._once(message(Function.HIGHEST, wire.TEMPERATURE), wire.number)
+        pin = self._pin
+        found = Identity(
+            maker=pin.maker or "Weiss Technik", model=kind, serial=self._serial, firmware=pin.firmware or ""
+        )
+        check_identity(self._device, pin, found)
+        self._identity = still_the_same(self._device, self._identity, found, f"{kind}, serial number {self._serial}")
+        self.limits_c = (low_c, high_c)
+
+    def _recognise(self, line: bytes) -> None:
+        serial = wire.unless_refused(wire.text)(line)
+        if isinstance(serial, Refusal):
+            raise ValueError(f"refused, {serial}")
+        expected = self._pin.serial if self._identity is None else self._identity.serial
+        if expected not in (None, serial):
+            raise WrongIdentity(
+                self._device, f"the chamber's serial number is '{serial}', expected '{expected}'",
+                remedy="Check that the right chamber is at this address, or correct the bench file.",
+            )  # fmt: skip
+        self._serial = serial
+
+    async def _told(self, function: Function, agrees: Callable[[float], object]) -> float:
+        """What a variable is told to be after a setting: as soon as it agrees, or at last."""
+        return await READ_BACK.until(lambda: self._variable(function), agrees)
+
+    async def _variable(self, function: Function) -> float:
+        return await self._ask(message(function, wire.TEMPERATURE), wire.number)
+
+    async def _ask(self, question: str, read: Callable[[list[str]], T]) -> T:
+        return await self._line.ask(question, wire.unless_refused(read))
+
+    async def _once(self, question: str, read: Callable[[list[str]], T]) -> T:
+        return await self._line.ask_once(question, wire.unless_refused(read))
+
+    async def _order(self, command: str) -> bool:
+        """Sends it once; whether it was acknowledged."""
+        return await self._line.order(command, wire.unless_refused(lambda _: True)) is not None
+
+
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()

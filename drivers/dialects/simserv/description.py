@@ -1,0 +1,34 @@
+"""Bench file keys of a Weiss or Vötsch chamber."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from drivers.description import DriverDescription
+from drivers.dialects.simserv.wire import Reads
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe, safe_state
+
+
+class SimservOptions(ChamberOptions):
+    """How the controller is spoken to."""
+
+    set_point_reads: Reads = Field(
+        "target",
+        description="what it reports as its set point during a ramp: the end of the ramp, or its present value",
+    )
+
+
+DESCRIPTION = DriverDescription(
+    name="simserv",
+    title="thermal chamber of Weiss or Vötsch, SIMSERV",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"tcp"}),
+    target="drivers.dialects.simserv.driver:Simserv",
+    simulator="simulators.instruments.chambers.simserv:SimulatedSimserv",
+    recognition="drivers.dialects.simserv.recognition:RECOGNITION",
+    options=SimservOptions,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    safe_state=safe_state,
+    channels=CHANNELS,
+)

@@ -1,0 +1,37 @@
+"""Bench file keys of a chamber with a Watlow F4 S or D."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.description import DriverDescription
+from drivers.dialects.watlow_f4.wire import EVENT_OUTPUTS
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.schema.fields import WholeNumber
+
+
+class F4Options(StairOptions):
+    """How the controller is spoken to."""
+
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+    power_event: Annotated[WholeNumber, Field(ge=1, le=EVENT_OUTPUTS)] | None = Field(
+        None, description="the event output that switches the chamber on, where one does"
+    )
+
+
+DESCRIPTION = DriverDescription(
+    name="watlow_f4",
+    title="thermal chamber with a Watlow F4 S or D, Modbus RTU",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"serial", "socket"}),
+    target="drivers.dialects.watlow_f4.driver:WatlowF4",
+    simulator="simulators.instruments.chambers.watlow_f4:SimulatedF4",
+    recognition="drivers.dialects.watlow_f4.recognition:RECOGNITION",
+    options=F4Options,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    safe_state=safe_state,
+    channels=CHANNELS,
+)

@@ -1,0 +1,22 @@
+"""How a Watlow F4 is known: by its model code."""
+
+from __future__ import annotations
+
+from drivers.dialects.watlow_f4.wire import MODEL_F4, Register
+from drivers.discovery.recognition import MODBUS, Found, Port, Recognition
+from drivers.kinds.chamber.recognition import CHAMBER_STARTER
+from drivers.values import Identity
+
+
+async def ask(port: Port) -> Found:
+    """A controller; its serial number is in two registers whose meaning nobody states, so it is not told."""
+    model, _, _, software, revision = await port.registers(Register.MODEL, 5)
+    if model != MODEL_F4:
+        raise ValueError("another model")
+    identity = Identity(
+        maker="Watlow", model="F4", firmware=f"{software} revision {revision / 100:.2f}", verified=False
+    )
+    return Found(identity, {"options": {"unit_id": port.unit_id}})
+
+
+RECOGNITION = Recognition(MODBUS, ask, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"))

@@ -1,0 +1,175 @@
+"""One control loop of an F4T: what is read and written for a chamber."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from drivers.description import IdentityPin
+from drivers.dialects.watlow_f4t.wire import (
+    BLOCK_COUNT,
+    BLOCK_FIRST,
+    DISPLAY_UNIT,
+    DISPLAY_UNIT_SERIAL,
+    ControlMode,
+    DisplayUnit,
+    LoopBlock,
+    LoopFormat,
+    LoopRegister,
+    RampAction,
+    RampScale,
+    mode_name,
+)
+from drivers.errors import BadAnswer, InstrumentFault, WrongIdentity
+from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
+from drivers.kinds.chamber.registers import ProvedRegisters, hexadecimal
+from drivers.kinds.chamber.words import Words
+from drivers.transport.modbus import ModbusLink
+from drivers.values import Identity
+
+COLDEST_C, HOTTEST_C = -273.15, 2000.0
+_CONTROL: Mapping[int, Control] = {ControlMode.AUTO: Control.SET_POINT, ControlMode.OFF: Control.NOBODY}
+NARROWEST_C = 1.0  # set-point limits closer than this are words in the wrong order, which read as almost zero
+
+
+class F4TLoop:
+    """A Controller; it ramps by itself, and a person switches its loop to auto.
+
+    The controller reports no names: it is identified by its set-point limits.
+    """
+
+    can_start = False
+
+    def __init__(
+        self, link: ModbusLink, form: LoopFormat, pin: IdentityPin, note: Callable[[str], object], *, block_reads: bool
+    ) -> None:
+        self.limits_c: tuple[float, float] | None = None
+        self._link, self._form, self._pin, self._block_reads = link, form, pin, block_reads
+        self._registers = ProvedRegisters(link, self._identify, note)
+
+    async def connect(self) -> None:
+        """Reconnect and identify."""
+        await self._registers.connect()
+
+    def close(self) -> None:
+        """Closes the connection; the next request would open it again."""
+        self._link.close()
+
+    async def identify(self) -> Identity:
+        """The names stated in the bench file; the fingerprint is what the controller reports."""
+        await self._registers.identify()
+        low_c, high_c = self.limits_c or (0.0, 0.0)
+        fingerprint = f"display unit °C, set point {low_c:g} to {high_c:g} °C"
+        return as_stated(self._pin, fingerprint, maker="Watlow", model="F4T")
+
+    async def look(self, commanded_c: float | None) -> Look:
+        """Set point in force, mode and process value; the set point itself only where it could be another."""
+        block = await (self._block() if self._block_reads else self._block_singly())
+        target_c = commanded_c
+        # While the set point in force rests at the command the set point is that one: it would leave at once.
+        if commanded_c is None or abs(block.set_point_in_force - commanded_c) > ARRIVED_WITHIN_C:
+            target_c = await self._number(LoopRegister.SET_POINT)
+        why = f"control loop {self._form.loop} is not in auto, mode {mode_name(block.mode)}"
+        control = _CONTROL.get(block.mode, Control.OTHER)
+        return Look(block.process_value, block.set_point_in_force, target_c or 0.0, control, why)
+
+    async def command(self, temperature_c: float) -> None:
+        """Writes the set point and reads it back."""
+        await self._set(LoopRegister.SET_POINT, self._form.words(temperature_c))
+
+    def kept(self, temperature_c: float) -> float:
+        """The float32 nearest to it."""
+        return self._form.value(self._form.words(temperature_c))
+
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """The next set point is gone to at this rate."""
+        await self._set(LoopRegister.RAMP_SCALE, (RampScale.MINUTES,))
+        await self._set(LoopRegister.RAMP_RATE, self._form.words(rate_c_per_min))
+        await self._set(LoopRegister.RAMP_ACTION, (RampAction.SET_POINT,))
+
+    async def take_control(self) -> None:
+        """Raises InstrumentFault: a loop that is not in auto needs the operator."""
+        mode = (await self._registers.read(self._form.address(LoopRegister.CONTROL_MODE_IN_FORCE), 1))[0]
+        raise InstrumentFault(
+            self._link.device, f"control loop {self._form.loop} is not in auto", received=f"mode {mode_name(mode)}",
+            remedy="Switch the loop to auto at the controller; look for who switched it.",
+        )  # fmt: skip
+
+    async def _block(self) -> LoopBlock:
+        """By one request, so all of one instant."""
+        address = self._form.address(BLOCK_FIRST)
+        words = await self._registers.read(address, BLOCK_COUNT)
+        try:
+            return self._form.block(words)
+        except ValueError as problem:
+            raise self._no_number(words, address, problem) from problem
+
+    async def _block_singly(self) -> LoopBlock:
+        """By one request for each value, for a controller that refuses them together."""
+        in_force = await self._number(LoopRegister.SET_POINT_IN_FORCE)
+        (mode,) = await self._registers.read(self._form.address(LoopRegister.CONTROL_MODE_IN_FORCE), 1)
+        return LoopBlock(in_force, mode, await self._number(LoopRegister.PROCESS_VALUE))
+
+    async def _number(self, register: LoopRegister) -> float:
+        address = self._form.address(register)
+        return self._finite(await self._registers.read(address, 2), address)
+
+    async def _set(self, register: LoopRegister, words: Words) -> None:
+        name = register.name.lower().replace("_", " ")
+        await self._registers.set(self._form.address(register), words, name, self._spelled)
+
+    async def _identify(self) -> None:
+        register = DISPLAY_UNIT_SERIAL if self._link.address.is_serial_line else DISPLAY_UNIT
+        (unit,) = await self._link.read(register, 1)
+        if unit != DisplayUnit.CELSIUS:
+            raise WrongIdentity(
+                self._link.device, "the display unit of the controller is not °C", sent=f"read register {register}",
+                received="30, which is °F" if unit == DisplayUnit.FAHRENHEIT else f"{unit}, expected 15",
+                remedy="Set the display unit to °C at the controller.",
+            )  # fmt: skip
+        limits_c = await self._read_limits()
+        if self.limits_c not in (None, limits_c):
+            raise WrongIdentity(
+                self._link.device,
+                "another controller than before, or its set-point limits were changed",
+                received=_range(limits_c), remedy="Check the network address in the bench file, then start again.",
+            )  # fmt: skip
+        self.limits_c = limits_c
+
+    async def _read_limits(self) -> tuple[float, float]:
+        low_c, high_c = [
+            self._finite(await self._link.read(address, 2), address)
+            for address in map(self._form.address, (LoopRegister.SET_POINT_MIN, LoopRegister.SET_POINT_MAX))
+        ]
+        if low_c < COLDEST_C or high_c > HOTTEST_C or high_c - low_c < NARROWEST_C:
+            raise WrongIdentity(
+                self._link.device, "the set-point limits of the controller make no sense",
+                received=_range((low_c, high_c)),
+                remedy="Check options.word_order in the bench file; the data map of the controller must be 1.",
+            )  # fmt: skip
+        return low_c, high_c
+
+    def _finite(self, words: Words, address: int) -> float:
+        try:
+            return self._form.value(words)
+        except ValueError as problem:
+            raise self._no_number(words, address, problem) from problem
+
+    def _no_number(self, words: Words, address: int, problem: ValueError) -> BadAnswer:
+        return BadAnswer(
+            self._link.device, str(problem), sent=f"read {len(words)} registers at {address}",
+            received=hexadecimal(words), remedy="Look at the controller for a sensor error.",
+        )  # fmt: skip
+
+    def _spelled(self, words: Words) -> str:
+        """Words as numbers for a person, and as they were on the wire."""
+        if len(words) == 1:
+            return str(words[0])
+        try:
+            return f"{self._form.value(words):g} ({hexadecimal(words)})"
+        except ValueError:
+            return hexadecimal(words)
+
+
+def _range(limits_c: tuple[float, float]) -> str:
+    return f"set points from {limits_c[0]:g} to {limits_c[1]:g} °C"

@@ -1,0 +1,37 @@
+"""Bench file keys of a chamber with a Watlow F4T."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from drivers.description import DriverDescription
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe, safe_state
+from drivers.kinds.chamber.words import WordOrder
+from drivers.schema.fields import Flag, WholeNumber
+
+
+class F4TOptions(ChamberOptions):
+    """How the controller is spoken to."""
+
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+    loop: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(1, description="the control loop of the chamber")
+    word_order: WordOrder = Field("low_first", description="as it is set in the controller")
+    block_reads: Flag = Field(True, description="false for what refuses a request over several values, as gateways may")
+
+
+DESCRIPTION = DriverDescription(
+    name="watlow_f4t",
+    title="thermal chamber with a Watlow F4T, Modbus TCP or RTU",
+    capabilities=frozenset({"thermal_chamber"}),
+    schemes=frozenset({"tcp", "serial", "socket"}),
+    target="drivers.dialects.watlow_f4t.driver:WatlowF4T",
+    simulator="simulators.instruments.chambers.watlow_f4t:SimulatedF4T",
+    recognition="drivers.dialects.watlow_f4t.recognition:RECOGNITION",
+    options=F4TOptions,
+    limits=ChamberLimits,
+    safe=ChamberSafe,
+    safe_state=safe_state,
+    channels=CHANNELS,
+)

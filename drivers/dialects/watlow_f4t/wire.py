@@ -1,0 +1,109 @@
+"""Registers of a Watlow F4T (its data map 1) ⇄ values, both directions.
+
+Addresses are those on the wire, zero-based, from the maker's manual and the drivers that chamber makers publish. Every
+value has two registers at an even address: a float32 fills both, an enumeration stands in the first and the second is
+treated as zero. Which half of a float comes first is a setting of the controller, low by default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from drivers.kinds.chamber.words import WordOrder, Words, float32_value, float32_words
+
+LOOP_STRIDE = 160
+DISPLAY_UNIT, DISPLAY_UNIT_SERIAL = 6730, 14080  # as seen through TCP, and through the serial port
+CHAMBER_TEMPERATURE = 27586  # analog input 1, float32, whatever the loops do
+
+
+class LoopRegister(IntEnum):
+    """Where the values of control loop 1 are; the next loop's lie LOOP_STRIDE higher."""
+
+    CONTROL_MODE = 2730
+    SET_POINT_MIN = 2774
+    SET_POINT_MAX = 2776
+    SET_POINT = 2782
+    MANUAL_POWER = 2784
+    RAMP_ACTION = 2794
+    RAMP_SCALE = 2796
+    RAMP_RATE = 2798
+    POWER_IN_FORCE = 2808
+    SET_POINT_IN_FORCE = 2810
+    CONTROL_MODE_IN_FORCE = 2814
+    PROCESS_VALUE = 2820
+
+
+class ControlMode(IntEnum):
+    """Who decides the power of a loop."""
+
+    AUTO = 10
+    MANUAL = 54
+    OFF = 62
+
+
+class RampAction(IntEnum):
+    """When the set point in force ramps instead of jumping."""
+
+    BOTH = 13
+    OFF = 62
+    SET_POINT = 85
+    STARTUP = 88
+
+
+class RampScale(IntEnum):
+    """The time that a ramp rate is per."""
+
+    HOURS = 39
+    MINUTES = 57
+
+
+class DisplayUnit(IntEnum):
+    """The unit of every temperature on the wire."""
+
+    CELSIUS = 15
+    FAHRENHEIT = 30
+
+
+BLOCK_FIRST = LoopRegister.SET_POINT_IN_FORCE
+BLOCK_COUNT = LoopRegister.PROCESS_VALUE + 2 - BLOCK_FIRST
+
+
+@dataclass(frozen=True, slots=True)
+class LoopBlock:
+    """What BLOCK_COUNT registers from BLOCK_FIRST say; `mode` is a number, since ControlMode may not have them all."""
+
+    set_point_in_force: float
+    mode: int
+    process_value: float
+
+
+@dataclass(frozen=True, slots=True)
+class LoopFormat:
+    """How one control loop of one controller is written: its number, from 1, and the order of a float's words."""
+
+    loop: int = 1
+    word_order: WordOrder = "low_first"
+
+    def address(self, register: LoopRegister) -> int:
+        """The register's address in this loop."""
+        return register + LOOP_STRIDE * (self.loop - 1)
+
+    def words(self, value: float) -> Words:
+        """The two registers of a float32; OverflowError when it does not fit one."""
+        return float32_words(value, self.word_order)
+
+    def value(self, words: Sequence[int]) -> float:
+        """The float32 in two registers; ValueError unless it is finite."""
+        return float32_value(words, self.word_order)
+
+    def block(self, words: Sequence[int]) -> LoopBlock:
+        """What the registers from BLOCK_FIRST say; ValueError as for `value`."""
+        mode = LoopRegister.CONTROL_MODE_IN_FORCE - BLOCK_FIRST
+        return LoopBlock(self.value(words[:2]), words[mode], self.value(words[-2:]))
+
+
+def mode_name(mode: int) -> str:
+    """A control mode as the controller's display calls it."""
+    return ControlMode(mode).name.lower() if mode in list(ControlMode) else f"unknown ({mode})"

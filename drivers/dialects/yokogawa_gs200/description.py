@@ -1,0 +1,52 @@
+"""Bench file keys of a Yokogawa GS200."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from drivers.certificates.corrections import CurrentCorrections
+from drivers.certificates.current_standard import CurrentUncertainty
+from drivers.description import DriverDescription
+from drivers.dialects.yokogawa_gs200.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A
+from drivers.kinds.ranges import SourceLimits, range_of
+from drivers.safe_state import ZERO_THEN_OFF
+from drivers.schema.fields import InUnit, StrictModel
+from drivers.schema.wording import telling
+
+KNOWN_RANGE = range_of(RANGES_A, "A", "1, 10, 100 or 200 mA")
+
+
+def _whole_volts(compliance_v: float) -> float:
+    if compliance_v != round(compliance_v):
+        raise telling(f"is {compliance_v:g} V, expected whole volts")
+    return compliance_v
+
+
+class GS200Options(StrictModel):
+    """How the source is used; it is always set to current, and its voltage is limited in whole volts."""
+
+    range: Annotated[float, InUnit("A", above=0), KNOWN_RANGE] = Field(
+        description="the one range for all levels, 1, 10, 100 or 200 mA; it covers 20 % more, up to 200 mA"
+    )
+    compliance: Annotated[
+        float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V), AfterValidator(_whole_volts)
+    ] = Field(description="the most that a sequence may ask for, in whole volts")
+
+
+DESCRIPTION = DriverDescription(
+    name="yokogawa_gs200",
+    title="precision current source Yokogawa GS200",
+    capabilities=frozenset({"current_source"}),
+    schemes=frozenset({"tcp"}),
+    target="drivers.dialects.yokogawa_gs200.driver:YokogawaGS200",
+    simulator="simulators.instruments.sources.yokogawa_gs200:SimulatedGS200",
+    recognition="drivers.dialects.yokogawa_gs200.recognition:RECOGNITION",
+    options=GS200Options,
+    limits=SourceLimits,
+    safe_state=ZERO_THEN_OFF,
+    uncertainty=CurrentUncertainty,
+    corrections=CurrentCorrections,
+    channels={"current": "A"},
+)

@@ -1,0 +1,1 @@
+"""Recognising an unknown instrument with questions that change nothing."""

@@ -1,0 +1,125 @@
+"""A connection to an unknown instrument: queries in any protocol, raw answers."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from typing import Literal
+
+from drivers.discovery.recognition import NoSuchRegister
+from drivers.protocols.modbus_frames import frames_of, read_request
+from drivers.transport.address import Address
+from drivers.transport.wires import Wires
+
+ANSWER_S = 1.0
+QUIET_S = 0.3  # after which an answer is over; the slowest instrument needs as much before the next question
+ANSWER_LIMIT_BYTES = 65_536
+LINE_ENDS = (b"\r", b"\n")
+
+
+class Listener(asyncio.Protocol):
+    """Keeps what arrives on a connection."""
+
+    def __init__(self) -> None:
+        self.received = bytearray()
+        self.lost = False
+        self.transport: asyncio.Transport | None = None
+        self._news = asyncio.Event()
+
+    async def until_quiet(self, answer_s: float, quiet_s: float = QUIET_S) -> bytes:
+        """All that comes until nothing has come for `quiet_s`; b"" when nothing does within `answer_s`."""
+        wait_s = answer_s
+        while not self.lost and len(self.received) < ANSWER_LIMIT_BYTES:
+            self._news.clear()
+            try:
+                async with asyncio.timeout(wait_s):
+                    await self._news.wait()
+            except TimeoutError:
+                break
+            wait_s = quiet_s
+        found = bytes(self.received)
+        self.received.clear()
+        return found
+
+    # asyncio.Protocol
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The connection is open."""
+        if not isinstance(transport, asyncio.Transport):
+            raise TypeError("a stream transport is needed")
+        self.transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        """Received bytes."""
+        self.received += data
+        self._news.set()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The connection is closed."""
+        self.lost = True
+        self._news.set()
+
+
+class QuestionPort:
+    """A Port of drivers.discovery.recognition on a connection of its own.
+
+    Lifetime: an async context manager; entering raises CannotConnect. `said` holds all answers so far.
+    """
+
+    def __init__(self, wires: Wires, address: Address, unit_id: int) -> None:
+        self.unit_id, self.is_serial_line = unit_id, address.is_serial_line
+        self.said: dict[bytes, bytes] = {}
+        self._wires, self._address = wires, address
+        self._listener: Listener | None = None
+        self._no_modbus = False
+
+    async def __aenter__(self) -> QuestionPort:
+        """Connect, and drop unsolicited data until the line is quiet."""
+        self._listener = await self._wires.stream("scan", self._address, Listener)
+        await self._listener.until_quiet(QUIET_S)
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the connection."""
+        if self._listener is not None and self._listener.transport is not None:
+            self._listener.transport.close()
+
+    async def ask(self, question: bytes, *, again: bool = False) -> bytes:
+        """See Port.
+
+        On a serial line half a message may stand, such as one that was tried at another baud rate. The first line of
+        text ends it and has no answer then; so it is sent once more.
+        """
+        if question in self.said and not again:
+            return self.said[question]
+        is_first = not self.said and self.is_serial_line and question.endswith(LINE_ENDS)
+        answer = await self._exchange(question)
+        self.said[question] = answer or (await self._exchange(question) if is_first else b"")
+        return self.said[question]
+
+    async def _exchange(self, question: bytes) -> bytes:
+        listener = self._listener
+        if listener is None or listener.transport is None or listener.lost:
+            return b""
+        listener.received.clear()
+        listener.transport.write(question)
+        return await listener.until_quiet(ANSWER_S)
+
+    async def registers(self, address: int, count: int, function: Literal[3, 4] = 3) -> Sequence[int]:
+        """See Port; without an answer to the first request no other registers are read."""
+        if self._no_modbus:
+            raise ValueError("no answer")
+        frames = frames_of("rtu" if self.is_serial_line else "tcp", self.unit_id)
+        received = bytearray(await self.ask(frames.request(read_request(address, count, function))))
+        try:
+            answer = frames.answer(received)
+        except ValueError:
+            answer = None
+        if answer is None:
+            self._no_modbus = True
+            raise ValueError("no answer in Modbus")
+        if answer.isError():
+            raise NoSuchRegister(f"refused, exception {answer.exception_code}")
+        if len(answer.registers) != count:
+            raise ValueError(f"{len(answer.registers)} registers")
+        return list(answer.registers)

@@ -1,0 +1,241 @@
+"""A thermal chamber of any make: the dialect talks, the driver checks, commands, reads back and watches."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+from drivers.errors import BeyondLimit, DriverError, InstrumentFault, LinkLost, NoAnswer, NotSettled
+from drivers.kinds.chamber.controller import Control, Controller, Look
+from drivers.kinds.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe, StairOptions, safe_state
+from drivers.kinds.chamber.following import FollowWatch
+from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C, Climb
+from drivers.kinds.chamber.standstill import STANDSTILL_S, StandstillWatch
+from drivers.timing.awake import Deadline, patience
+from drivers.values import ChamberState, Identity, Reading
+
+RAMP_LONGER_BY, RAMP_LATER_S = 1.1, 120.0  # what a ramp may take more than distance / rate
+
+
+class Chamber:
+    """A ThermalChamber on the controller of one dialect.
+
+    Every poll compares the set point with the last command: another master is a fault and is not overridden.
+
+    Concurrency: commands and polls alternate, so no poll falls between a write and its read-back.
+    """
+
+    def __init__(
+        self, name: str, controller: Controller, limits: ChamberLimits, safe: ChamberSafe, options: ChamberOptions
+    ) -> None:
+        self.name = name
+        self._controller, self._limits, self._safe_c = controller, limits, safe.temperature
+        self._poll_s, self._safe_within_s = options.poll, safe_state(options, limits, safe).within_s
+        self._step_s = options.step if isinstance(options, StairOptions) else None
+        self._turn = asyncio.Lock()
+        self._commanded_c: float | None = None  # the set point last written and read back, as long as it is known
+        self._commands = 0  # given so far; whoever ramps sees by it that another has taken over
+        self._standstill = StandstillWatch()
+        self._following = FollowWatch(options.follow, limits.temperature)
+
+    async def __aenter__(self) -> Self:
+        """Connects and identifies; BeyondLimit when the safe temperature could not be commanded."""
+        async with self._turn:
+            await self._controller.connect()
+            try:
+                self._check_temperature(self._safe_c)
+            except BeyondLimit:
+                self._controller.close()
+                raise
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the connection; the chamber goes on as it is."""
+        self._controller.close()
+
+    async def identify(self) -> Identity:
+        """Who is there; raises WrongIdentity."""
+        async with self._turn:
+            return await self._controller.identify()
+
+    async def ramp_to(self, temperature_c: float, rate_c_per_min: float) -> None:
+        """Ramps the set point in force to `temperature_c` and returns when it is there.
+
+        Cancelling leaves a controller that ramps by itself ramping, and any other where it was; `hold` stops it. Raises
+        BeyondLimit before anything is sent; Refused when the controller does not take a setting; NotSettled when it
+        takes longer than the distance needs, a tenth and two minutes more, or when another command replaces this one;
+        and what `state` raises.
+        """
+        self._check_temperature(temperature_c)
+        self._check_rate(rate_c_per_min)
+        loop = asyncio.get_running_loop()
+        async with self._turn:
+            climb = await self._begin(temperature_c, rate_c_per_min)
+            mine = self._commands
+        deadline = Deadline(climb.takes_s * RAMP_LONGER_BY + RAMP_LATER_S)
+        end_c = self._controller.kept(temperature_c)
+        while True:
+            async with self._turn:
+                look = await self._look()
+                if self._commands != mine:
+                    raise self._not_arrived(temperature_c, "was replaced by another command", look)
+                next_c = self._controller.kept(climb.set_point_c(loop.time()))
+                if next_c != self._commanded_c:
+                    await self._command(next_c)
+                    mine = self._commands
+            if abs(look.set_point_c - end_c) <= ARRIVED_WITHIN_C:
+                return
+            if deadline.passed:
+                raise self._not_arrived(temperature_c, f"of {climb.takes_s:.0f} s has not ended", look)
+            await asyncio.sleep(climb.pause_s(loop.time(), look.set_point_c, self._poll_s))
+
+    async def state(self) -> ChamberState:
+        """State of the chamber.
+
+        Raises InstrumentFault when the set point is not the one last commanded or does not control, once there was a
+        command; when the process value stands still while the set point moves; and when the air does not follow as the
+        bench file says (`follow`), or is far beyond its limits. BadAnswer for no number.
+        """
+        async with self._turn:
+            look = await self._look()
+        from_safe_c = (
+            0.0 if look.control is Control.NOBODY else abs(look.target_c - self._controller.kept(self._safe_c))
+        )
+        return ChamberState(look.process_value_c, look.set_point_c, look.target_c, from_safe_c)
+
+    async def hold(self) -> None:
+        """Makes the set point in force the set point, read back."""
+        async with self._turn:
+            await self._command((await self._controller.look(self._commanded_c)).set_point_c)
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """The process value and the set point in force (°C); raises as `state`."""
+        state = await self.state()
+        at_s = asyncio.get_running_loop().time()
+        return {
+            "process_value": [Reading(at_s, state.process_value_c)],
+            "set_point": [Reading(at_s, state.set_point_c)],
+        }
+
+    async def make_safe(self) -> None:
+        """Commands the safe temperature with the ramp as it is, read back, without waiting for it.
+
+        Connects anew when the connection is lost. A controller that is switched off stays off; one that follows
+        something else is told to follow the set point. Raises a DriverError when that could not be proved.
+        """
+        try:
+            async with patience(self._safe_within_s), self._turn:
+                await self._command_safe()
+                look = await self._controller.look(self._commanded_c)
+                if look.control is Control.OTHER:
+                    await self._controller.take_control()
+        except DriverError:
+            raise
+        except TimeoutError as late:
+            raise NoAnswer(
+                self.name, f"could not be made safe within {self._safe_within_s:g} s",
+                sent=f"set point {self._safe_c:g} °C", remedy="Set it by hand at the chamber.",
+            ) from late  # fmt: skip
+
+    async def _begin(self, temperature_c: float, rate_c_per_min: float) -> Climb:
+        """Send the ramp, then the first set point, and activate it."""
+        look = await self._controller.look(None)
+        self._check_control(look, may_be_off=self._controller.can_start)
+        start_c = look.set_point_c if look.control is Control.SET_POINT else look.process_value_c
+        if not self._following.is_possible(start_c):
+            raise self._not_following(f"no ramp can begin far beyond {self._following.limits}", look)
+        began_s = asyncio.get_running_loop().time()
+        climb = Climb(start_c, temperature_c, rate_c_per_min / 60, began_s, self._step_s)
+        if self._step_s is None:
+            await self._controller.set_ramp(rate_c_per_min)
+        await self._command(climb.set_point_c(began_s))
+        if look.control is Control.NOBODY:
+            await self._controller.take_control()
+        return climb
+
+    async def _look(self) -> Look:
+        look = await self._controller.look(self._commanded_c)
+        if self._commanded_c is not None:
+            self._check_target(look, self._commanded_c)
+            self._check_control(look)
+        self._check_movement(look)
+        return look
+
+    async def _command(self, temperature_c: float) -> None:
+        self._commanded_c = None  # if this is cut short, either set point may be there, and neither is foreign
+        self._commands += 1
+        await self._controller.command(temperature_c)
+        self._commanded_c = self._controller.kept(temperature_c)
+
+    async def _command_safe(self) -> None:
+        try:
+            await self._command(self._safe_c)
+        except (NoAnswer, LinkLost):
+            # It may have been executed or not: the state read over a new connection decides.
+            safe_c = self._controller.kept(self._safe_c)
+            if (await self._controller.look(None)).target_c != safe_c:
+                await self._command(self._safe_c)
+            self._commanded_c = safe_c
+
+    def _check_temperature(self, temperature_c: float) -> None:
+        bench = self._limits.temperature
+        if not bench.min <= temperature_c <= bench.max:
+            raise self._beyond(f"{temperature_c:g} °C", "bench file", f"{bench.min:g} to {bench.max:g} °C")
+        limits_c = self._controller.limits_c
+        if limits_c is None:
+            raise LinkLost(self.name, "the controller has not been identified yet", remedy="Open the device first.")
+        if not limits_c[0] <= self._controller.kept(temperature_c) <= limits_c[1]:
+            raise self._beyond(f"{temperature_c:g} °C", "controller", f"{limits_c[0]:g} to {limits_c[1]:g} °C")
+
+    def _check_rate(self, rate_c_per_min: float) -> None:
+        fastest = self._limits.ramp_rate.max
+        if not 0 < rate_c_per_min <= fastest:
+            raise self._beyond(f"{rate_c_per_min:g} °C/min", "bench file", f"above 0, at most {fastest:g} °C/min")
+
+    def _check_target(self, look: Look, commanded_c: float) -> None:
+        if look.target_c != commanded_c:
+            raise InstrumentFault(
+                self.name, "somebody else changed the set point", sent=f"set point {commanded_c:g} °C before",
+                received=f"set point {look.target_c:g} °C now",
+                remedy="Find out who commands the chamber: its front panel, its web page, another program.",
+            )  # fmt: skip
+
+    def _check_control(self, look: Look, *, may_be_off: bool = False) -> None:
+        if look.control is Control.OTHER or (look.control is Control.NOBODY and not may_be_off):
+            raise InstrumentFault(
+                self.name, "the chamber does not follow its set point", received=look.why,
+                remedy="Check at the controller what it is doing, and who commanded it.",
+            )  # fmt: skip
+
+    def _check_movement(self, look: Look) -> None:
+        at_s = asyncio.get_running_loop().time()
+        if self._standstill.frozen(at_s, look.process_value_c, look.set_point_c):
+            raise InstrumentFault(
+                self.name, f"the process value has not changed for {STANDSTILL_S / 60:g} min of a moving set point",
+                received=f"process value {look.process_value_c:g} °C, set point {look.set_point_c:g} °C",
+                remedy="Check the chamber's sensor, its cable, and what the controller's display says.",
+            )  # fmt: skip
+        is_commanded = self._commanded_c is not None
+        if wrong := self._following.problem(at_s, look.process_value_c, look.set_point_c, commanded=is_commanded):
+            raise self._not_following(wrong, look)
+
+    def _beyond(self, asked: str, whose: str, allowed: str) -> BeyondLimit:
+        return BeyondLimit(
+            self.name, f"{asked} is beyond the limits of the {whose}, {allowed}; nothing was sent",
+            remedy="Correct the sequence, or the limits if they are wrong.",
+        )  # fmt: skip
+
+    def _not_following(self, wrong: str, look: Look) -> InstrumentFault:
+        return InstrumentFault(
+            self.name, wrong,
+            received=f"process value {look.process_value_c:.2f} °C, set point {look.set_point_c:.2f} °C",
+            remedy="Look at the chamber itself: its heater, its cooling, its sensor, its door, its own limiter.",
+        )  # fmt: skip
+
+    def _not_arrived(self, temperature_c: float, why: str, look: Look) -> NotSettled:
+        return NotSettled(
+            self.name, f"the ramp to {temperature_c:g} °C {why}",
+            received=f"set point in force {look.set_point_c:g} °C, process value {look.process_value_c:g} °C",
+            remedy="Check at the controller whether a profile runs or the ramp is paused.",
+        )  # fmt: skip

@@ -1,0 +1,87 @@
+"""Whether the air of a chamber does what a chamber in order does: comes to its set point, stays there, never runs away.
+
+The rules are about temperatures and times alone, so that they hold for any make, any load and any ramp. A ramp that the
+chamber cannot follow breaks none of them while the air still comes nearer.
+"""
+
+from __future__ import annotations
+
+import math
+
+from drivers.kinds.chamber.description import FollowOptions, TemperatureRange
+
+BEYOND_C = 10.0  # what the air may be beyond the limits of the bench: it overshoots at their ends
+AWAY_C = 5.0  # farther from its set point, outside the band, only the chamber's own power takes the air
+ROOM_C = (15.0, 30.0)  # towards a room the air goes by itself too: past an open door, without heat
+
+
+class FollowWatch:
+    """Monitors a process value and the active set point, both °C, at any polling intervals.
+
+    What it says is that of one look: the caller ends what it does by it. Looks farther apart than `over` begin anew.
+    """
+
+    def __init__(self, options: FollowOptions, limits: TemperatureRange) -> None:
+        self._is, self._limits = options, limits
+        self._looked_s = -math.inf
+        self._set_point_c = math.nan
+        self._impossible = 0  # polls in a row
+        self._from: tuple[float, float, bool] | None = None  # when and where it last had come nearer, and from below
+        self._due_s = math.inf  # by when the air has to have settled
+        self._inside_since_s: float | None = None
+
+    def problem(self, at_s: float, air_c: float, set_point_c: float, *, commanded: bool) -> str:
+        """Take the values of one poll, at the loop time `at_s`; return the problem of the chamber, or "".
+
+        Until this program has `commanded` a set point, the air need not be near any.
+        """
+        if not self.is_possible(air_c):
+            self._impossible += 1  # one poll may be a bad answer
+            return f"the process value is far beyond {self.limits}" if self._impossible > 1 else ""
+        self._impossible = 0
+        if not commanded or at_s - self._looked_s > self._is.over:
+            self._from, self._set_point_c = None, math.nan
+        self._looked_s = at_s
+        if set_point_c != self._set_point_c:
+            self._set_point_c, self._due_s, self._inside_since_s = set_point_c, at_s + self._is.settle, None
+        if not commanded:
+            return ""
+        if abs(air_c - set_point_c) > self._is.band:
+            return self._outside(at_s, air_c, set_point_c)
+        self._from = None
+        if self._inside_since_s is None:
+            self._inside_since_s = at_s
+        return ""
+
+    def is_possible(self, air_c: float) -> bool:
+        """Whether a process value is not far beyond what the bench allows the chamber."""
+        return self._limits.min - BEYOND_C <= air_c <= self._limits.max + BEYOND_C
+
+    @property
+    def limits(self) -> str:
+        """What the bench allows, in words."""
+        return f"the {self._limits.min:g} to {self._limits.max:g} °C of the bench"
+
+    def _outside(self, at_s: float, air_c: float, set_point_c: float) -> str:
+        """What is wrong with air that is outside the band, or "" while it comes nearer."""
+        options, from_below = self._is, air_c < set_point_c
+        if self._inside_since_s is not None and at_s - self._inside_since_s >= options.over:
+            self._due_s = at_s + options.settle  # it had settled: what disturbs it now takes its time too
+        self._inside_since_s = None
+        if self._from is None or self._from[2] != from_below:
+            self._from = at_s, air_c, from_below
+        since_s, from_c, _ = self._from
+        nearer_c = air_c - from_c if from_below else from_c - air_c
+        if nearer_c >= options.gain:
+            self._from = at_s, air_c, from_below
+        elif nearer_c <= -AWAY_C and not ROOM_C[0] <= air_c <= ROOM_C[1] and (air_c > ROOM_C[0]) == (air_c > from_c):
+            return f"the air runs away from its set point: {-nearer_c:.1f} °C farther within {_minutes(at_s - since_s)}"
+        elif at_s - since_s >= options.over:
+            return f"the air has not come {options.gain:g} °C nearer to its set point within {_minutes(options.over)}"
+        if at_s > self._due_s:
+            return f"the air has not settled within {options.band:g} °C of its set point for {_minutes(options.settle)}"
+        return ""
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds / 60:.3g} min"

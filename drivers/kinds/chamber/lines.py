@@ -1,0 +1,95 @@
+"""Lines of text to a chamber's controller, behind a connection that is identified before it is used."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from typing import Any, TypeVar
+
+from drivers.description import Setup
+from drivers.errors import NoAnswer, Refused
+from drivers.kinds.chamber.refusal import Refusal
+from drivers.transport.dialogue import Dialogue, once_more
+from drivers.transport.exchange import Framing, Pace, Proof, Wrap
+
+T = TypeVar("T")
+Read = Callable[[bytes], T | Refusal]
+
+
+class ProvedLine:
+    """Questions that are asked again once, and orders that are sent once, whatever happens.
+
+    After a lost connection the next exchange connects and identifies first, by `identify`, which asks by `ask_once` and
+    raises WrongIdentity; after any other surprise `proof` comes first. For `order_gap_s` after an order nothing is
+    sent. Refusals are raised as Refused, and neither asked nor sent again. `takes` are of what enters a result.
+
+    Concurrency: one caller at a time.
+    """
+
+    def __init__(
+        self, setup: Setup[Any, Any, Any], proof: Proof, identify: Callable[[], Awaitable[None]], pace: Pace, *,
+        end: bytes = b"\n", framing: Framing | None = None, wrap: Wrap | None = None, order_gap_s: float = 0.0,
+    ) -> None:  # fmt: skip
+        self._device, self._note = setup.name, setup.note
+        self._identify, self._order_gap_s = identify, order_gap_s
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, proof, end=end, framing=framing, wrap=wrap, pace=pace,
+            greet=identify, note=setup.note,
+        )  # fmt: skip
+        self.takes = self._dialogue.takes
+        self._busy_until_s = -math.inf
+
+    async def connect(self) -> None:
+        """Reconnect and identify; raises CannotConnect and what `identify` raises."""
+        await self._dialogue.open()
+
+    def close(self) -> None:
+        """Closes the wire; closing twice is harmless."""
+        self._dialogue.close()
+
+    async def identify(self) -> None:
+        """Identifies; raises and closes the wire when it is not the controller that it should be."""
+        if await self._dialogue.reopen():
+            return
+        try:
+            await once_more(self._identify, self._note)
+        except BaseException:
+            self._dialogue.close()  # who is there is not known: the next exchange connects and asks first
+            raise
+
+    async def ask(self, question: str, read: Read[T]) -> T:
+        """What `read` makes of the answer; see LineExchange.ask. Asked again once when there is no answer."""
+        await self._dialogue.reopen()
+        try:
+            return await self.ask_once(question, read)
+        except NoAnswer as problem:
+            self._note(f"asked again: {problem}")
+            await self._dialogue.reopen()
+            return await self.ask_once(question, read)
+
+    async def ask_once(self, question: str, read: Read[T]) -> T:
+        """The same on the connection as it is."""
+        await self._rest()
+        return self._taken(question, await self._dialogue.line.ask(question.encode("latin-1"), read))
+
+    async def order(self, command: str, read: Read[T]) -> T | None:
+        """Sends a command once; None when its answer is missing or garbled, and the read-back has to decide."""
+        await self._dialogue.reopen()
+        await self._rest()
+        try:
+            return self._taken(command, await self._dialogue.order(command.encode("latin-1"), read))
+        finally:
+            self._busy_until_s = asyncio.get_running_loop().time() + self._order_gap_s
+
+    def _taken(self, sent: str, answer: T | Refusal) -> T:
+        if isinstance(answer, Refusal):
+            raise Refused(
+                self._device, "the controller refused a command", sent=sent, received=str(answer),
+                remedy="Check at the controller what it is doing, who else uses it, and whether its settings are "
+                "protected.",
+            )  # fmt: skip
+        return answer
+
+    async def _rest(self) -> None:
+        await asyncio.sleep(max(0.0, self._busy_until_s - asyncio.get_running_loop().time()))

@@ -1,0 +1,112 @@
+"""Registers of a chamber's controller behind a connection that is identified before it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+
+from drivers.description import unheard
+from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
+from drivers.kinds.chamber.words import Words
+from drivers.protocols.modbus_frames import ReadFunction
+from drivers.timing.readback import ReadBack
+from drivers.transport.dialogue import once_more
+from drivers.transport.modbus import ModbusLink
+
+READ_BACK = ReadBack()
+Spelled = Callable[[Words], str]
+"""Words as numbers for a person."""
+
+
+class ProvedRegisters:
+    """Reads, and writes that are proved by reading back.
+
+    After a timeout or a lost connection the next request connects and identifies first, by `identify`, which asks
+    through `link` and raises WrongIdentity. A read without an answer is asked again once, which `note` is told; a write
+    is sent once, whatever happens. `read_back` says for how long what was written may be told as it was before.
+
+    Concurrency: one caller at a time.
+    """
+
+    def __init__(
+        self, link: ModbusLink, identify: Callable[[], Awaitable[None]], note: Callable[[str], object] = unheard, *,
+        read_back: ReadBack = READ_BACK,
+    ) -> None:  # fmt: skip
+        self.link = link
+        self._identify, self._note, self._read_back = identify, note, read_back
+
+    async def connect(self) -> None:
+        """Reconnect and identify, once more when there is no answer.
+
+        Raises CannotConnect and what `identify` raises.
+        """
+        await once_more(self._connect, self._note)
+
+    async def _connect(self) -> None:
+        await self.link.open()
+        await self._prove()
+
+    async def identify(self) -> None:
+        """Identifies; raises and closes the connection when it is not the controller that it should be."""
+        if not self.link.is_open:
+            await self.connect()
+            return
+        try:
+            await self._prove()
+        except NoAnswer as problem:
+            self._note(f"asked again: {problem}")
+            await self._connect()
+
+    async def read(self, address: int, count: int, *, function: ReadFunction = 3) -> Words:
+        """`count` words from the wire address `address`."""
+        if not self.link.is_open:
+            await self._connect()
+        try:
+            return await self.link.read(address, count, function=function)
+        except NoAnswer as problem:
+            self._note(f"asked again: {problem}")
+            await self._connect()
+            return await self.link.read(address, count, function=function)
+
+    async def set(
+        self, address: int, words: Words, what: str, spelled: Spelled, *, many: bool = False, function: ReadFunction = 3
+    ) -> None:
+        """Writes once, then reads back and compares register by register; `what` is its name for a person.
+
+        When the write has no answer, the read-back decides whether it was carried out. Raises Refused when the
+        controller kept something else.
+        """
+        if not self.link.is_open:
+            await self._connect()
+        count = len(words)
+        unanswered: DriverError | None = None
+        try:
+            await self.link.write(address, words, many=many)
+        except (NoAnswer, LinkLost) as problem:
+            unanswered = problem
+            kept = await self.read(address, count, function=function)  # at once: the time for an answer has passed
+        else:
+            kept = await self._read_back.until(
+                lambda: self.read(address, count, function=function), lambda kept: kept == words
+            )
+        if kept == words:
+            return
+        if unanswered is not None:
+            raise unanswered
+        raise Refused(
+            self.link.device, f"the controller acknowledged a new {what} and kept another",
+            sent=spelled(words), received=spelled(kept),
+            remedy="Look at the controller for a lock, a limit or a running profile.",
+        )  # fmt: skip
+
+    async def _prove(self) -> None:
+        """Asks on the connection as it is, each question once."""
+        try:
+            await self._identify()
+        except DriverError:
+            self.link.close()
+            raise
+
+
+def hexadecimal(words: Words) -> str:
+    """Words as they are on the wire."""
+    return " ".join(f"{word:04x}" for word in words)

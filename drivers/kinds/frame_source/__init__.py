@@ -1,0 +1,1 @@
+"""Devices that send CAN frames by themselves."""

@@ -1,0 +1,303 @@
+"""How a driver takes frames in that are sent to it unasked: in time, without losing one, and cut at an acquisition."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import math
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from drivers.can.bus_errors import BUS_OFF, RESTARTED, error_classes, in_words
+from drivers.can.dbc import Dbc, DbcError, Field, readings_of
+from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
+from drivers.can.options import IDLE_BLOCK_S, text_of
+from drivers.description import Nothing, OptionsT, Setup
+from drivers.errors import BadAnswer, DriverError, InstrumentFault, LinkLost, NoAnswer
+from drivers.transport.dialogue import Pauses
+from drivers.transport.frame_link import FrameLink
+from drivers.values import Heard, Identity, Reading
+
+SILENT_PERIODS = 25
+STANDING_FRAMES = 3  # as many with one sequence number mean that the sender is frozen
+ERRORS_TOLD_EVERY_S = 60.0
+MOST_NAMED = 8  # of the frames received instead of others
+
+FormatT = TypeVar("FormatT")
+
+
+class FrameIntake:
+    """Takes frames from a link periodically, more often during an acquisition.
+
+    Every block is shown to `look`; what that raises, or the link, ends the intake and the acquisition under way, and is
+    raised by `check` from then on. So does a bus that is off, or was; of other error frames `note` is told, seldom.
+    Lifetime: from `begin` to `end` a task of its own takes the frames in.
+    """
+
+    def __init__(
+        self, name: str, link: FrameLink, look: Callable[[FrameBlock], None], note: Callable[[str], object]
+    ) -> None:
+        self._name, self._link, self._look, self._note = name, link, look, note
+        self._errors, self._told_s = 0, -math.inf  # error frames not yet reported, and the time of the last report
+        self._acquisition: _Blocks | None = None
+        self._wake = asyncio.Event()
+        self._news = asyncio.Event()
+        self._failure: DriverError | None = None
+        self._taken_s = -math.inf
+        self._task: asyncio.Task[None]
+        self.acquiring_since_s: float | None = None
+
+    def begin(self) -> None:
+        """Frames are taken in from now on."""
+        self._task = asyncio.create_task(self._take_in(), name=f"{self._name} intake")
+
+    async def end(self) -> None:
+        """No frame is taken in any more, and the link is closed."""
+        self._task.cancel()
+        await asyncio.wait([self._task])
+        self._link.close()
+
+    async def news(self) -> None:
+        """Return when frames have been taken in since the last call, or the link is lost."""
+        await self._news.wait()
+        self._news.clear()
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the link is lost and no acquisition has yet to be notified."""
+        return isinstance(self._failure, LinkLost) and self._acquisition is None
+
+    def check(self) -> None:
+        """Raises what has gone wrong with the frames."""
+        if self._failure is not None:
+            raise self._failure
+
+    @asynccontextmanager
+    async def acquire(self, block_s: float | None) -> AsyncIterator[AsyncIterator[FrameBlock]]:
+        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
+
+        They are taken every `block_s`, or more often where the link must not be left with them so long.
+        """
+        if self._acquisition is not None:
+            raise InstrumentFault(self._name, "an acquisition is under way already")
+        self.absorb()
+        self.check()
+        blocks = self._acquisition = _Blocks(math.inf if block_s is None else block_s)
+        self.acquiring_since_s = asyncio.get_running_loop().time()
+        self._wake.set()
+        try:
+            yield blocks
+            self.absorb()
+            self.absorb()  # a lost link reports this after its last frames
+        finally:
+            self._acquisition = self.acquiring_since_s = None
+            blocks.end(self._failure)
+
+    async def _take_in(self) -> None:
+        while self._failure is None:
+            try:
+                async with asyncio.timeout(self._block_s):
+                    await self._wake.wait()
+                self._wake.clear()
+            except TimeoutError:
+                self.absorb()
+
+    @property
+    def _block_s(self) -> float:
+        """How long frames are left with the link from now on."""
+        link_s = self._link.block_s
+        return max(IDLE_BLOCK_S, link_s) if self._acquisition is None else min(link_s, self._acquisition.block_s)
+
+    def look_now(self) -> None:
+        """Takes in what has arrived by now; raises what has gone wrong with the frames."""
+        if asyncio.get_running_loop().time() > self._taken_s:
+            self._take()
+        self.check()
+
+    def absorb(self) -> None:
+        """Take in the frames that have arrived, and notify waiting tasks."""
+        self._news.set()
+        self._take()
+
+    def _take(self) -> None:
+        """Takes what has arrived by now; a fault ends the intake and the acquisition."""
+        if self._failure is not None:
+            return
+        self._taken_s = asyncio.get_running_loop().time()
+        try:
+            block = self._link.take()
+            if self._acquisition is not None:
+                self._acquisition.put(block)
+            self._look_at_errors(block)
+            self._look(block)
+        except DriverError as problem:
+            self._failure = self._better(problem)
+            self._link.close()  # or frames would go on piling up
+            if self._acquisition is not None:
+                self._acquisition.end(self._failure)
+
+    def _better(self, problem: DriverError) -> DriverError:
+        """The problem, or why no frame comes where the link knows that."""
+        if isinstance(problem, NoAnswer):
+            try:
+                self._link.take()
+            except DriverError as known:
+                return known
+        return problem
+
+    def _look_at_errors(self, block: FrameBlock) -> None:
+        """Report error frames; raises LinkLost if the adapter is off the bus, or was meanwhile."""
+        classes = error_classes(block)
+        if not len(classes):
+            return
+        if (classes & (BUS_OFF | RESTARTED)).any():
+            raise LinkLost(
+                self._name, f"the bus is off, or was: the adapter has left it ({in_words(classes.tolist())})",
+                remedy="Check the wiring, the termination and the bit rate; restart the adapter, then run again.",
+            )  # fmt: skip
+        self._errors += len(classes)
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._told_s >= ERRORS_TOLD_EVERY_S:
+            self._note(f"error frames on the bus: {self._errors}, {in_words(classes.tolist())}")
+            self._errors, self._told_s = 0, now_s
+
+
+class _Blocks(AsyncIterator[FrameBlock]):
+    """Blocks from the intake to an acquisition, at least one every `block_s`."""
+
+    def __init__(self, block_s: float) -> None:
+        self.block_s = block_s
+        self._queue: asyncio.Queue[FrameBlock | DriverError | None] = asyncio.Queue()
+
+    def put(self, block: FrameBlock) -> None:
+        if len(block):
+            self._queue.put_nowait(block)
+
+    def end(self, problem: DriverError | None) -> None:
+        self._queue.put_nowait(problem)
+
+    async def __anext__(self) -> FrameBlock:
+        item = await self._queue.get()
+        if isinstance(item, FrameBlock):
+            return item
+        self._queue.put_nowait(item)  # an ended iterator stays ended
+        if item is None:
+            raise StopAsyncIteration
+        raise item
+
+
+class FrameDriver(ABC, Generic[OptionsT]):
+    """Common part of drivers that only receive.
+
+    A subclass opens its link with `_open`, begins with `_begin`, and looks at every block with `_look`: it keeps
+    `_readings`, new ones by channel, and `_heard`, and raises what is wrong with a block.
+
+    A poll connects again when the link was lost: at once, then after longer and longer pauses. An acquisition does not,
+    and the one under way when the link is lost fails: no block goes over the gap.
+    """
+
+    def __init__(self, setup: Setup[OptionsT, Nothing, Nothing]) -> None:
+        self.name = setup.name
+        self._setup = setup
+        self._options = setup.options
+        self._readings: dict[str, list[Reading]] = {}
+        self._heard: dict[str, Heard] = {}
+        self._fingerprint = ""
+        self._intake: FrameIntake
+        self._pauses = Pauses()
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the channel."""
+        await self._intake.end()
+
+    async def identify(self) -> Identity:
+        """The identity stated in the bench file; the fingerprint is that of the frames' description."""
+        stated = self._setup.identity
+        return Identity(
+            maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
+            firmware=stated.firmware or "", verified=False, fingerprint=self._fingerprint,
+        )  # fmt: skip
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """Temperatures in the frames until now since the last poll; raises what has gone wrong with the frames."""
+        if self._intake.is_lost and self._pauses.left_s() <= 0:
+            await self._connect_again()
+        self._intake.look_now()
+        readings, self._readings = self._readings, {}
+        return readings
+
+    async def news(self) -> None:
+        """Return when `poll` may return something new: frames have been taken in, or there is a problem."""
+        await self._intake.news()
+
+    def take_in(self) -> None:
+        """Takes in what has arrived by now, so that `news` returns."""
+        self._intake.absorb()
+
+    def heard(self) -> Mapping[str, Heard]:
+        """Time of the last frame of each channel, as far as frames have been taken in."""
+        return self._heard
+
+    async def make_safe(self) -> None:
+        """Nothing to do: who only listens energises nothing."""
+
+    def acquire(self, *, block_s: float | None = None) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
+        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
+
+        They are taken every `block_s`, or more often where the link must not be left with them so long.
+        """
+        return self._intake.acquire(block_s)
+
+    @abstractmethod
+    async def _open(self) -> FrameLink:
+        """A link from which frames come; raises CannotConnect, NoAnswer, LinkLost."""
+
+    @abstractmethod
+    def _look(self, block: FrameBlock) -> None:
+        """Take in the content of a block; raises if it has a problem."""
+
+    def _begin(self, link: FrameLink) -> None:
+        self._intake = FrameIntake(self.name, link, self._look, self._setup.note)
+        self._intake.begin()
+
+    async def _connect_again(self) -> None:
+        """Reopen the link; if that fails, it stays lost."""
+        try:
+            link = await self._open()
+            try:
+                link.take()  # what has come by now belongs to nothing; raises where the link is gone again
+                await self._intake.end()
+            except BaseException:
+                link.close()
+                raise
+        except DriverError:
+            self._pauses.failed()
+            return
+        self._pauses = Pauses()
+        self._begin(link)
+        self._setup.note(f"connected again at {self._setup.address}")
+
+    def _keep_readings(self, fields: Mapping[str, Field], block: FrameBlock) -> None:
+        for name, (at_s, values) in readings_of(fields, block).items():
+            self._readings.setdefault(name, []).extend(map(Reading, at_s.tolist(), values.tolist()))
+
+
+def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[FormatT, str]:
+    """The result of `bind` for a DBC, and a fingerprint of its text; BadAnswer if it contradicts the bench file."""
+    text = text_of(dbc)
+    try:
+        form = bind(Dbc(text))
+    except DbcError as problem:
+        raise BadAnswer(name, f"{dbc.name}: {problem}", remedy="Correct the bench file.") from problem
+    return form, f"dbc sha256:{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def frames_named(ids: Iterable[int]) -> str:
+    """Received frames, for a message; not all if there are many."""
+    frames = {frame_id for frame_id in ids if not frame_id & ERROR}
+    errors = [frame_id & (ERROR - 1) for frame_id in ids if frame_id & ERROR]
+    named = [f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(frames)[:MOST_NAMED]]
+    return ", ".join([*named, *([f"error frames ({in_words(errors)})"] if errors else [])])

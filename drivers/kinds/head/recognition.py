@@ -1,0 +1,10 @@
+"""What an indexing head that a scan has found may do, until somebody says more."""
+
+from __future__ import annotations
+
+from drivers.discovery.recognition import Blocks
+
+HEAD_STARTER: Blocks = {
+    "options": {"rate": "2 °/s", "settle": {"band": "10 arcsec", "hold": "1 s"}},
+    "limits": {"angle": {"min": "-5°", "max": "5°"}, "rate": {"max": "2 °/s"}},
+}

@@ -1,0 +1,310 @@
+"""A rate table on any controller: goes to angles, turns at rates, swings as a sine, and proves that it does."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import Self
+
+from drivers.capabilities import Approach
+from drivers.errors import DriverError, InstrumentFault, NotSettled, Refused
+from drivers.kinds.axes import pause_s
+from drivers.kinds.table.axis import READ_BACK, Drive, Mode, State, TableAxis
+from drivers.kinds.table.bounds import Bounds
+from drivers.kinds.table.description import TableLimits, TableOptions, safe_state
+from drivers.timing.awake import Deadline
+from drivers.transport.dialogue import safe_in_time
+from drivers.values import Identity, Reading
+
+ARCSEC_PER_DEG = 3600
+MODE_CHANGE_S = 0.5  # at rest before another mode, as drivers of others do
+RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # in which a sine grows, slowly enough to add little to its peak acceleration
+ASTRAY_BANDS = 10  # this many bands off is no scatter: somebody or something has interfered
+RATE_RIPPLE = 1e-3  # of the rate: what a rate read at one instant may be off while its mean is right
+_SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
+
+
+class Table:
+    """One axis, moved by the commands of its controller; a Positioner and a RateTable.
+
+    It never homes the axis and never resets a fault: both are for a person at the controller. Motions are sent once;
+    when an answer is missing, what is read back decides. Angles count whole turns from when it is connected, and moves
+    go where an angle stands in that count.
+
+    Concurrency: a new motion, `stop` and `make_safe` end the motion under way, which then raises Refused.
+    """
+
+    def __init__(self, name: str, axis: TableAxis, options: TableOptions, limits: TableLimits) -> None:
+        self.name, self._axis, self._options = name, axis, options
+        self._fastest_dps, self._most_dps2 = limits.rate.max, limits.acceleration.max
+        self._bounds = Bounds(name, limits)
+        self._safe_within_s = safe_state(options, limits, None).within_s
+        self._band_deg = options.settle.band / ARCSEC_PER_DEG
+        self._order = 0  # counts motions and stops, so that a motion knows when it is no longer wanted
+        self._steady: tuple[Mode, float] | None = None  # what it does since a motion was done: a mode, its ° or °/s
+
+    async def __aenter__(self) -> Self:
+        """Connects and identifies."""
+        await self._axis.open()
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Lets others command the table, if the controller still answers, and closes the wire; motions go on."""
+        try:
+            with suppress(DriverError):
+                await self._axis.give_back()
+        finally:
+            self._axis.close()
+
+    async def identify(self) -> Identity:
+        """Identity of the controller; raises WrongIdentity if it has changed."""
+        return await self._axis.identify()
+
+    async def poll(self) -> Mapping[str, Sequence[Reading]]:
+        """Angle and rate; InstrumentFault if the state differs from the command, or the table has a fault."""
+        state = await self._axis.look()
+        await self._axis.check_fault(state)
+        if problem := self._departure(state):
+            raise InstrumentFault(
+                self.name, problem, received=str(state),
+                remedy="Look for a tripped interlock, or who else moves it: the front panel, another program, a hand.",
+            )  # fmt: skip
+        return {"angle": [self._angle(state)], "rate": [self._rate(state)]}
+
+    async def angle(self) -> Reading:
+        """The angle now (°), over whole turns."""
+        return self._angle(await self._axis.look())
+
+    async def rate(self) -> Reading:
+        """The rate now (°/s)."""
+        return self._rate(await self._axis.look())
+
+    async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
+        """Move to `angle_deg` and settle; return the angle read back after a further `settle_s`.
+
+        `from_below` and `from_above` begin at least `approach_distance` on that side, also when the axis stands at
+        the angle already, so that every visit is approached alike. Raises BeyondLimit before anything is sent;
+        Refused or InstrumentFault from the controller; NotSettled when the axis does not come to stand in its band.
+        """
+        begin_deg = angle_deg + _SIDES[approach] * self._options.approach_distance
+        self._bounds.check_angle("the angle", angle_deg)
+        self._bounds.check_angle(f"the angle where the approach to {angle_deg:g}° begins,", begin_deg)
+        order = self._new_order()
+        state = await self._enter(order, Mode.POSITION, self._options.acceleration)
+        if (state.angle_deg - begin_deg) * _SIDES[approach] < 0:
+            await self._go(order, begin_deg, hold_s=0.0)
+        await self._go(order, angle_deg, hold_s=self._options.settle.hold)
+        await asyncio.sleep(settle_s)
+        state = await self._watch(order, Mode.POSITION)
+        if abs(state.angle_deg - angle_deg) > self._band_deg:
+            raise self._not_settled(f"the table left {angle_deg:g}° within {settle_s:g} s", state)
+        self._steady = (Mode.POSITION, angle_deg)
+        return self._angle(state)
+
+    async def rotate_at(self, rate_dps: float, *, acceleration_dps2: float | None) -> None:
+        """Turns at `rate_dps`; returns when the rate read back is that, within `rate_band` and a thousandth.
+
+        `acceleration_dps2` is `options.acceleration` unless given. Raises BeyondLimit before anything is sent, also on
+        an axis with ends; Refused or InstrumentFault from the controller; NotSettled when the rate is not reached.
+        """
+        acceleration_dps2 = self._options.acceleration if acceleration_dps2 is None else acceleration_dps2
+        self._bounds.check_turning(rate_dps, acceleration_dps2)
+        order = self._new_order()
+        state = await self._enter(order, Mode.RATE, acceleration_dps2)
+        self._check_wanted(order)
+        await self._axis.turn(rate_dps)
+        await self._until(
+            order, Mode.RATE, lambda state: abs(state.rate_dps - rate_dps) <= self._rate_band_dps(rate_dps),
+            abs(rate_dps - state.rate_dps) / acceleration_dps2, f"the rate of {rate_dps:g} °/s is not reached",
+        )  # fmt: skip
+        self._steady = (Mode.RATE, rate_dps)
+
+    async def oscillate(self, amplitude_deg: float, frequency_hz: float) -> None:
+        """Swings as a sine by ± `amplitude_deg` about the angle where it stands, after a stop if need be.
+
+        Returns when amplitude and frequency are reached. Raises BeyondLimit before anything moves, when the sine needs
+        more rate, acceleration or angle than is allowed; Refused or InstrumentFault from the controller; NotSettled.
+        """
+        self._bounds.check_sine(amplitude_deg, frequency_hz)
+        run_up_s = max(RUN_UP_S, RUN_UP_PERIODS / frequency_hz)
+        order = self._new_order()
+        state = await self._enter(order, Mode.POSITION, self._options.acceleration)
+        for end_deg in (state.angle_deg - amplitude_deg, state.angle_deg + amplitude_deg):
+            self._bounds.check_angle("the end of the swing", end_deg)
+        await self._axis.prepare(Mode.SYNTHESIS, self._fastest_dps, self._most_dps2)
+        await self._axis.demand_sine(amplitude_deg, frequency_hz, run_up_s)
+        await self._follow(order, Mode.SYNTHESIS)
+        await self._until(
+            order, Mode.SYNTHESIS, lambda state: state.swinging, run_up_s,
+            f"the sine of ±{amplitude_deg:g}° at {frequency_hz:g} Hz is not reached",
+        )  # fmt: skip
+        self._steady = (Mode.SYNTHESIS, amplitude_deg)
+
+    async def stop(self) -> None:
+        """Brings the rate to zero and holds it; returns when the table is at rest."""
+        self._new_order()
+        await self._axis.stop()
+        await self._axis.check_fault(await self._come_to_rest())
+
+    async def make_safe(self) -> None:
+        """Stops the table where it is, within `safe_state`: no move, and the drive stays on to hold it if it was on.
+
+        Proved by reading back; a table whose drive has tripped is not driven any more. Raises NoAnswer when it
+        cannot be proved; CannotConnect, WrongIdentity after a lost wire.
+        """
+        self._new_order()
+        async with safe_in_time(self.name, self._safe_within_s):
+            await self._axis.reopen()
+            self._axis.stop_at_once()
+            await self._come_to_rest()
+
+    async def _enter(self, order: int, mode: Mode, acceleration_dps2: float) -> State:
+        """Energised, under control, in `mode` and at rest in it (in RATE perhaps turning); what the axis then does."""
+        state = await self._axis.make_ready()
+        rate_dps = self._options.rate if mode is Mode.POSITION else self._fastest_dps
+        await self._axis.prepare(mode, rate_dps, acceleration_dps2)
+        await self._axis.prepare(Mode.OFF, self._fastest_dps, self._options.acceleration)
+        if state.mode is mode and (mode is Mode.RATE or abs(state.rate_dps) <= self._options.rate_band):
+            return state
+        self._check_wanted(order)
+        if state.mode is not Mode.OFF:
+            await self._axis.stop()
+        await self._come_to_rest()
+        await asyncio.sleep(MODE_CHANGE_S)
+        state = await self._axis.look()
+        self._check_wanted(order)
+        # A mode goes for its last demand as soon as it is entered.
+        await self._axis.demand_here(mode, state.angle_deg)
+        return await self._follow(order, mode)
+
+    async def _follow(self, order: int, mode: Mode) -> State:
+        """Make the servo follow the demand of a mode; what the axis does when it tells that mode, or at last."""
+        self._check_wanted(order)
+        await self._axis.enter(mode)
+        await READ_BACK.until(self._axis.look, lambda state: order != self._order or state.mode is mode or state.stale)
+        return await self._watch(order, mode)
+
+    async def _go(self, order: int, target_deg: float, *, hold_s: float) -> None:
+        """Move to an angle, and return when the axis has been there for `hold_s`.
+
+        A controller that takes the shorter way goes a long one in legs.
+        """
+        begin_deg = (await self._watch(order, Mode.POSITION)).angle_deg
+        way_deg = target_deg - begin_deg
+        legs = math.ceil(abs(way_deg) / self._axis.longest_leg_deg)
+        for leg in range(1, legs):
+            await self._leg(order, begin_deg + way_deg * leg / legs, way_deg / legs, 0.0)
+        await self._leg(order, target_deg, way_deg / max(legs, 1), hold_s)
+
+    async def _leg(self, order: int, target_deg: float, way_deg: float, hold_s: float) -> None:
+        """Send the axis to an angle once, and return when it has been there for `hold_s`."""
+        since_s: float | None = None
+
+        def stands(state: State) -> bool:
+            nonlocal since_s
+            near = abs(state.angle_deg - target_deg) <= self._band_deg
+            if not near or abs(state.rate_dps) > self._options.rate_band:
+                since_s = None
+            elif since_s is None:
+                since_s = _now_s()
+            return since_s is not None and _now_s() - since_s >= hold_s
+
+        self._check_wanted(order)
+        await self._axis.go(target_deg)
+        travel_s = abs(way_deg) / self._options.rate + self._options.rate / self._options.acceleration
+        await self._until(order, Mode.POSITION, stands, travel_s, f"the table is not at {target_deg:g}°", hold_s)
+
+    async def _until(
+        self, order: int, mode: Mode, arrived: Callable[[State], bool], expected_s: float, problem: str,
+        hold_s: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Returns when the axis has arrived and held; NotSettled when it takes `give_up` longer than expected."""
+        near_s = _now_s() + expected_s
+        deadline = Deadline(expected_s + hold_s + self._options.settle.give_up)
+        while not arrived(state := await self._watch(order, mode)):
+            if deadline.passed:
+                raise self._not_settled(problem, state)
+            await asyncio.sleep(pause_s(self._options.poll, near_s - _now_s()))
+
+    async def _watch(self, order: int, mode: Mode) -> State:
+        """Poll a motion; raises Refused if it has been superseded, InstrumentFault if it cannot continue."""
+        state = await self._axis.look()
+        self._check_wanted(order)
+        await self._axis.check_fault(state)
+        if problem := _lost_control(state, mode):
+            raise InstrumentFault(
+                self.name, problem, received=str(state),
+                remedy="Look at the controller's panel for who changed it, then run again.",
+            )  # fmt: skip
+        return state
+
+    async def _come_to_rest(self) -> State:
+        """State of the axis after it has come to rest; NotSettled. A tripped one may tell of before for ever."""
+        deadline = Deadline(self._safe_within_s + self._options.settle.give_up)
+        while True:
+            state = await self._axis.look()
+            at_rest = state.held and abs(state.rate_dps) <= self._options.rate_band
+            if at_rest or state.stale:
+                return state
+            if deadline.passed:
+                raise NotSettled(
+                    self.name, "the table still turns after a stop", received=str(state),
+                    remedy="Press the emergency stop.",
+                )  # fmt: skip
+            await asyncio.sleep(self._options.poll)
+
+    def _departure(self, state: State) -> str:
+        """How the state of the table differs from the command; "" if it does not."""
+        if self._steady is None:
+            return ""
+        mode, value = self._steady
+        if problem := _lost_control(state, mode):
+            return problem
+        match mode:
+            case Mode.POSITION if abs(state.angle_deg - value) > ASTRAY_BANDS * self._band_deg:
+                return f"the table is not at {value:g}°, its target"
+            case Mode.RATE if abs(state.rate_dps - value) > ASTRAY_BANDS * self._rate_band_dps(value):
+                return f"the table does not turn at {value:g} °/s, as commanded"
+            case Mode.SYNTHESIS if not state.swinging:
+                return f"the table does not swing by ±{value:g}°, as commanded"
+        return ""
+
+    def _angle(self, state: State) -> Reading:
+        return Reading(_now_s(), state.angle_deg)
+
+    def _rate(self, state: State) -> Reading:
+        return Reading(_now_s(), state.rate_dps)
+
+    def _rate_band_dps(self, rate_dps: float) -> float:
+        return self._options.rate_band + RATE_RIPPLE * abs(rate_dps)
+
+    def _new_order(self) -> int:
+        """Invalidates the running order."""
+        self._order += 1
+        self._steady = None
+        return self._order
+
+    def _check_wanted(self, order: int) -> None:
+        if order != self._order:
+            raise Refused(self.name, "the motion was ended by another command")
+
+    def _not_settled(self, problem: str, state: State) -> NotSettled:
+        return NotSettled(
+            self.name, problem, received=str(state),
+            remedy="Check for a blocked or unbalanced table, and settle and rate_band in the bench file.",
+        )  # fmt: skip
+
+
+def _lost_control(state: State, mode: Mode) -> str:
+    """Why a motion in `mode` is not ours any more; "" when it is."""
+    if state.drive is not Drive.ON:
+        return "the drive of the table was switched off"
+    if state.mode is not mode:
+        return f"the table is in mode {state.mode.value}, commanded was {mode.value}"
+    return "" if state.ours else "another master has taken control of the table"
+
+
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()

@@ -1,0 +1,47 @@
+"""Angles over whole turns, from a controller that reports them within one."""
+
+from __future__ import annotations
+
+import math
+
+from drivers.kinds.table.axis import Mode, State
+from drivers.kinds.table.description import AngleRange
+
+TURN_DEG = 360.0
+LONGEST_LEG_DEG = 120.0  # well below half a turn, so that there is no doubt which way is the shorter
+
+
+class TurnCounter:
+    """Counts turns from one poll of an axis to the next.
+
+    An axis with ends stands within the turn that its ends lie in the middle of. One without is from -180° to 180° when
+    it is looked at first; from then on it has gone by the mean of two rates times the time between them, give or take
+    less than half a turn: wrong only when nobody looks while it changes its rate. A sine stays within half a turn of
+    where it began.
+    """
+
+    def __init__(self, ends: AngleRange | None) -> None:
+        self._ends = ends
+        self._last: tuple[float, State] | None = None
+        self._centre_deg = 0.0  # where the axis was before it swings
+
+    def count(self, at_s: float, state: State) -> State:
+        """The state of an axis at a time, its angle over whole turns."""
+        near_deg = self._expected_deg(at_s, state)
+        angle_deg = near_deg + math.remainder(state.angle_deg - near_deg, TURN_DEG)
+        if state.mode is not Mode.SYNTHESIS:
+            self._centre_deg = angle_deg
+        state = state._replace(angle_deg=angle_deg)
+        self._last = at_s, state
+        return state
+
+    def _expected_deg(self, at_s: float, state: State) -> float:
+        """About where the axis is."""
+        if self._ends is not None:
+            return (self._ends.min + self._ends.max) / 2
+        if self._last is None:
+            return 0.0
+        last_s, last = self._last
+        if Mode.SYNTHESIS in (last.mode, state.mode):
+            return self._centre_deg
+        return last.angle_deg + (last.rate_dps + state.rate_dps) / 2 * (at_s - last_s)

@@ -1,0 +1,1 @@
+"""Protocols shared by several instruments, as text and bytes; no I/O."""

@@ -1,0 +1,1 @@
+"""Field types and messages of documents: bench files, sequences, cases."""

@@ -1,0 +1,79 @@
+"""Pydantic's errors for the operator: the value found, and what was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+
+from drivers.quantity.units import quoted
+
+# What was expected, by the type of a finding; the braces hold what pydantic knows of it.
+_EXPECTED: Mapping[str, str] = {
+    "string_type": "text",
+    "string_too_short": "text",
+    "string_too_long": "at most {max_length} characters",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number with fewer digits",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "literal_error": "{expected}",
+    "greater_than": "more than {gt:.12g}",
+    "greater_than_equal": "at least {ge:.12g}",
+    "less_than": "less than {lt:.12g}",
+    "less_than_equal": "at most {le:.12g}",
+    "dict_type": "a mapping",
+    "mapping_type": "a mapping",
+    "model_type": "a mapping",
+    "tuple_type": "a list",
+    "list_type": "a list",
+}
+
+
+def telling(problem: str) -> PydanticCustomError:
+    """The error for a validator to raise with exactly this message."""
+    return PydanticCustomError("told", "{problem}", {"problem": problem})
+
+
+def problem_at(place: tuple[str | int, ...], problem: str) -> InitErrorDetails:
+    """The error of a part, for a validator of the whole to raise among others."""
+    return InitErrorDetails(type=telling(problem), loc=place, input=None)
+
+
+def expected(what: str, found: object) -> PydanticCustomError:
+    """The error for a validator to raise where something else was expected."""
+    return telling(f"is {in_words(found)}, expected {what}")
+
+
+def in_plain_words(error: ErrorDetails) -> str:
+    """What a technician reads of one of pydantic's errors."""
+    kind, known = error["type"], error.get("ctx", {})
+    if kind == "missing":
+        return "is missing"
+    if kind == "value_error":
+        return str(known["error"])
+    if kind not in _EXPECTED:
+        return error["msg"]
+    unquoted = kind == "string_type" and isinstance(error["input"], (bool, int, float))
+    what = _EXPECTED[kind].format_map(known)
+    return f"is {in_words(error['input'])}, expected {what}{'; put it in quotes' if unquoted else ''}"
+
+
+def in_words(value: object) -> str:
+    """A value of a document for a message: `'text'`, `5`, `true`, "a list", "a mapping", "empty"."""
+    if value is None or value == "":
+        return "empty"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (int, float)):
+        return str(value)
+    if isinstance(value, (list, tuple)):
+        return "a list" if value else "empty"
+    if isinstance(value, Mapping):
+        return "a mapping" if value else "empty"
+    return quoted(value)

@@ -1,0 +1,114 @@
+"""A bad bus between who sends CAN frames and who takes them: frames that do not come, come twice, late or altered.
+
+What suffers follows from the draws it is given, so that every failure can be played again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.frame_block import EXTENDED, FrameBlock
+
+FURTHEST_ROWS = 12  # that a frame comes late
+MEAN_BURST_ROWS = 20
+FOREIGN_IDS = 1 << 11
+
+Rows = NDArray[np.intp]
+
+
+class FrameFault(StrEnum):
+    """What happens to frames on their way."""
+
+    LOST = "lost_frames"  # now and then one does not come
+    BURST = "lost_bursts"  # no frames for a while
+    DOUBLED = "doubled_frames"  # a frame arrives twice
+    LATE = "late_frames"  # a frame arrives after later ones
+    FOREIGN = "foreign_frames"  # another node sends on this bus
+    SHORT = "short_frames"  # one has another length
+    SWAPPED = "swapped_frames"  # two neighbours have each other's identifiers
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """What has come of frames: which of those sent each is, -1 for one that nobody of them sent.
+
+    `altered` are those that are not as they were sent.
+    """
+
+    block: FrameBlock
+    rows: Rows
+    altered: NDArray[np.bool_]
+
+
+def carry(
+    fault: FrameFault, block: FrameBlock, draws: np.random.Generator, share: float, swapped: Collection[int] = ()
+) -> Carried:
+    """Apply a fault to a `share` of frames (N,); only frames with ids in `swapped` exchange theirs."""
+    hit = draws.random(len(block)) < share
+    rows = np.arange(len(block))
+    untouched = np.zeros(len(block), dtype=bool)
+    match fault:
+        case FrameFault.LOST:
+            return _kept(block, rows[~hit])
+        case FrameFault.BURST:
+            return _kept(block, rows[~_in_bursts(hit, draws)])
+        case FrameFault.DOUBLED:
+            return _kept(block, _moved(np.concatenate([rows, rows[hit]]), len(block), draws))
+        case FrameFault.LATE:
+            return _kept(block, _moved(np.concatenate([rows[~hit], rows[hit]]), len(rows) - hit.sum(), draws))
+        case FrameFault.FOREIGN:
+            return _among_foreign(block, rows[hit], draws)
+        case FrameFault.SHORT:
+            lengths = np.where(hit, (block.dlc + draws.integers(1, 9, len(block))) % 9, block.dlc).astype(np.uint8)
+            data = np.where(np.arange(8) < lengths[:, np.newaxis], block.data, 0).astype(np.uint8)
+            return Carried(FrameBlock(block.ids, block.at_s, lengths, data), rows, hit)
+        case FrameFault.SWAPPED:
+            able = np.isin(block.ids, list(swapped))
+            first = np.flatnonzero(hit[:-1] & able[:-1] & able[1:] & (block.ids[:-1] != block.ids[1:]))
+            first = first[np.diff(first, prepend=-2) > 1]  # none is swapped twice
+            ids, altered = block.ids.copy(), untouched
+            ids[first], ids[first + 1] = block.ids[first + 1], block.ids[first]
+            altered[first] = altered[first + 1] = True
+            return Carried(FrameBlock(ids, block.at_s, block.dlc, block.data), rows, altered)
+
+
+def _kept(block: FrameBlock, rows: Rows) -> Carried:
+    """Frames in another order, or not all; what comes late comes with what was sent just before that."""
+    at_s = np.maximum.accumulate(block.at_s[rows]) if len(rows) else block.at_s[rows]
+    moved = FrameBlock(block.ids[rows], at_s, block.dlc[rows], block.payloads(rows))
+    return Carried(moved, rows, np.zeros(len(rows), dtype=bool))
+
+
+def _in_bursts(begins: NDArray[np.bool_], draws: np.random.Generator) -> NDArray[np.bool_]:
+    """Which rows are in a burst; as many as begin one would be lost alone."""
+    lost = np.zeros(len(begins), dtype=bool)
+    for row in np.flatnonzero(begins & (draws.random(len(begins)) < 1 / MEAN_BURST_ROWS)):
+        lost[row : row + int(draws.geometric(1 / MEAN_BURST_ROWS))] = True
+    return lost
+
+
+def _moved(rows: Rows, in_place: int, draws: np.random.Generator) -> Rows:
+    """Rows of which those from `in_place` on come some places later than they were sent."""
+    places = rows.astype(float)
+    places[in_place:] += 0.5 + draws.integers(0, FURTHEST_ROWS, len(rows) - in_place)
+    return rows[np.argsort(places, kind="stable")]
+
+
+def _among_foreign(block: FrameBlock, after: Rows, draws: np.random.Generator) -> Carried:
+    """Frames with others after some of them, whose identifiers none of them has."""
+    free = np.setdiff1d(np.arange(FOREIGN_IDS, dtype=np.uint32), block.ids)
+    ids = draws.choice(free, len(after)) | np.where(draws.random(len(after)) < 0.5, np.uint32(EXTENDED), np.uint32(0))
+    lengths = draws.integers(0, 9, len(after)).astype(np.uint8)
+    data = np.where(np.arange(8) < lengths[:, np.newaxis], draws.integers(0, 256, (len(after), 8)), 0)
+    whole = FrameBlock.joined(
+        [block, FrameBlock(ids.astype(np.uint32), block.at_s[after], lengths, data.astype(np.uint8))]
+    )
+    rows = np.concatenate([np.arange(len(block)), np.full(len(after), -1)])
+    order = np.argsort(np.concatenate([np.arange(len(block)), after + 0.5]), kind="stable")
+    ordered = FrameBlock(whole.ids[order], whole.at_s[order], whole.dlc[order], whole.payloads(order))
+    return Carried(ordered, rows[order], rows[order] < 0)

@@ -1,0 +1,162 @@
+"""A bad line between an instrument and its client: answers that are lost, late, doubled, truncated or altered.
+
+It stands where a server has its instrument, in the same process or in front of a real address
+(`simulators.serving.proxy`). Which answer suffers what follows from a seed, so that every failure can be played again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import partial
+
+import numpy as np
+
+from drivers.transport.tap import Tap
+
+
+class LineFault(StrEnum):
+    """What happens to one answer."""
+
+    SILENCE = "silence"  # it is lost
+    DELAY = "delay"  # it is delayed, within the timeout
+    LATE = "late"  # it arrives after the timeout
+    DUPLICATE = "duplicate"  # it arrives twice
+    GARBAGE = "garbage"  # other bytes come before it
+    CUT = "cut"  # it is truncated
+    SPLIT = "split"  # it arrives byte by byte
+    FLIP = "flip"  # one bit is turned
+    ECHO = "echo"  # the query is echoed before it
+    RESET = "reset"  # the connection is cut in its place
+    HALF_OPEN = "half_open"  # no more data on this connection, which stays open
+    SLOW_CLOSE = "slow_close"  # it does not come, and the connection is closed a while later
+
+
+Chooser = Callable[[int], LineFault | None]
+"""The fault of an answer, by its number from 0."""
+
+HARMLESS = frozenset({LineFault.DELAY, LineFault.SPLIT})
+"""What a client must bear without an error."""
+
+
+@dataclass(frozen=True, slots=True)
+class Injected:
+    """An injected fault: the number of the answer, the original answer and the altered one."""
+
+    number: int
+    fault: LineFault
+    answer: bytes
+    altered: bytes
+
+
+@dataclass
+class BadLine:
+    """Applies faults to the answers on a line, and records them.
+
+    `patience_s` is how long the client waits for an answer. `heard` holds its data as received. One object may
+    stand in front of several connections, one after the other: numbers go on.
+    """
+
+    seed: int
+    choose: Chooser
+    patience_s: float = 3.0
+    injected: list[Injected] = field(default_factory=list)
+    answers: int = 0
+    heard: list[bytes] = field(default_factory=list)
+
+    def in_front_of(self, factory: Callable[[], asyncio.Protocol]) -> Callable[[], asyncio.Protocol]:
+        """The same server behind this line."""
+        return lambda: _BadEnd(factory(), self)
+
+    def next(self, answer: bytes, question: bytes) -> tuple[LineFault | None, bytes]:
+        """What happens to an answer, and what is left of it."""
+        number, self.answers = self.answers, self.answers + 1
+        fault = self.choose(number)
+        if fault is None:
+            return None, answer
+        altered = _altered(fault, answer, question, np.random.default_rng([self.seed, number]))
+        self.injected.append(Injected(number, fault, answer, altered))
+        return fault, altered
+
+
+def in_turn(faults: Sequence[LineFault | None]) -> Chooser:
+    """These faults for the first answers, then none."""
+    return lambda number: faults[number] if number < len(faults) else None
+
+
+def now_and_then(seed: int, share: float, kinds: Sequence[LineFault]) -> Chooser:
+    """A fault for this share of the answers, drawn from `kinds`."""
+
+    def choose(number: int) -> LineFault | None:
+        draw = np.random.default_rng([seed, 1, number])
+        return kinds[int(draw.integers(len(kinds)))] if draw.random() < share else None
+
+    return choose
+
+
+class _BadEnd(Tap):
+    """The server's end of a bad line: `inner` is the instrument, what it writes are answers."""
+
+    def __init__(self, inner: asyncio.Protocol, bad: BadLine) -> None:
+        super().__init__(inner)
+        self._bad = bad
+        self._question = b""
+        self._dead = False
+
+    def received(self, data: bytes) -> None:
+        self._question = data
+        self._bad.heard.append(data)
+        if not self._dead:
+            super().received(data)
+
+    def sent(self, data: bytes) -> None:
+        if self._dead:
+            return
+        fault, altered = self._bad.next(data, self._question)
+        patience_s = self._bad.patience_s
+        match fault:
+            case LineFault.SILENCE:
+                pass
+            case LineFault.HALF_OPEN:
+                self._dead = True
+            case LineFault.RESET:
+                self.line.abort()
+            case LineFault.SLOW_CLOSE:
+                self._dead = True
+                self._after(patience_s / 2, self.line.close)
+            case LineFault.DELAY:
+                self._after(patience_s / 2, partial(self._write, altered))
+            case LineFault.LATE:
+                self._after(patience_s * 1.1, partial(self._write, altered))
+            case LineFault.SPLIT:
+                for index, byte in enumerate(altered):
+                    self._after(index * 0.01 * patience_s / len(altered), partial(self._write, bytes([byte])))
+            case _:
+                self._write(altered)
+
+    def _write(self, data: bytes) -> None:
+        if not self.line.is_closing():
+            self.line.write(data)
+
+    def _after(self, delay_s: float, act: Callable[[], object]) -> None:
+        asyncio.get_running_loop().call_later(delay_s, act)
+
+
+def _altered(fault: LineFault, answer: bytes, question: bytes, draw: np.random.Generator) -> bytes:
+    match fault:
+        case LineFault.DUPLICATE:
+            return answer + answer
+        case LineFault.GARBAGE:
+            return draw.bytes(int(draw.integers(1, 12))) + answer
+        case LineFault.CUT:
+            return answer[: int(draw.integers(len(answer)))]
+        case LineFault.ECHO:
+            return question + answer
+        case LineFault.FLIP:
+            flipped = bytearray(answer)
+            flipped[int(draw.integers(len(answer)))] ^= 1 << int(draw.integers(8))
+            return bytes(flipped)
+        case _:
+            return answer

@@ -1,0 +1,1 @@
+"""Simulated instruments, each with the protocol of the real one."""

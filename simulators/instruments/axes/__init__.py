@@ -1,0 +1,1 @@
+"""Indexing heads and rate tables."""

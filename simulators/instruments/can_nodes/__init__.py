@@ -1,0 +1,1 @@
+"""Nodes that send CAN frames by themselves."""

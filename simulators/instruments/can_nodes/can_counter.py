@@ -1,0 +1,227 @@
+"""The pulse counter: latches the units' converters on its own time base and sends frames by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc import Dbc, Field, encode_frames
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_counter.wire import CounterFormat
+from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.instruments.can_nodes.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
+from simulators.physics.integrator import Counts, Integrator
+from simulators.physics.world import World
+from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.units.gyro_unit import SimulatedGyro
+from simulators.units.imu import ImuChannel
+from simulators.units.unit_file import stream
+
+Array = NDArray[np.float64]
+BOARD_C = 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class CounterSettings:
+    """A counter as its bench file describes it.
+
+    `readings` gives the place that a temperature signal belongs to, by `Message.Signal`, `boards` the place whose
+    converter it is at, and `imu_readings` the place and the sensors of an inertial unit; `name` is the counter's role.
+    `encoders` are the counts in a degree of the axes whose encoders it latches.
+    """
+
+    name: str
+    dbc: Dbc
+    form: CounterFormat
+    period_s: float
+    readings: Mapping[str, str] = field(default_factory=dict)
+    boards: Mapping[str, str] = field(default_factory=dict)
+    imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    encoders: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class _Converters:
+    """Converters that are worked out together: all whose charge does not turn round between two latches, or one."""
+
+    channels: Sequence[str]
+    swings: bool
+    integrator: Integrator
+
+    def count(self, pulses: Array, frozen: bool) -> tuple[Counts, Counts]:
+        """Their + and - counts after the charge of each latch, (c, n), in pulses; frozen ones stand."""
+        if frozen:
+            stood = np.zeros(pulses.shape, np.int64)
+            return stood + self.integrator.positive, stood + self.integrator.negative
+        if self.swings:
+            positive, negative = self.integrator.count_through_turns(pulses[0])
+            return positive[np.newaxis], negative[np.newaxis]
+        return self.integrator.count(pulses)
+
+
+class SimulatedCounter(CanNode):
+    """A counter on the world's units.
+
+    A channel with a place counts what that unit's converter fires; one without counts nothing.
+    """
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CanNode.MISHAPS, "stuck_count": LOOKED_FOR, "cleared_count": LOOKED_FOR,
+    }  # fmt: skip
+
+    def __init__(self, world: World, settings: CounterSettings, faults: FaultPlan) -> None:
+        super().__init__(settings.name, world, faults)
+        self._settings = settings
+        self._latch_s = settings.period_s / (1 + world.settings.device_clock)  # true seconds between two latches
+        draws = stream(world.settings.seed, "counter", "start")
+        self._tick0 = int(draws.integers(0, 1 << 32))
+        self._sequence0 = int(draws.integers(0, 1 << 16))
+        self._boots = 0
+        self._latch = self._shown = 0  # the number of the last latch, and that which the frames last showed
+        self._origin_s = self._counted_s = world.now()  # true times of latch 0, and up to which pulses are counted
+        self._units: dict[str, SimulatedUnit | SimulatedGyro | ImuChannel] = {
+            unit.settings.channel: unit for unit in world.counted.values() if unit.settings.channel
+        }
+        for imu in world.imus.values():
+            self._units |= {name: unit for name, unit in imu.channels.items() if name in settings.form.channels}
+        began = [
+            [draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in settings.form.channels
+        ]
+        self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
+        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, from before a change of stimulus
+        self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
+        self.may_swap = frozenset(channel.sequence.message.id for channel in settings.form.channels.values())
+        self._held: dict[str, int] = {}  # where counts have got stuck
+        self._cleared: dict[str, int] = {}  # where they were when they were cleared
+        world.integrate_with(self._before_change)
+
+    def _made(self, began: Array) -> list[_Converters]:
+        """The converters of all channels, a row for each: the residue of its charge and its + and - counts."""
+        residue, counts = began[:, :1], began[:, 1:].astype(np.int64)
+        steady, made = [], []
+        for row, name in enumerate(self._settings.form.channels):
+            if (unit := self._units.get(name)) is not None and unit.swings:
+                alone = Integrator(residue[row], counts[row, :1], counts[row, 1:])
+                made.append(_Converters([name], True, alone))
+            else:
+                steady.append(row)
+        if steady:
+            names = np.array(list(self._settings.form.channels))[steady].tolist()
+            together = Integrator(residue[steady], counts[steady, :1], counts[steady, 1:])
+            made.append(_Converters(names, False, together))
+        return made
+
+    def _before_change(self) -> None:
+        """Makes the latches that are due, and counts what has come since under the stimulus that is about to change."""
+        now = self._world.now()  # before the latches, which are due while it goes on
+        self._catch_up()
+        if now > self._counted_s:
+            for channel, unit in self._units.items():
+                self._owed[channel] += float(unit.charge_pulses(np.array([self._counted_s, now]))[0])
+            self._counted_s = now
+
+    def _catch_up(self) -> None:
+        """Makes the latches that are due."""
+        if self.faults.times("restart") > self._boots:
+            self._restart()
+        due = math.floor((self._world.now() - self._origin_s) / self._latch_s) - self._latch
+        if due <= 0:
+            return
+        numbers = np.arange(self._latch + 1, self._latch + due + 1)
+        at_s = self._origin_s + numbers * self._latch_s
+        edges_s = np.concatenate(([self._counted_s], at_s))
+        self._latch, self._counted_s = self._latch + due, float(at_s[-1])
+        self._sent.append(self._frames(numbers, edges_s))
+
+    def _restart(self) -> None:
+        """Power-on: the device's clock, the latches and all counts begin at 0, and the boot counter goes up."""
+        self._boots += 1
+        self._origin_s, self._latch, self._tick0, self._sequence0 = self._counted_s, 0, 0, 0
+        self._converters = self._made(np.zeros((len(self._settings.form.channels), 3)))
+
+    def _frames(self, numbers: NDArray[np.int64], edges_s: Array) -> FrameBlock:
+        form, at_s = self._settings.form, edges_s[1:]
+        frozen = self.faults.active("frozen")
+        shown = np.full_like(numbers, self._shown) if frozen else numbers
+        self._shown = int(shown[-1])
+        values: dict[str, dict[str, NDArray[np.int64]]] = {}
+
+        def put(field: Field, integers: NDArray[np.int64]) -> None:
+            values.setdefault(field.message.name, {})[field.signal.name] = integers
+
+        put(form.tick, self._tick0 + np.rint(shown * (self._settings.period_s / form.tick_period_s)).astype(np.int64))
+        put(form.sequence, self._sequence0 + shown)
+        if form.boot_count is not None:
+            put(form.boot_count, np.full_like(numbers, self._boots))
+        spoils = self.faults.spans_s("cleared_count") or self.faults.spans_s("stuck_count")
+        for name, positive, negative in self._counts(edges_s, frozen):
+            channel = form.channels[name]
+            if spoils:
+                positive, negative = self._spoilt(name, at_s, positive), self._spoilt(f"-{name}", at_s, negative)
+            if (unit := self._units.get(name)) is not None and unit.faults.active("silent"):
+                continue
+            put(channel.positive, positive)
+            put(channel.negative, negative)
+            put(channel.sequence, self._sequence0 + shown)
+        for name, encoder in form.positions.items():
+            put(encoder.position, self._positions(name, np.full_like(at_s, at_s[0]) if frozen else at_s))
+            put(encoder.sequence, self._sequence0 + shown)
+        host_s = self._world.host_time(at_s)
+        return in_order([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
+
+    def _spoilt(self, name: str, at_s: Array, counts: Counts) -> Counts:
+        """Counts of one sign at the times, that get stuck or are cleared on the way."""
+        for begin_s, _ in self.faults.spans_s("cleared_count"):
+            since = at_s >= begin_s
+            if since.any():
+                cleared = self._cleared.setdefault(name, int(counts[np.argmax(since)]))
+                counts = np.where(since, counts - cleared, counts)
+        if name.removeprefix("-") == next(iter(self._settings.form.channels)):
+            for begin_s, end_s in self.faults.spans_s("stuck_count"):
+                during = (at_s >= begin_s) & (at_s < end_s)
+                if during.any():
+                    counts = np.where(during, self._held.setdefault(name, int(counts[np.argmax(during)])), counts)
+        return counts
+
+    def _counts(self, edges_s: Array, frozen: bool) -> Iterator[tuple[str, Counts, Counts]]:
+        """Every channel with its + and - counts at the latches."""
+        for converters in self._converters:
+            pulses = np.array([self._pulses(channel, edges_s) for channel in converters.channels])
+            yield from zip(converters.channels, *converters.count(pulses, frozen), strict=True)
+
+    def _pulses(self, channel: str, edges_s: Array) -> Array:
+        """What a channel is owed at each latch."""
+        unit = self._units.get(channel)
+        if unit is None:
+            return np.zeros(len(edges_s) - 1)
+        pulses = unit.charge_pulses(edges_s)
+        pulses[0] += self._owed[channel]
+        self._owed[channel] = 0.0
+        return pulses
+
+    def _positions(self, role: str, at_s: Array) -> NDArray[np.int64]:
+        """What the encoder of an axis reads at the times, in counts."""
+        angle_deg = self._world.axis_of(role).encoder_angles_deg(at_s + self._world.settings.encoder_skew_s)
+        return np.floor(angle_deg * self._settings.encoders[role]).astype(np.int64)
+
+    def _warmth(self, numbers: NDArray[np.int64], at_s: Array) -> FrameBlock:
+        """One frame of each temperature message a second; a signal without a unit shows the converter's board."""
+        at_s = at_s[numbers % self._warmth_latches == 0]
+        fields, host_s = self._settings.form.temperatures, self._world.host_time(at_s)
+        return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
+
+    def _celsius(self, signal: str, at_s: Array) -> Array:
+        place, board = self._settings.readings.get(signal), self._settings.boards.get(signal)
+        of_imu = self._settings.imu_readings.get(signal)
+        if place is not None:
+            return self._world.counted[place].thermometer_c(at_s)
+        if board is not None:
+            return self._world.units[board].converter_thermometer_c(at_s)
+        if of_imu is not None:
+            return self._world.imus[of_imu[0]].thermometer_c(of_imu[1], at_s)
+        return np.full(len(at_s), BOARD_C)

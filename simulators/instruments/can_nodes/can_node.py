@@ -1,0 +1,140 @@
+"""What all simulated CAN nodes are: computed lazily, when frames are taken."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+from typing import ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.bus_errors import BUS_OFF
+from drivers.can.dbc import Dbc, Field, encode_frames
+from drivers.can.frame_block import ERROR, FrameBlock
+from drivers.can.options import IDLE_BLOCK_S
+from drivers.errors import LinkLost
+from simulators.faults.frame_faults import FrameFault, carry
+from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.physics.world import World
+from simulators.units.unit_file import stream
+
+Array = NDArray[np.float64]
+T = TypeVar("T", bound=np.generic)
+TEMPERATURE_PERIOD_S = 1.0
+BAD_SHARE = 0.02  # of the frames on a bad bus suffers
+PROTOCOL_ERROR = 0x008
+
+
+class CanNode(ABC):
+    """A node on the bus; a frame link whose frames are those it has sent.
+
+    A block of frames is computed when it is taken, or just before a stimulus changes.
+    """
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        "frozen": LOOKED_FOR, "restart": LOOKED_FOR, "lost_frames": LOOKED_FOR, "lost_bursts": LOOKED_FOR,
+        "doubled_frames": LOOKED_FOR, "late_frames": LOOKED_FOR, "foreign_frames": LOOKED_FOR,
+        "short_frames": LOOKED_FOR, "swapped_frames": LOOKED_FOR, "error_frames": LOOKED_FOR, "bus_off": LOOKED_FOR,
+    }  # fmt: skip
+
+    def __init__(self, name: str, world: World, faults: FaultPlan) -> None:
+        self.faults = faults
+        self._name, self._world = name, world
+        self._sent: list[FrameBlock] = []
+        self._draws = stream(world.settings.seed, "bus", name)
+        self._told_off = False
+        self.may_swap: frozenset[int] = frozenset()  # the identifiers of frames that are alike
+        self.longest_block_s = IDLE_BLOCK_S
+
+    @property
+    def block_s(self) -> float:
+        """As long as its temperatures go straight on: what a power cut costs a rehearsal is done again."""
+        return max(IDLE_BLOCK_S, min(self.longest_block_s, self._world.straight_for_s))
+
+    def take(self) -> FrameBlock:
+        """Every frame sent since the last call; LinkLost when the connection is cut."""
+        self._world.look()
+        self._catch_up()
+        sent, self._sent = self._sent, []
+        if self.faults.active("cut"):
+            raise LinkLost(self._name, "the connection was cut", remedy="Check the cable, then run again.")
+        return self._carried(self._heard(FrameBlock.joined(sent)))
+
+    def _carried(self, frames: FrameBlock) -> FrameBlock:
+        """What a bad bus makes of frames."""
+        if self.faults.active("bus_off"):
+            off_s = float(self._world.host_time(np.array(self.faults.since_s("bus_off"))))
+            told, self._told_off = self._told_off, True
+            return FrameBlock.joined([_before(frames, off_s), *([] if told else [_error_frame(BUS_OFF, off_s)])])
+        for fault in FrameFault:
+            if self.faults.active(fault.value):
+                frames = carry(fault, frames, self._draws, BAD_SHARE, self.may_swap).block
+        if len(frames) and self.faults.active("error_frames"):
+            frames = FrameBlock.joined([frames, _error_frame(PROTOCOL_ERROR, float(frames.at_s[-1]))])
+        return frames
+
+    def close(self) -> None:  # noqa: B027  nothing is to be done
+        """The client has left; no effect on the node."""
+
+    def _heard(self, frames: FrameBlock) -> FrameBlock:
+        """Frames without those that were sent while it was silent."""
+        for span_s in self.faults.spans_s("silent"):
+            begin_s, end_s = self._world.host_time(np.array(span_s))
+            frames = _rows(frames, np.flatnonzero((frames.at_s < begin_s) | (frames.at_s >= end_s)))
+        return frames
+
+    @abstractmethod
+    def _catch_up(self) -> None:
+        """Sends what is due."""
+
+
+def in_order(blocks: Sequence[FrameBlock]) -> FrameBlock:
+    """Frames of several blocks, each in the order of its times, in the order of all; of one time as the blocks are."""
+    return reduce(_merged, blocks)
+
+
+def _merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
+    if not len(other):
+        return block
+    others = np.searchsorted(block.at_s, other.at_s, side="right") + np.arange(len(other))
+    of_block = np.ones(len(block) + len(other), np.bool_)
+    of_block[others] = False
+
+    def both(mine: NDArray[T], theirs: NDArray[T]) -> NDArray[T]:
+        merged = np.empty(len(of_block), mine.dtype)
+        merged[of_block], merged[others] = mine, theirs
+        return merged
+
+    words = both(block.words, other.words)
+    return FrameBlock(
+        both(block.ids, other.ids), both(block.at_s, other.at_s), both(block.dlc, other.dlc),
+        words.view(np.uint8).reshape(-1, 8),
+    )  # fmt: skip
+
+
+def _before(frames: FrameBlock, at_s: float) -> FrameBlock:
+    """What was sent before a time of the host's clock."""
+    return _rows(frames, np.flatnonzero(frames.at_s < at_s))
+
+
+def _error_frame(classes: int, at_s: float) -> FrameBlock:
+    return FrameBlock(
+        np.array([ERROR | classes], np.uint32), np.array([at_s]), np.array([8], np.uint8), np.zeros((1, 8), np.uint8)
+    )
+
+
+def _rows(frames: FrameBlock, rows: NDArray[np.intp]) -> FrameBlock:
+    return FrameBlock(frames.ids[rows], frames.at_s[rows], frames.dlc[rows], frames.payloads(rows))
+
+
+def temperature_frames(
+    dbc: Dbc, fields: Mapping[str, Field], celsius: Callable[[str], Array], host_s: Array
+) -> FrameBlock:
+    """One frame of each message with temperatures at each time; `celsius` gives them by `Message.Signal`."""
+    values: dict[str, dict[str, NDArray[np.int64]]] = {}
+    for name, (message, signal) in fields.items():
+        raw = np.rint((celsius(name) - signal.offset) / signal.scale).astype(np.int64)
+        values.setdefault(message.name, {})[signal.name] = raw
+    return encode_frames(dbc, host_s, values)

@@ -1,0 +1,223 @@
+"""The telemetry of units: each samples its own output by its own clock and sends it while it has power."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc import Dbc, Field, encode_frames
+from drivers.can.encoder_frames import PositionFormat
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_telemetry.wire import SampleFormat
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
+from simulators.physics.world import World
+from simulators.units.accelerometer import Sent
+from simulators.units.unit_file import stream
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Sender(Protocol):
+    """What sends the samples of one channel: a unit, or a channel of an inertial one."""
+
+    @property
+    def place(self) -> str:
+        """Where the unit is."""
+
+    @property
+    def faults(self) -> FaultPlan:
+        """How the unit breaks."""
+
+    @property
+    def powered_at_s(self) -> float | None:
+        """Since when it has power; None without."""
+
+    @property
+    def sent(self) -> Sent:
+        """How it sends codes."""
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What it sends of its mean in each interval between consecutive times, not yet rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class EncoderSettings:
+    """The encoder of an axis that is latched with samples: its frames, and its counts in a degree."""
+
+    form: PositionFormat
+    per_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelSettings:
+    """One channel: its frames, the place of the unit whose output it carries, and the encoders latched with it.
+
+    These by the devices that drive the axes; they are latched later than a sample ends by `encoder_skew_s`.
+    """
+
+    form: SampleFormat
+    period_s: float
+    tick_period_s: float
+    place: str
+    encoders: Mapping[str, EncoderSettings] = field(default_factory=dict)
+    encoder_skew_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetrySettings:
+    """The telemetry of a bench; `name` is its role.
+
+    `readings` gives the place that a temperature signal belongs to, `imu_readings` the place and the sensors of an
+    inertial unit.
+    """
+
+    name: str
+    dbc: Dbc
+    channels: Mapping[str, ChannelSettings]
+    readings: Mapping[str, str] = field(default_factory=dict)
+    imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+
+class SimulatedTelemetry(CanNode):
+    """The units of the world that send their output.
+
+    At every power-on a unit restarts its clock, its numbers and its samples.
+    """
+
+    def __init__(self, world: World, settings: TelemetrySettings, faults: FaultPlan) -> None:
+        super().__init__(settings.name, world, faults)
+        self._settings = settings
+        self._restarts = 0
+        senders: dict[str, Sender] = {
+            name: world.counted[each.place] for name, each in settings.channels.items() if each.place in world.counted
+        }
+        for imu in world.imus.values():
+            senders |= imu.channels
+        self._streams = [_Stream(name, senders[name], each, world) for name, each in settings.channels.items()]
+        self._messages: dict[str, list[_Stream]] = {}
+        for each in self._streams:
+            self._messages.setdefault(each.settings.form.value.message.name, []).append(each)
+        self._thermometers: dict[str, dict[str, Field]] = {each.place: {} for each in settings.channels.values()}
+        for name, of_signal in settings.dbc.fields_in("°C").items():
+            place = settings.readings.get(name, settings.imu_readings.get(name, ("", ""))[0])
+            if place in self._thermometers:
+                self._thermometers[place][name] = of_signal
+        world.integrate_with(self._before_change)
+
+    def _before_change(self) -> None:
+        """Sends what is due, and takes in what has come since under the stimulus that is about to change."""
+        now_s = self._world.now()  # before the samples, which are due while it goes on
+        self._catch_up()
+        for each in self._streams:
+            each.integrate(now_s)
+
+    def _catch_up(self) -> None:
+        if self.faults.times("restart") > self._restarts:
+            self._restarts += 1
+            for each in self._streams:
+                each.begin(each.integrated_s)
+        frozen, blocks = self.faults.active("frozen"), list[FrameBlock]()
+        warmed = set[str]()
+        for message, streams in self._messages.items():
+            values: dict[str, Integers] = {}
+            for each in streams:  # which sample together
+                numbers, at_s, codes = each.samples(self._world.now(), frozen=frozen)
+                values |= each.values(numbers, codes)
+            if len(numbers) and not each.unit.faults.active("silent"):
+                shown_s = np.full_like(at_s, at_s[0]) if frozen else at_s
+                said = {message: values}
+                for each in streams:
+                    said |= self._positions(each, numbers, shown_s)
+                blocks.append(encode_frames(self._settings.dbc, self._world.host_time(at_s), said))
+                if each.unit.place not in warmed:
+                    blocks.append(self._warmth(each.unit.place, at_s[numbers % each.warmth_samples == 0]))
+                    warmed.add(each.unit.place)
+        if blocks:
+            self._sent.append(in_order(blocks))
+
+    def _positions(self, each: _Stream, numbers: Integers, at_s: Array) -> dict[str, dict[str, Integers]]:
+        """What the encoders read that are latched with samples at the times."""
+        said = {}
+        for role, encoder in each.settings.encoders.items():
+            angle_deg = self._world.axis_of(role).encoder_angles_deg(at_s + each.settings.encoder_skew_s)
+            position, sequence = encoder.form.position, encoder.form.sequence
+            counts = np.floor(angle_deg * encoder.per_deg).astype(np.int64)
+            said[position.message.name] = {position.signal.name: counts, sequence.signal.name: numbers}
+        return said
+
+    def _warmth(self, place: str, at_s: Array) -> FrameBlock:
+        """Readings of the thermometers in a unit, once a second."""
+        fields, host_s = self._thermometers[place], self._world.host_time(at_s)
+        return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
+
+    def _celsius(self, signal: str, at_s: Array) -> Array:
+        of_imu = self._settings.imu_readings.get(signal)
+        if of_imu is not None:
+            return self._world.imus[of_imu[0]].thermometer_c(of_imu[1], at_s)
+        return self._world.counted[self._settings.readings[signal]].thermometer_c(at_s)
+
+
+class _Stream:
+    """The samples of one channel: means of its unit's output from one sample to the next."""
+
+    def __init__(self, name: str, unit: Sender, settings: ChannelSettings, world: World) -> None:
+        self.unit, self.settings, self._how = unit, settings, unit.sent
+        self.warmth_samples = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
+        self._sample_s = settings.period_s / (1 + self._how.clock)  # true seconds from sample to sample
+        self._noise = stream(world.settings.seed, "noise", unit.place, f"telemetry {name}")
+        self._powered_at_s: float | None = None
+        self._shown: tuple[int, int] = (0, 0)  # the last number and code that a frame showed
+        self.begin(world.now())
+
+    def begin(self, at_s: float) -> None:
+        """Its clock and its numbers begin at 0."""
+        self._origin_s = self.integrated_s = at_s
+        self._number = 0
+        self._owed = 0.0  # of the current sample, codes times seconds from before a change of stimulus
+
+    def integrate(self, until_s: float) -> None:
+        """Takes in what has come since the last sample."""
+        if until_s > self.integrated_s:
+            mean = float(self.unit.mean_codes(np.array([self.integrated_s, until_s]))[0])
+            self._owed += mean * (until_s - self.integrated_s)
+            self.integrated_s = until_s
+
+    def samples(self, now_s: float, *, frozen: bool) -> tuple[Integers, Array, Integers]:
+        """Numbers, true times and codes of the samples that are due; none without power."""
+        if self.unit.powered_at_s is None:
+            self.integrate(now_s)  # the unit's history goes on
+            return np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)
+        if self._powered_at_s != self.unit.powered_at_s:
+            self._powered_at_s = self.unit.powered_at_s
+            self.begin(self.unit.powered_at_s)
+        due = max(math.floor((now_s - self._origin_s) / self._sample_s) - self._number, 0)
+        numbers = np.arange(self._number + 1, self._number + due + 1, dtype=np.int64)
+        at_s: Array = np.asarray(self._origin_s + numbers * self._sample_s, np.float64)
+        if not due:
+            return numbers, at_s, numbers
+        edges_s = np.concatenate(([self.integrated_s], at_s))
+        charge = self.unit.mean_codes(edges_s) * np.diff(edges_s)
+        charge[0] += self._owed
+        self._number, self.integrated_s, self._owed = int(numbers[-1]), float(at_s[-1]), 0.0
+        noise = self._how.noise_code * self._noise.standard_normal(due)
+        codes = np.rint(charge / self._sample_s + noise).astype(np.int64)
+        if self.unit.faults.active("dead"):
+            codes = np.full_like(codes, round(self._how.zero_code))
+        if frozen:
+            return np.full_like(numbers, self._shown[0]), at_s, np.full_like(codes, self._shown[1])
+        self._shown = int(numbers[-1]), int(codes[-1])
+        return numbers, at_s, codes
+
+    def values(self, numbers: Integers, codes: Integers) -> Mapping[str, Integers]:
+        """Values of its frames, by signal; the status is that of a good sample."""
+        form = self.settings.form
+        ticks = np.rint(numbers * (self.settings.period_s / self.settings.tick_period_s)).astype(np.int64)
+        said = ((form.value, codes), (form.tick, ticks), (form.sequence, numbers))
+        return {each.signal.name: integers for each, integers in said}

@@ -1,0 +1,1 @@
+"""Climatic chambers and their controllers."""

@@ -1,0 +1,61 @@
+"""What every simulated chamber has: a door, a heater, cooling, a sensor in its air; and how they fail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import get_args
+
+from simulators.faults.instrument_faults import LOOKED_FOR, MEASURES_AND_OBEYS, OPEN_C, FaultKind, FaultPlan, Mishap
+from simulators.physics.chamber_failures import Failure
+from simulators.physics.world import World
+
+
+class SimulatedChamber:
+    """A chamber in the world behind a controller of some make, which reads its air by `measured_c`.
+
+    A controller with a contact at the door adds what it makes of it.
+
+    `frozen`: the air reads as it was. `open_sensor`: as an open sensor does. `detached_sensor`: as the room.
+    """
+
+    faults: FaultPlan
+    _air_c: float  # the last reading, for when it is frozen
+
+    def __init__(self, world: World, faults: FaultPlan) -> None:
+        self._world, self.faults = world, faults
+        self._air_c = world.thermal.air_c
+
+    def measured_c(self) -> float:
+        """Reading of the controller's sensor; the world is computed up to now."""
+        if self.faults.active("open_sensor"):
+            return OPEN_C
+        if self.faults.active("detached_sensor"):
+            return self._world.settings.ambient_c
+        if not self.faults.active("frozen"):
+            self._air_c = self._world.thermal.air_c
+        return self._air_c
+
+    def open_door(self) -> None:
+        """Open the door."""
+        self._world.door(is_open=True)
+
+    def close_door(self) -> None:
+        """Close the door."""
+        self._world.door(is_open=False)
+
+    def break_down(self, failure: Failure | None) -> None:
+        """Something of the chamber breaks, whatever its controller does; None repairs it."""
+        self._world.chamber_fails(failure)
+
+
+def _breaks(failure: Failure) -> Mishap:
+    return Mishap(lambda chamber: chamber.break_down(failure), lambda chamber: chamber.break_down(None))
+
+
+CHAMBER_MISHAPS: Mapping[FaultKind, Mishap] = {
+    **MEASURES_AND_OBEYS,
+    "door_open": Mishap(lambda chamber: chamber.open_door(), lambda chamber: chamber.close_door()),
+    "open_sensor": LOOKED_FOR,
+    **{failure: _breaks(failure) for failure in get_args(Failure)},
+}
+"""What can happen to every chamber."""

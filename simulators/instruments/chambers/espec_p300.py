@@ -1,0 +1,188 @@
+"""An ESPEC chamber with a P300 controller: lines in front of the world's chamber.
+
+What the modes OFF and STANDBY do to the air is not simulated: a new set point waits for constant operation.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import ClassVar, Self
+
+from drivers.dialects.espec_p300 import wire
+from drivers.dialects.espec_p300.wire import CONSTANT, OFF, STANDBY, TENTHS
+from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
+from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.instruments.scpi import LineSession
+from simulators.instruments.setup import InstrumentSetup
+from simulators.physics.world import World
+
+RUN = "RUN"
+PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # to where, °C, and how fast, °C/min
+QUESTION_GAP_S, SETTING_GAP_S = 0.2, 0.5  # what it needs at least
+_TEMPERATURE = re.compile(
+    r"TEMP,\s*(?=[SHL])(?:S(-?\d{1,3}\.\d))?\s*(?:H\s*(-?\d{1,3}\.\d))?\s*(?:L\s*(-?\d{1,3}\.\d))?"
+)
+_MODE = re.compile(rf"MODE,\s*({OFF}|{STANDBY}|{CONSTANT})")
+_POWER = re.compile(r"POWER,(ON|OFF)")
+_HUMIDITY = re.compile(r"HUMI,\s*S(OFF|\d{1,3})")
+_KEY_PROTECTION = re.compile(r"KEYPROTECT,\s*(ON|OFF)", re.IGNORECASE)
+_RUN = re.compile(r"PRGM,RUN,RAM:(\d+),STEP(\d+)")
+_END = re.compile(rf"PRGM,END,({OFF}|{STANDBY}|{CONSTANT})")
+
+
+class Refusal(Exception):
+    """What is not done, with the reason that is answered."""
+
+
+class SimulatedP300(SimulatedChamber):
+    """One controller of a chamber without humidity, or with one that stands still.
+
+    `protected` is the switch at its front panel, `alarm` stops it. `hurried` counts the lines that came sooner than the
+    makers' waiting times allow. `stuck`: settings are accepted and not carried out. `frozen`: the air reads as it
+    was.
+    """
+
+    def __init__(
+        self, world: World, faults: FaultPlan, *, kind: str = "S2", rom: str = "P300 1.04", address: int | None = None,
+        limits_c: tuple[float, float] = (-70.0, 180.0), humidity_percent: int | None = None, mode: str = CONSTANT,
+    ) -> None:  # fmt: skip
+        super().__init__(world, faults)
+        self.mode, self.alarms, self.protected, self.hurried = mode, list[int](), False, 0
+        self.set_point_c = round(world.thermal.set_point_c * TENTHS) / TENTHS
+        self._address, self._humidity_percent = address, humidity_percent
+        self._kind, self._rom, (self._lowest_c, self._highest_c) = kind, rom, limits_c
+        self._ready_s = -math.inf
+        self._questions: Mapping[str, Callable[[], str]] = {
+            wire.TYPE_QUERY: lambda: f"T,{self._kind},180.0" if humidity_percent is None else f"T,T,{self._kind},180.0",
+            wire.ROM_QUERY: lambda: self._rom,
+            wire.TEMPERATURE_QUERY: self._temperatures,
+            wire.MONITOR_QUERY: lambda: f"{self.measured_c():.1f},{self._humidity()},{self.mode},{len(self.alarms)}",
+            wire.ALARM_QUERY: lambda: ",".join(map(str, [len(self.alarms), *self.alarms])),
+            "MODE?": lambda: self.mode,
+            "HUMI?": lambda: f"{self._humidity()},OFF,100,0",
+            "KEYPROTECT?": lambda: "ON" if self.protected else "OFF",
+        }
+        self._settings: list[tuple[re.Pattern[str], Callable[[re.Match[str]], None]]] = [
+            (_TEMPERATURE, self._set_temperature),
+            (_HUMIDITY, self._set_humidity),
+            (_KEY_PROTECTION, self._protect_keys),
+            (_MODE, lambda match: self._enter(match[1])),
+            (_POWER, lambda match: self._enter(STANDBY if match[1] == "ON" else OFF)),
+            (_RUN, lambda match: self._run(int(match[1]))),
+            (_END, lambda match: self._enter(match[1])),
+        ]
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        return cls(setup.world, setup.faults, kind=setup.model or "S2", address=setup.options.address)
+
+    def session(self) -> LineSession:
+        """A new connection."""
+        return LineSession(self.execute, end=b"\n", answer_end=wire.END)
+
+    def execute(self, line: str) -> str:
+        """What is answered to one line; nothing to one for another address."""
+        if self._address is not None:
+            address, _, line = line.partition(",")
+            if address != str(self._address):
+                return ""
+        now_s = self._world.look()
+        self.hurried += now_s < self._ready_s
+        self._ready_s = now_s + (QUESTION_GAP_S if "?" in line else SETTING_GAP_S)
+        try:
+            return self._carry_out(line)
+        except Refusal as refusal:
+            return f"NA:{refusal}"
+
+    def alarm(self, code: int) -> None:
+        """Raise an alarm, which stops the chamber; `alarms.clear()` removes it."""
+        self.alarms.append(code)
+        self.mode = STANDBY
+
+    def start_program(self) -> None:
+        """Start a program at the front panel."""
+        if self.mode != OFF:
+            self._run(1)
+
+    def end_program(self) -> None:
+        """He goes back to constant operation."""
+        if self.mode == RUN:
+            self._enter(CONSTANT)
+
+    def protect(self) -> None:
+        """Protect the settings at the front panel."""
+        self.protected = True
+
+    def unprotect(self) -> None:
+        """They are free again."""
+        self.protected = False
+
+    def _protect_keys(self, match: re.Match[str]) -> None:
+        self.protected = match[1].upper() == "ON"
+
+    def restart(self) -> None:
+        """Short power failure: it restarts switched off."""
+        self.mode = OFF
+
+    def _carry_out(self, line: str) -> str:
+        if line in self._questions:
+            return self._questions[line]()
+        for form, carry_out in self._settings:
+            if match := form.fullmatch(line):
+                if self.protected and form is not _KEY_PROTECTION:
+                    raise Refusal("PROTECT ON")
+                self.faults.carry_out(partial(carry_out, match), Refusal)
+                return f"OK:{line}"
+        known = any(line.partition(",")[0] == name for name in ("TEMP", "HUMI", "MODE", "POWER", "PRGM", "KEYPROTECT"))
+        raise Refusal("PARA ERR" if known else "CMD ERR")
+
+    def _set_temperature(self, match: re.Match[str]) -> None:
+        set_point, highest, lowest = match.groups()
+        highest_c = self._highest_c if highest is None else float(highest)
+        lowest_c = self._lowest_c if lowest is None else float(lowest)
+        set_point_c = self.set_point_c if set_point is None else float(set_point)
+        if not lowest_c <= set_point_c <= highest_c:
+            raise Refusal("DATA OUT OF RANGE")
+        self._lowest_c, self._highest_c, self.set_point_c = lowest_c, highest_c, set_point_c
+        if self.mode == CONSTANT:
+            self._world.ramp(self.set_point_c, math.inf)
+
+    def _set_humidity(self, _match: re.Match[str]) -> None:
+        """Accepted if there is humidity, which does not change."""
+        if self._humidity_percent is None:
+            raise Refusal("CONT NOT READY-1")
+
+    def _enter(self, mode: str) -> None:
+        if self.alarms and mode == CONSTANT:
+            raise Refusal("CHB NOT READY")
+        self.mode = mode
+        if mode == CONSTANT:
+            self._world.ramp(self.set_point_c, math.inf)
+
+    def _run(self, program: int) -> None:
+        if program not in PROGRAMS:
+            raise Refusal("DATA NOT READY")
+        if self.alarms or self.mode == OFF:
+            raise Refusal("CHB NOT READY")
+        target_c, rate_c_per_min = PROGRAMS[program]
+        self.mode = RUN
+        self._world.ramp(target_c, rate_c_per_min / 60)
+
+    def _temperatures(self) -> str:
+        set_point_c = self._world.thermal.set_point_c if self.mode == RUN else self.set_point_c
+        return f"{self.measured_c():.1f},{set_point_c:.1f},{self._highest_c:.1f},{self._lowest_c:.1f}"
+
+    def _humidity(self) -> str:
+        return "" if self._humidity_percent is None else str(self._humidity_percent)
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "restart": Mishap(restart),
+        "program": Mishap(start_program, end_program),
+        "alarm": Mishap(lambda chamber: chamber.alarm(1), lambda chamber: chamber.alarms.clear()),
+        "front_panel": Mishap(protect, unprotect),
+    }

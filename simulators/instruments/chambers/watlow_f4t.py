@@ -1,0 +1,208 @@
+"""A Watlow F4T with one control loop: registers in front of the world's chamber.
+
+What the manual mode and the mode off do to the air is not simulated: a new set point waits until the loop is in auto.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from enum import IntEnum
+from itertools import chain
+from typing import ClassVar, Self
+
+from drivers.dialects.watlow_f4t.wire import (
+    CHAMBER_TEMPERATURE,
+    DISPLAY_UNIT,
+    DISPLAY_UNIT_SERIAL,
+    ControlMode,
+    DisplayUnit,
+    LoopFormat,
+    LoopRegister,
+    RampAction,
+    RampScale,
+)
+from drivers.kinds.chamber.words import WordOrder, Words
+from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
+from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, ModbusTcpSession, RegisterError
+from simulators.instruments.setup import InstrumentSetup
+from simulators.physics.world import World
+
+_UNUSED = (2812, 2816, 2818)  # between the values of a loop; read as zero
+_EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
+_SECONDS = {RampScale.MINUTES: 60.0, RampScale.HOURS: 3600.0}
+AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
+_POWER_PER_C = 20.0  # % of power for a degree between set point and air
+
+
+class _Switch(IntEnum):
+    OFF = 62
+    ON = 63
+
+
+class SimulatedF4T(SimulatedChamber):
+    """Registers of one control loop, the display unit, analog input 1 and the event outputs.
+
+    A set point outside the set-point limits, and a number outside its enumeration, is refused with exception 3; a
+    register that is not here, and a write to one that is only read, with exception 2. Temperatures are in °C whatever
+    `display_unit` says.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        faults: FaultPlan,
+        *,
+        unit_id: int = 1,
+        loop: int = 1,
+        word_order: WordOrder = "low_first",
+        set_point_limits_c: tuple[float, float] = (-70.0, 180.0),
+        display_unit: DisplayUnit = DisplayUnit.CELSIUS,
+        serial_line: bool = False,
+    ) -> None:
+        super().__init__(world, faults)
+        self._serial_line = serial_line
+        self._server = ModbusServer(self, unit_id)
+        self._form = form = LoopFormat(loop, word_order)
+        at = form.address
+        self._enumerations: Mapping[int, type[IntEnum]] = {
+            at(LoopRegister.CONTROL_MODE): ControlMode,
+            at(LoopRegister.RAMP_ACTION): RampAction,
+            at(LoopRegister.RAMP_SCALE): RampScale,
+            DISPLAY_UNIT: DisplayUnit,
+            **dict.fromkeys(_EVENTS, _Switch),
+        }
+        self._stored: dict[int, Words] = {
+            at(LoopRegister.CONTROL_MODE): (ControlMode.AUTO, 0),
+            at(LoopRegister.SET_POINT_MIN): form.words(set_point_limits_c[0]),
+            at(LoopRegister.SET_POINT_MAX): form.words(set_point_limits_c[1]),
+            at(LoopRegister.SET_POINT): form.words(world.thermal.set_point_c),
+            at(LoopRegister.MANUAL_POWER): form.words(0.0),
+            at(LoopRegister.RAMP_ACTION): (RampAction.OFF, 0),
+            at(LoopRegister.RAMP_SCALE): (RampScale.HOURS, 0),
+            at(LoopRegister.RAMP_RATE): form.words(60.0),
+            DISPLAY_UNIT_SERIAL if serial_line else DISPLAY_UNIT: (display_unit, 0),
+            **dict.fromkeys(_EVENTS, (_Switch.OFF, 0)),
+        }
+        self._measured: Mapping[int, Callable[[], Words]] = {
+            at(LoopRegister.POWER_IN_FORCE): lambda: form.words(self._power_percent()),
+            at(LoopRegister.SET_POINT_IN_FORCE): lambda: form.words(world.thermal.set_point_c),
+            at(LoopRegister.CONTROL_MODE_IN_FORCE): lambda: self._stored[at(LoopRegister.CONTROL_MODE)],
+            at(LoopRegister.PROCESS_VALUE): lambda: form.words(self.measured_c()),
+            CHAMBER_TEMPERATURE: lambda: form.words(self.measured_c()),
+            **{unused + at(LoopRegister.SET_POINT) - LoopRegister.SET_POINT: lambda: (0, 0) for unused in _UNUSED},
+        }
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        options = setup.options
+        return cls(
+            setup.world, setup.faults, unit_id=options.unit_id, loop=options.loop, word_order=options.word_order,
+            serial_line=setup.is_serial_line,
+        )  # fmt: skip
+
+    def session(self) -> ModbusTcpSession | ModbusRtuSession:
+        """A new connection."""
+        if self._serial_line:
+            return ModbusRtuSession(self._server, self._world.now)
+        return ModbusTcpSession(self._server)
+
+    def switch_off(self) -> None:
+        """Start a program at the front panel."""
+        self._enter(ControlMode.OFF)
+
+    def switch_on(self) -> None:
+        """The loop controls again."""
+        self._enter(ControlMode.AUTO)
+
+    def restart(self) -> None:
+        """The mains fail for a moment: it begins anew, without a ramp."""
+        at, form = self._form.address, self._form
+        self._stored[at(LoopRegister.SET_POINT)] = form.words(AFTER_RESTART_C)
+        self._stored[at(LoopRegister.RAMP_ACTION)] = (RampAction.OFF, 0)
+        self.switch_on()
+
+    def read(self, address: int, count: int) -> Sequence[int]:
+        """Words from `address`; a half of a value is given as it is."""
+        self._world.look()
+        first = address & ~1
+        words = list(chain.from_iterable(self._value_at(pair) for pair in range(first, address + count, 2)))
+        return words[address - first : address - first + count]
+
+    def write(self, address: int, words: Sequence[int]) -> None:
+        """Takes values from `address` on, all or none; a float only whole, an enumeration with or without its zero."""
+        values = [(address + offset, tuple(words[offset : offset + 2])) for offset in range(0, len(words), 2)]
+        for where, value in values:
+            self._check(where, value)
+        for where, value in values:
+            self._store(where, value)
+
+    def _value_at(self, address: int) -> Words:
+        if address in self._measured:
+            return self._measured[address]()
+        if address in self._stored:
+            return self._stored[address]
+        raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
+
+    def _check(self, address: int, words: Words) -> None:
+        if address not in self._stored:
+            raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
+        if address in self._enumerations:
+            allowed = words[0] in list(self._enumerations[address])
+        else:
+            allowed = len(words) == 2 and self._may_be(address, words)
+        if not allowed:
+            raise RegisterError(ExceptionCode.ILLEGAL_VALUE)
+
+    def _may_be(self, address: int, words: Words) -> bool:
+        try:
+            value = self._form.value(words)
+        except ValueError:
+            return False
+        if address == self._form.address(LoopRegister.SET_POINT):
+            return self._float(LoopRegister.SET_POINT_MIN) <= value <= self._float(LoopRegister.SET_POINT_MAX)
+        return value > 0 or address != self._form.address(LoopRegister.RAMP_RATE)
+
+    def _store(self, address: int, words: Words) -> None:
+        set_point = address == self._form.address(LoopRegister.SET_POINT)
+        if not (set_point and self.faults.active("stuck")):
+            self.faults.do(lambda: self._put(address, words, follows=set_point))
+
+    def _put(self, address: int, words: Words, *, follows: bool) -> None:
+        self._stored[address] = (words[0], 0) if address in self._enumerations else words
+        if follows or address == self._form.address(LoopRegister.CONTROL_MODE):
+            self._follow_set_point()
+
+    def _enter(self, mode: ControlMode) -> None:
+        self._stored[self._form.address(LoopRegister.CONTROL_MODE)] = (mode, 0)
+        self._follow_set_point()
+
+    def _follow_set_point(self) -> None:
+        """The set point in force starts for the set point, or jumps to it."""
+        if self._enumeration(LoopRegister.CONTROL_MODE) != ControlMode.AUTO:
+            return
+        ramps = self._enumeration(LoopRegister.RAMP_ACTION) in (RampAction.SET_POINT, RampAction.BOTH)
+        per_s = _SECONDS[RampScale(self._enumeration(LoopRegister.RAMP_SCALE))]
+        rate_c_per_s = self._float(LoopRegister.RAMP_RATE) / per_s if ramps else math.inf
+        self._world.ramp(self._float(LoopRegister.SET_POINT), rate_c_per_s)
+
+    def _float(self, register: LoopRegister) -> float:
+        return self._form.value(self._stored[self._form.address(register)])
+
+    def _enumeration(self, register: LoopRegister) -> int:
+        return self._stored[self._form.address(register)][0]
+
+    def _power_percent(self) -> float:
+        mode = self._enumeration(LoopRegister.CONTROL_MODE)
+        if mode == ControlMode.AUTO:
+            power_percent = _POWER_PER_C * (self._world.thermal.set_point_c - self.measured_c())
+            return max(-100.0, min(100.0, power_percent))
+        return self._float(LoopRegister.MANUAL_POWER) if mode == ControlMode.MANUAL else 0.0
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **CHAMBER_MISHAPS,
+        "front_panel": Mishap(switch_off, switch_on),
+        "restart": Mishap(restart),
+    }

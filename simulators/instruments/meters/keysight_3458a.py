@@ -1,0 +1,339 @@
+"""A Keysight 3458A, behind a gateway that passes lines on."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+from drivers.dialects.keysight_3458a import wire
+from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.instruments.meters.meter_inputs import MeterInput
+from simulators.instruments.prologix import Gateway
+from simulators.physics.world import World
+from simulators.serving.serve import Later
+from simulators.units.unit_file import stream
+
+SYNTAX, UNDEFINED, OUT_OF_RANGE = 103, 105, 106
+_ERRORS = {
+    100: "HARDWARE ERROR", 102: "TRIGGER TOO FAST", SYNTAX: "SYNTAX ERROR", UNDEFINED: "UNDEFINED PARAMETER RECEIVED",
+    OUT_OF_RANGE: "PARAMETER OUT OF RANGE", 109: "OUT OF CALIBRATION",
+}  # fmt: skip
+_ON_OFF = {"OFF": 0, "ON": 1}
+_EVENTS = {"AUTO": 1, "EXT": 2, "SGL": 3, "HOLD": 4, "SYN": 5}
+_CHOICES = {
+    "TARM": _EVENTS, "TRIG": _EVENTS, "END": {**_ON_OFF, "ALWAYS": 2}, "INBUF": _ON_OFF, "OFORMAT": {"ASCII": 1},
+    "QFORMAT": {"NUM": 0, "NORM": 1}, "AZERO": {**_ON_OFF, "ONCE": 2}, "MATH": {"OFF": 0, "NULL": 7},
+    # Kept and told, as programs of other people set them: nothing of what is simulated depends on them.
+    "LFILTER": _ON_OFF, "FIXEDZ": _ON_OFF, "LOCK": _ON_OFF, "BEEP": {**_ON_OFF, "ONCE": 2},
+    "DISP": {**_ON_OFF, "MSG": 2, "CLR": 3}, "MEM": {"OFF": 0, "LIFO": 1, "FIFO": 2, "CONT": 3},
+    "MFORMAT": {"ASCII": 1, "SINT": 2, "DINT": 3, "SREAL": 4, "DREAL": 5},
+}  # fmt: skip
+_KEPT = {"LFILTER": 0, "FIXEDZ": 0, "LOCK": 0, "BEEP": 1, "DISP": 1, "MEM": 0, "MFORMAT": 4}
+_PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0, **_KEPT}
+_POWER_ON = {**_PRESET, "TRIG": 1, "END": 0, "QFORMAT": 1}
+_NUMBERS = {"NDIG": (7.0, 3.0, 8.0), "NRDGS": (1.0, 1.0, 1.0), "DELAY": (0.0, 0.0, 6000.0)}  # out of the box, range
+_INSIDE_C = 36.5
+_NPLC_MAX, _APERTURE_MAX_S = 1000.0, 1.0
+_FUNCTIONS = {"DCV": (wire.DC_VOLTS, wire.RANGES_V), "DCI": (wire.DC_CURRENT, wire.RANGES_A)}
+_OVER_RANGE, _OVER_1_A = 1.2, 1.05
+_SWITCHING = ("DCV", "DCI", "RANGE", "NPLC", "APER", "AZERO")  # what lags where anything does
+_ERROR_BIT = 1 << 5  # of the status byte
+_NOISE_NPLC = 10.0  # for which the noise of its input is stated
+
+
+class Simulated3458A:
+    """A meter of what it is connected to; set to another function it finds nothing there.
+
+    What it is told while it takes a reading it does afterwards. Without END its answers have no end that a gateway
+    could see, so they stay there. `frozen`: readings repeat. `stuck`: settings are accepted and not carried out.
+    """
+
+    def __init__(
+        self, world: World, faults: FaultPlan, connected: MeterInput, *, name: str = "voltmeter",
+        line_hz: float = 50.0, identity: str = "HP3458A",
+    ) -> None:  # fmt: skip
+        self.faults = faults
+        self.errors: set[int] = set()
+        self._world, self.connected, self._line_hz = world, connected, line_hz
+        self._noise = stream(world.settings.seed, "noise", name, "reading")
+        self._read = 0.0
+        self._told: Mapping[str, Callable[[], str]] = {
+            "ID?": lambda: identity,
+            "REV?": lambda: "9,2",
+            "CALNUM?": lambda: "12",
+            "LFREQ?": lambda: _engineering(round(1e7 / round(1e7 / line_hz), 5)),
+            "LINE?": lambda: _engineering(line_hz),
+            "ERRSTR?": self._take_error,
+            "ERR?": lambda: self._take_register(100),
+            "AUXERR?": lambda: self._take_register(200),
+            "STB?": lambda: str(_ERROR_BIT if self.errors else 0),
+            "OPT?": lambda: "0",
+            "TEMP?": lambda: _engineering(_INSIDE_C),
+            "FUNC?": lambda: f"{self.function.code:g}, {self._range_spelled()}",
+            "RANGE?": self._range_spelled,
+            "NPLC?": lambda: _engineering(self.nplc),
+            "APER?": lambda: _engineering(self.nplc / self._line_hz),
+            "ARANGE?": lambda: str(int(self.full_scale is None)),
+            "ISCALE?": lambda: _engineering(1.0),  # of readings as text
+            "MCOUNT?": lambda: "0",
+            "TERM?": lambda: "1",  # those at the front
+        }
+        self.restart()
+        world.integrate_with(self._catch_up)
+
+    def session(self) -> VoltmeterSession:
+        """A new connection to the gateway."""
+        return VoltmeterSession(self)
+
+    def restart(self) -> None:
+        """The mains fail for a moment: everything is as when it was switched on."""
+        self.codes: dict[str, int] = dict(_POWER_ON)
+        self._numbers = {header: first for header, (first, _, _) in _NUMBERS.items()}
+        self.function, self._ranges = _FUNCTIONS["DCV"]
+        self.full_scale: float | None = None
+        self.nplc = 10.0
+        self._reading: _Aperture | None = None
+        self._reading_ends_s = 0.0
+        self._single = "TARM"  # which trigger was single last
+        self.errors.clear()
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether a reading is being taken; one whose connection is gone ends unread."""
+        if self._reading is not None and self._world.look() > self._reading_ends_s:
+            self.end_reading()
+        return self._reading is not None
+
+    def execute(self, command: str) -> str:
+        """Carries out one command, but a trigger; its answer, or "" for none."""
+        header, *parameters = re.split(r"[ ,]+", command.upper())
+        if header in self._told:
+            return self._told[header]()
+        if header.endswith("?") and header[:-1] in self.codes:
+            return str(self.codes[header[:-1]])
+        if header.endswith("?") and header[:-1] in self._numbers:
+            return f"{self._numbers[header[:-1]]:g}"
+        if header == "FUNC" and parameters:  # FUNC DCV,10 is DCV 10
+            header, *parameters = parameters
+        setting = partial(self._set, header, parameters[0] if parameters else "")
+        if header in _SWITCHING:
+            self.faults.carry_out(setting)
+        elif not self.faults.active("stuck"):
+            setting()
+        return ""
+
+    def triggered_by(self, command: str) -> bool:
+        """Whether a command triggers a reading: of the two triggers, one is single and the other lets pass."""
+        header, *parameters = re.split(r"[ ,]+", command.upper())
+        other = {"TARM": "TRIG", "TRIG": "TARM"}.get(header)
+        if other is None or parameters[:1] != ["SGL"] or (header == "TRIG" and self.codes[other] != _EVENTS["AUTO"]):
+            return False
+        self._single = header
+        return True
+
+    def begin_reading(self) -> float:
+        """Triggered: begins a reading; how long it takes (s)."""
+        now_s = self._world.look()
+        takes_s = wire.takes_s(self.nplc, self._line_hz)
+        self._reading = _Aperture(now_s, now_s + takes_s - wire.last_zero_s(self.nplc, self._line_hz), now_s)
+        self._reading_ends_s = now_s + takes_s
+        return takes_s
+
+    def end_reading(self) -> str:
+        """The reading is there, and the trigger is held again; "" when the mains have failed meanwhile."""
+        self._world.look()
+        self._catch_up()
+        reading, self._reading = self._reading, None
+        if reading is None:
+            return ""
+        self.codes[self._single] = _EVENTS["HOLD"]
+        if not self.faults.active("frozen"):
+            mean = reading.input / (reading.integrated_s - reading.begin_s)
+            noise = self.connected.noise * math.sqrt(_NOISE_NPLC / self.nplc) * float(self._noise.standard_normal())
+            self._read = self.connected.read(mean, reading.end_s) + noise
+        full_scale = self.full_scale or self._range_for(abs(self._read))
+        beyond = abs(self._read) > _over(full_scale, self.function)
+        return f"{math.copysign(wire.OVERLOAD, self._read) if beyond else self._read: .9E}"
+
+    def _catch_up(self) -> None:
+        """Integrates the input up to now, or to the end of the aperture, under the stimulus that has been."""
+        reading = self._reading
+        if reading is None:
+            return
+        until_s = min(self._world.now(), reading.end_s)
+        if until_s > reading.integrated_s:
+            is_there = self.function == self.connected.function
+            mean = self.connected.mean(reading.integrated_s, until_s) if is_there else 0.0
+            reading.input += mean * (until_s - reading.integrated_s)
+            reading.integrated_s = until_s
+
+    def _set(self, header: str, parameter: str) -> None:
+        match header:
+            case "RESET":
+                self.restart()
+            case "PRESET":
+                self.codes.update(_PRESET)
+                self.function, self._ranges = _FUNCTIONS["DCV"]
+                self.full_scale, self.nplc = None, 1.0
+            case "DCV" | "DCI":
+                self.function, self._ranges = _FUNCTIONS[header]
+                self._set_range(parameter)
+            case "NPLC":
+                self._set_nplc(parameter)
+            case "APER":
+                aperture_s = self._number(parameter, _APERTURE_MAX_S)
+                self.nplc = self.nplc if aperture_s is None else aperture_s * self._line_hz
+            case "RANGE":
+                self._set_range(parameter)
+            case _ if header in _NUMBERS:
+                self._set_number(header, parameter)
+            case _ if header in _CHOICES:
+                code = _CHOICES[header].get(parameter)
+                if code is None:
+                    self.errors.add(UNDEFINED)
+                else:
+                    self.codes[header] = code
+            case _:
+                self.errors.add(SYNTAX)
+
+    def _set_range(self, parameter: str) -> None:
+        if parameter in ("", "AUTO", "-1"):
+            self.full_scale = None
+        elif (most := self._number(parameter, self._ranges[-1])) is not None:
+            self.full_scale = self._range_for(most)
+
+    def _set_nplc(self, parameter: str) -> None:
+        """Fractions of a cycle stay, more than one is rounded up to a whole number, more than ten to tens."""
+        nplc = self._number(parameter, _NPLC_MAX)
+        if nplc is not None:
+            self.nplc = nplc if nplc < 1 else float(math.ceil(nplc) if nplc <= 10 else 10 * math.ceil(nplc / 10))
+
+    def _set_number(self, header: str, parameter: str) -> None:
+        _, low, high = _NUMBERS[header]
+        number = self._number(parameter, high)
+        if number is not None and number >= low:
+            self._numbers[header] = number
+        elif number is not None:
+            self.errors.add(OUT_OF_RANGE)
+
+    def _number(self, parameter: str, most: float) -> float | None:
+        try:
+            value = wire.read_number(parameter.encode())
+        except ValueError:
+            self.errors.add(UNDEFINED)
+            return None
+        if not 0 <= value <= most:
+            self.errors.add(OUT_OF_RANGE)
+            return None
+        return value
+
+    def _range_spelled(self) -> str:
+        full_scale = self.full_scale or self._range_for(abs(self._read))
+        return f"{full_scale:G}".removeprefix("0") if full_scale >= 1e-4 else _engineering(full_scale)
+
+    def _range_for(self, most: float) -> float:
+        """The smallest range for an input, the largest one where none is."""
+        return next((each for each in self._ranges if most <= _over(each, self.function)), self._ranges[-1])
+
+    def _take_error(self) -> str:
+        """The lowest bit that is set, auxiliary errors first; it is cleared."""
+        if not self.errors:
+            return '0,"NO ERROR"'
+        code = min(self.errors, key=lambda code: (code < 200, code))
+        self.errors.remove(code)
+        return f'{code},"{_ERRORS.get(code, "HARDWARE ERROR")}"'
+
+    def _take_register(self, first: int) -> str:
+        """The errors from `first` on, each with a bit; they are cleared."""
+        taken = {code for code in self.errors if first <= code < first + 100}
+        self.errors -= taken
+        return str(sum(1 << code - first for code in taken))
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "restart": Mishap(restart),
+    }
+
+
+@dataclass(slots=True)
+class _Aperture:
+    """A reading under way: its input is measured from `begin_s` to `end_s`, and integrated so far (V·s or A·s)."""
+
+    begin_s: float
+    end_s: float
+    integrated_s: float
+    input: float = 0.0
+
+
+class VoltmeterSession:
+    """A connection to the gateway: what is told waits for its turn, and only a reading takes time.
+
+    Lines that begin with `++` are for the gateway; with `++auto 0` answers stay in the instrument until `++read`.
+    """
+
+    def __init__(self, meter: Simulated3458A) -> None:
+        self._meter = meter
+        self._later: Later = lambda _delay_s, _answer: None
+        self._rest = b""
+        self._commands: deque[str] = deque()
+        self._gateway = Gateway()
+        self._unread: deque[bytes] = deque()
+
+    def answer_by(self, later: Later) -> None:
+        """Set the callback that sends a reading when it is ready; without it, none is sent."""
+        self._later = later
+
+    def feed(self, data: bytes) -> bytes:
+        """Takes bytes in any portions; the answers that are there at once."""
+        *told, self._rest = re.split(rb"[\r\n;]", self._rest + data)
+        self._commands.extend(command for part in told if (command := part.decode("latin-1").strip()))
+        return self._carry_on()
+
+    def _carry_on(self) -> bytes:
+        said = b""
+        while self._commands and not self._meter.is_reading:
+            command = self._commands.popleft()
+            if command.startswith("++"):
+                said += self._of_the_gateway(command)
+            elif not self._gateway.reaches_the_instrument:
+                continue
+            elif self._meter.triggered_by(command):
+                self._later(self._meter.begin_reading(), self._finish)
+            else:
+                said += self._spoken(self._meter.execute(command))
+        return said
+
+    def _finish(self) -> bytes:
+        return self._spoken(self._meter.end_reading()) + self._carry_on()
+
+    def _of_the_gateway(self, line: str) -> bytes:
+        if line.lower().split()[0] == "++read" and self._unread and self._gateway.reaches_the_instrument:
+            return self._unread.popleft()
+        answer = self._gateway.execute(line, self._meter.execute("STB?"))
+        return answer.encode() + b"\r\n" if answer else b""
+
+    def _spoken(self, answer: str) -> bytes:
+        if not (answer and self._meter.codes["END"]):
+            return b""
+        line = answer.encode() + b"\r\n"
+        if self._gateway.reads_by_itself:
+            return line
+        self._unread.append(line)
+        return b""
+
+
+def _over(full_scale: float, function: wire.Function) -> float:
+    """How much it measures in a range."""
+    return full_scale * (_OVER_1_A if (function, full_scale) == (wire.DC_CURRENT, 1.0) else _OVER_RANGE)
+
+
+def _engineering(value: float) -> str:
+    """Nine digits, the exponent in steps of three."""
+    exponent = 3 * math.floor(math.log10(value) / 3) if value else 0
+    mantissa = value / 10.0**exponent
+    return f"{mantissa:.{9 - len(str(int(mantissa)))}f}E{exponent:+03d}"

@@ -1,0 +1,126 @@
+"""A connection to a simulated scanner: who asks for a scan waits until it is over."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Protocol
+
+from drivers.protocols import scpi
+from drivers.protocols.scpi import Command
+from simulators.serving.serve import Later
+
+_WAITING = ("*OPC?", "*WAI")
+_FETCH = ("FETCH?", "FETC?")
+_READ = "READ?"
+_MEASURE_VOLTS = ("MEAS:VOLT:DC?", "MEASURE:VOLTAGE:DC?", "MEAS:VOLT?", "MEASURE:VOLTAGE?")
+_MEASURE = ("MEAS:TEMP?", "MEASURE:TEMP?", "MEAS:TEMPERATURE?", "MEASURE:TEMPERATURE?")
+
+
+class Scanner(Protocol):
+    """What a session needs of its scanner."""
+
+    answer_end: bytes
+
+    def carry_out(self, command: Command) -> str | None:
+        """Carries out a command that no scan is waited for; its answer."""
+
+    def joined(self, answers: list[str]) -> str:
+        """The answers to one line."""
+
+    def begin_scan(self, *, kept: bool = True) -> float | None:
+        """Begins a scan; how long it takes (s), None when none begins."""
+
+    def begin_measurement(self, argument: str, *, volts: bool) -> float | None:
+        """Configures channels, for DC volts or a temperature, and begins a scan of them; as `begin_scan`."""
+
+    def left_s(self) -> float:
+        """How long the scan under way still takes (s)."""
+
+    def end_scan(self) -> str:
+        """The readings of the scan that is over, "" without one."""
+
+
+class ScannerSession:
+    """A connection: what waits for the end of a scan holds back all that is told after it. Lines end with LF or CR LF.
+
+    READ?, MEAS:TEMP?, FETC? and *OPC? wait, and *WAI; all else is done while a scan is under way.
+    """
+
+    def __init__(self, scanner: Scanner) -> None:
+        self._scanner = scanner
+        self._later: Later = lambda _delay_s, _answer: None
+        self._rest = b""
+        self._lines: deque[_Line] = deque()
+        self._waits = False
+
+    def answer_by(self, later: Later) -> None:
+        """Set the callback for delayed answers; without it, they are never sent."""
+        self._later = later
+
+    def feed(self, data: bytes) -> bytes:
+        """Takes bytes in any portions; the answers that are there at once."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        self._lines.extend(_Line(line.decode("latin-1").strip()) for line in lines)
+        return self._carry_on()
+
+    def _carry_on(self) -> bytes:
+        said = b""
+        while self._lines and not self._waits:
+            line = self._lines[0]
+            if not line.commands:
+                self._lines.popleft()
+                said += self._spoken(self._scanner.joined(line.answers))
+            else:
+                self._next_of(line)
+        return said
+
+    def _next_of(self, line: _Line) -> None:
+        """Carries out the next command of a line, or waits for what it needs."""
+        command = line.commands[0]
+        if command.header in (_READ, *_MEASURE, *_MEASURE_VOLTS) and not line.reads:
+            if self._begun(command) is None:
+                line.commands.popleft()
+                return
+            line.reads = True
+        if (line.reads or command.header in (*_WAITING, *_FETCH)) and (left_s := self._scanner.left_s()):
+            endless = math.isinf(left_s)
+            if not (endless and command.header in _FETCH):  # memory can be read during a scan that does not end
+                self._waits = True
+                if not endless:
+                    self._later(left_s, self._go_on)
+                return
+        line.commands.popleft()
+        answer = self._answer(command, reads=line.reads)
+        line.reads = False
+        if answer:
+            line.answers.append(answer)
+
+    def _begun(self, command: Command) -> float | None:
+        if command.header == _READ:
+            return self._scanner.begin_scan(kept=False)
+        return self._scanner.begin_measurement(command.argument, volts=command.header in _MEASURE_VOLTS)
+
+    def _answer(self, command: Command, *, reads: bool) -> str | None:
+        """What is answered when nothing is to be waited for any more."""
+        if reads:
+            return self._scanner.end_scan()
+        if command.header in _FETCH:
+            return self._scanner.end_scan() or self._scanner.carry_out(command)
+        return self._scanner.carry_out(command)
+
+    def _go_on(self) -> bytes:
+        self._waits = False
+        return self._carry_on()
+
+    def _spoken(self, answer: str) -> bytes:
+        return answer.encode() + self._scanner.answer_end if answer else b""
+
+
+class _Line:
+    """A line that is being carried out: the commands still to do, and the answers so far."""
+
+    def __init__(self, text: str) -> None:
+        self.commands = deque(scpi.commands(text))
+        self.answers: list[str] = []
+        self.reads = False  # the scan of the READ? or MEAS? at its front is running

@@ -1,0 +1,45 @@
+"""Everything a simulated instrument is made from.
+
+A driver's description names the class of its simulator, `module:Class`; the class has `of(setup)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.physics.world import World
+from simulators.serving.serve import Instrument
+
+
+@dataclass(frozen=True, slots=True)
+class InstrumentSetup:
+    """One device of a bench file as its simulator sees it.
+
+    `options` is the driver's own model. `model` and `serial` are as the bench file states them, "" where it does not.
+    `axis` is the role if the device drives an axis of the table, else None.
+    """
+
+    role: str
+    world: World
+    faults: FaultPlan
+    options: Any
+    model: str = ""
+    serial: str = ""
+    is_serial_line: bool = False
+    axis: str | None = None
+
+
+def make_instrument(target: str, setup: InstrumentSetup) -> Instrument:
+    """The simulator at `module:Class`; imports its module."""
+    of: Callable[[InstrumentSetup], Instrument] = simulator_class(target).of
+    return of(setup)
+
+
+def simulator_class(target: str) -> Any:
+    """The class at `module:Class`; imports its module."""
+    module, _, name = target.partition(":")
+    return getattr(import_module(module), name)

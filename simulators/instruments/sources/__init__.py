@@ -1,0 +1,1 @@
+"""Supplies, current sources and calibrators."""

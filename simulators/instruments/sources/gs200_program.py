@@ -1,0 +1,100 @@
+"""The program of a simulated GS200: levels one after the other, each along a slope and until its interval is over.
+
+Commands are those that PyMeasure's driver and QCoDeS's send to ramp a level. That a level which is told while a program
+is edited is a step of it is in the user's manual, page 13-12. Bits of events are QCoDeS's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import IntFlag
+
+from simulators.instruments.scpi import SETTINGS_CONFLICT, Handler, Refusal
+from simulators.instruments.stored_settings import KeptSettings, kept_number, kept_switch
+
+_INTERVAL_S, _SLOPE_S, _REPEAT = "PROGram:INTerval", "PROGram:SLOPe", "PROGram:REPeat"
+_KEPT = {
+    _INTERVAL_S: kept_number(1.0, 0.1, 3600.0, lambda seconds: f"{seconds:.1f}"),
+    _SLOPE_S: kept_number(0.0, 0.0, 3600.0, lambda seconds: f"{seconds:.1f}"),
+    _REPEAT: kept_switch("0"),
+    "PROGram:COUNt": kept_number(1, 1, 10_000, lambda step: str(round(step))),
+}
+
+
+class Event(IntFlag):
+    """Bits of the extended event register that a program sets."""
+
+    END_OF_STEP = 1 << 6
+    END_OF_PROGRAM = 1 << 7
+
+
+class Program:
+    """One program; `begins` tells from which level it begins, and raises Refusal where it cannot."""
+
+    def __init__(self, now_s: Callable[[], float], begins: Callable[[], float]) -> None:
+        self._now_s, self._begins = now_s, begins
+        self._kept = KeptSettings(_KEPT)
+        self.reset()
+
+    def reset(self) -> None:
+        """There is none."""
+        self._kept.reset()
+        self.edited = False
+        self._steps: list[float] = []
+        self._from, self._begun_s = 0.0, math.nan
+        self._events = Event(0)
+
+    def commands(self) -> dict[str, Handler]:
+        """What edits it, runs it and ends it, by header."""
+        return {
+            **self._kept.commands(),
+            "PROGram:LOAD?": lambda _: '""',  # no file of its memory
+            "PROGram:EDIT:STARt": lambda _: self._edit(),
+            "PROGram:EDIT:END": lambda _: self._end_editing(),
+            "PROGram:RUN": lambda _: self._run(),
+        }
+
+    def add(self, level: float) -> None:
+        """Add a level while the program is edited."""
+        self._steps.append(level)
+
+    def end(self) -> None:
+        """It runs no more."""
+        self._begun_s = math.nan
+
+    @property
+    def level(self) -> float | None:
+        """Its present level, None if it does not run; one that is not repeated stays at its last level."""
+        since_s = self._now_s() - self._begun_s
+        if math.isnan(since_s):
+            return None
+        interval_s = float(self._kept[_INTERVAL_S])
+        step = math.floor(since_s / interval_s)
+        if step >= len(self._steps) and self._kept[_REPEAT] == "0":
+            return self._steps[-1]
+        before = self._steps[(step - 1) % len(self._steps)] if step else self._from
+        slope_s = min(float(self._kept[_SLOPE_S]), interval_s)
+        passed = min((since_s - step * interval_s) / slope_s, 1.0) if slope_s else 1.0
+        return before + passed * (self._steps[step % len(self._steps)] - before)
+
+    def take_events(self) -> Event:
+        """Events since the last query."""
+        since_s = self._now_s() - self._begun_s
+        steps = 0 if math.isnan(since_s) else math.floor(since_s / float(self._kept[_INTERVAL_S]))
+        happened = Event.END_OF_STEP if steps else Event(0)
+        if steps >= len(self._steps) > 0:
+            happened |= Event.END_OF_PROGRAM
+        new, self._events = happened & ~self._events, happened
+        return new
+
+    def _edit(self) -> None:
+        self.edited, self._steps = True, []
+
+    def _end_editing(self) -> None:
+        self.edited = False
+
+    def _run(self) -> None:
+        if self.edited or not self._steps:
+            raise Refusal(SETTINGS_CONFLICT)
+        self._from, self._begun_s, self._events = self._begins(), self._now_s(), Event(0)

@@ -1,0 +1,202 @@
+"""A laboratory power supply: level, current limit and output, and the units on it that draw current."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+from drivers.dialects.scpi_supply import wire
+from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.instruments.scpi import (
+    ILLEGAL_VALUE,
+    NOT_ALLOWED,
+    SETTINGS_CONFLICT,
+    Handler,
+    Interpreter,
+    LineSession,
+    Refusal,
+    setting,
+    switch,
+)
+from simulators.instruments.setup import InstrumentSetup
+from simulators.instruments.stored_settings import KeptSettings, kept_number, kept_switch
+from simulators.physics.world import World
+
+VOLTAGE_MAX_V = 32.0
+WATCHDOG_S, WATCHDOG_MAX_S = 60.0, 3600.0  # as it is made
+CURRENT_MAX_A = 3.0
+_CLEARS = ("OUTPut:PROTection:CLEar", "[SOURce:]VOLTage:PROTection:CLEar", "[SOURce:]CURRent:PROTection:CLEar")
+_NOTHING_HAPPENS = (
+    "SYSTem:REMote", "SYSTem:LOCal", "SYSTem:RWLock", "SYSTem:BEEPer[:IMMediate]", "DISPlay[:STATe]",
+    "DISPlay:TEXT[:DATA]", "DISPlay:TEXT:CLEar",
+)  # fmt: skip
+_KEPT = {  # levels at which others trip; here it trips on request
+    "[SOURce:]VOLTage:PROTection[:LEVel]": kept_number(35.2, 0.0, 35.2, lambda value: f"{value:.3f}"),
+    "[SOURce:]VOLTage:PROTection:STATe": kept_switch("1"),
+    "[SOURce:]CURRent:PROTection[:LEVel]": kept_number(3.3, 0.0, 3.3, lambda value: f"{value:.4f}"),
+    "[SOURce:]CURRent:PROTection:STATe": kept_switch("0"),
+}
+
+
+class SimulatedSupply:
+    """One output, at the units whose place names it.
+
+    `frozen`: measured values repeat. `stuck`: the output does not switch, whatever it is told.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        faults: FaultPlan,
+        *,
+        name: str = "supply",
+        model: str = "SIM-PSU",
+        serial: str = "SIM-PSU-01",
+    ) -> None:
+        self.faults = faults
+        self._world, self._name = world, name
+        self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
+        self._measured, self._tripped = (0.0, 0.0), set[str]()
+        self._kept = KeptSettings(_KEPT)
+        self._watchdog, self._watchdog_s, self._spoken_to_s = False, WATCHDOG_S, 0.0
+        self._interpreter = Interpreter(
+            f"INERTIAL TEST BENCH,{model},{serial},1.0",
+            {
+                wire.VOLTAGE: self._perhaps_later(self._set_level),
+                f"{wire.VOLTAGE}?": lambda asked: f"{_asked(asked, self._level_v, VOLTAGE_MAX_V):.3f}",
+                wire.CURRENT: self._perhaps_later(self._set_limit),
+                f"{wire.CURRENT}?": lambda asked: f"{_asked(asked, self._limit_a, CURRENT_MAX_A):.4f}",
+                wire.OUTPUT: self._switch,
+                f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
+                f"{wire.MEASURE_VOLTAGE}?": lambda _: f"{self._measure()[0]:.4f}",
+                f"{wire.MEASURE_CURRENT}?": lambda _: f"{self._measure()[1]:.5f}",
+                f"{wire.OVER_VOLTAGE}?": lambda _: str(int("over_voltage" in self._tripped)),
+                f"{wire.OVER_CURRENT}?": lambda _: str(int("over_current" in self._tripped)),
+                wire.WATCHDOG: self._arm,
+                f"{wire.WATCHDOG}?": lambda _: str(int(self._watchdog)),
+                wire.WATCHDOG_DELAY: self._set_watchdog,
+                f"{wire.WATCHDOG_DELAY}?": lambda _: f"{self._watchdog_s:.0f}",
+                f"{wire.QUESTIONABLE}?": lambda _: str(wire.PROTECTED * ("watchdog" in self._tripped)),
+                "APPLy": self._perhaps_later(self._apply),
+                "APPLy?": lambda _: f'"{self._level_v:.3f},{self._limit_a:.4f}"',
+                f"{wire.MEASURE_POWER}?": lambda _: f"{math.prod(self._measure()):.5f}",
+                **dict.fromkeys(_CLEARS, lambda _: self._tripped.clear()),
+                **dict.fromkeys(("INSTrument[:SELect]", "INSTrument:NSELect"), _select),
+                "INSTrument[:SELect]?": lambda _: "OUT1",
+                "INSTrument:NSELect?": lambda _: "1",
+                **dict.fromkeys(_NOTHING_HAPPENS, lambda _: None),
+                **self._kept.commands(),
+                "*RST": lambda _: self._reset(),
+            },
+        )
+
+    @classmethod
+    def of(cls, setup: InstrumentSetup) -> Self:
+        """As a bench file has it."""
+        model, serial = setup.model or "SIM-PSU", setup.serial or "SIM-PSU-01"
+        return cls(setup.world, setup.faults, name=setup.role, model=model, serial=serial)
+
+    def session(self) -> LineSession:
+        """A new connection."""
+        return LineSession(self._execute)
+
+    def trip(self, protection: str = "") -> None:
+        """The output switches off by itself; after a `protection` it stays off until that is cleared."""
+        self.output = False
+        if protection:
+            self._tripped.add(protection)
+        self._feed_units()
+
+    def _execute(self, message: str) -> str:
+        """A message on a remote interface, before which the watchdog may have switched the output off."""
+        if self._watchdog:
+            now_s = self._world.now()
+            if now_s - self._spoken_to_s > self._watchdog_s:
+                self._tripped.add("watchdog")
+                self._feed_units()
+            self._spoken_to_s = now_s
+        return self._interpreter.execute(message)
+
+    @property
+    def _is_on(self) -> bool:
+        """Whether there is voltage at the terminals; OUTP? tells what was asked for."""
+        return self.output and "watchdog" not in self._tripped
+
+    def _arm(self, argument: str) -> None:
+        on = switch(argument)
+        self.faults.carry_out(lambda: self._watch(on))
+
+    def _watch(self, on: bool) -> None:
+        self._watchdog, self._spoken_to_s = on, self._world.now()
+
+    def _set_watchdog(self, argument: str) -> None:
+        self._watchdog_s = round(setting(argument, 1.0, WATCHDOG_MAX_S))
+
+    def restart(self) -> None:
+        """The mains fail for a moment: everything is as when it was switched on."""
+        self._reset()
+        self._interpreter.power_on()
+
+    def _set_level(self, argument: str) -> None:
+        self._level_v = round(setting(argument, 0.0, VOLTAGE_MAX_V), 3)
+        self._feed_units()
+
+    def _set_limit(self, argument: str) -> None:
+        self._limit_a = round(setting(argument, 0.0, CURRENT_MAX_A), 4)
+
+    def _apply(self, argument: str) -> None:
+        level, _, limit = (part.strip() for part in argument.partition(","))
+        self._set_limit(limit or str(self._limit_a))
+        self._set_level(level)
+
+    def _switch(self, argument: str) -> None:
+        on = switch(argument)
+        if on and self._tripped:
+            raise Refusal(SETTINGS_CONFLICT)
+        self.faults.carry_out(lambda: self._put_output(on))
+
+    def _put_output(self, on: bool) -> None:
+        self.output = on
+        self._feed_units()
+
+    def _perhaps_later(self, handler: Handler) -> Handler:
+        return lambda argument: self.faults.do(lambda: handler(argument), Refusal)
+
+    def _feed_units(self) -> None:
+        self._world.power(self._name, self._is_on and self._level_v > 0)
+
+    def _measure(self) -> tuple[float, float]:
+        """Voltage and current at the terminals; a load above the limit pulls the voltage down."""
+        if not self.faults.active("frozen"):
+            load_a = self._world.load_a(self._name) if self._is_on and self._level_v > 0 else 0.0
+            current_a = min(load_a, self._limit_a)
+            voltage_v = self._level_v * (current_a / load_a if load_a else 1.0) if self._is_on else 0.0
+            self._measured = (voltage_v, current_a)
+        return self._measured
+
+    def _reset(self) -> None:
+        self._tripped.clear()
+        self._kept.reset()
+        self._watchdog, self._watchdog_s = False, WATCHDOG_S
+        self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
+        self._feed_units()
+
+    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
+        **MEASURES_AND_OBEYS,
+        "tripped": Mishap(trip),
+        "restart": Mishap(restart),
+    }
+
+
+def _select(output: str) -> None:
+    """There is one output only."""
+    if output.upper() not in ("1", "OUT1", "OUTP1", "CH1"):
+        raise Refusal(ILLEGAL_VALUE)
+
+
+def _asked(which: str, set_to: float, most: float) -> float:
+    """What a question for a level is answered: what it is set to, or with MIN or MAX what it can be."""
+    if which.upper() not in ("", "MIN", "MAX"):
+        raise Refusal(NOT_ALLOWED)
+    return {"MIN": 0.0, "MAX": most}.get(which.upper(), set_to)

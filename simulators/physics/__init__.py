@@ -1,0 +1,1 @@
+"""The world that all simulated instruments share: attitude, gravity, temperatures, motion."""

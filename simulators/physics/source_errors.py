@@ -1,0 +1,60 @@
+"""True current of a precision source: the set current with the errors of its gain, offset and drift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from simulators.physics.corrections import Array, Table, given_by
+
+HOUR_S = 3600.0
+
+
+@runtime_checkable
+class CurrentSource(Protocol):
+    """A simulated instrument whose current a converter can be fed with, through `load_ohm` in all."""
+
+    load_ohm: float
+
+    @property
+    def feeds_a(self) -> float | None:
+        """The set current, without errors; None while its output is off."""
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentErrors:
+    """Errors as drawn for one run; gain and offset are those of the source when it has just warmed up.
+
+    It drifts by `drift_per_h` of the current from then on, and `fresh` times as fast before.
+    """
+
+    gain: float = 0.0
+    offset_a: float = 0.0
+    drift_per_h: float = 0.0
+    fresh: float = 5.0
+    warm_up_s: float = 7200.0
+
+    def current_a(self, set_a: float, on_s: Array) -> Array:
+        """What flows when it has been on for `on_s`."""
+        warm_h = (on_s - self.warm_up_s) / HOUR_S
+        drifted = self.drift_per_h * np.where(warm_h < 0, self.fresh, 1.0) * warm_h
+        return np.asarray(set_a * (1 + self.gain + drifted) + self.offset_a)
+
+
+@dataclass(frozen=True, slots=True)
+class Feed:
+    """A source on a bench: the instrument, and its errors. Its power came on when the world began.
+
+    They come on top of what its `table` of corrections adds.
+    """
+
+    source: CurrentSource
+    errors: CurrentErrors
+    table: Table = ((), ())
+
+    def current_a(self, at_s: Array) -> Array:
+        """What flows into whatever it is connected to, at true times."""
+        set_a = self.source.feeds_a
+        return np.zeros_like(at_s) if set_a is None else self.errors.current_a(given_by(set_a, self.table), at_s)

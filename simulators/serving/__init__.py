@@ -1,0 +1,1 @@
+"""Simulated instruments at the end of real and in-process connections."""

@@ -1,0 +1,105 @@
+"""A bad line in front of a TCP address, as a separate process.
+
+    python -m simulators.serving.proxy --listen 127.0.0.1:1602 --to 127.0.0.1:1502 --seed 7 --faults flip,late
+
+Whoever connects to the first address talks to the second, and some of the answers suffer
+(`simulators.faults.line_faults`). With `--first silence,flip` the first answers suffer these, in order, and no others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+
+from simulators.faults.line_faults import BadLine, LineFault, in_turn, now_and_then
+
+
+class _Passage(asyncio.Protocol):
+    """The server's end of a connection: everything goes to the target and comes from it."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._host, self._port = host, port
+        self._waiting = bytearray()
+        self._target: asyncio.Transport | None = None
+        self._joining: asyncio.Task[None] | None = None
+        self.client: asyncio.Transport
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client is there."""
+        if not isinstance(transport, asyncio.Transport):
+            raise TypeError("a stream transport is needed")
+        self.client = transport
+        self._joining = asyncio.get_running_loop().create_task(self._join())
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes of the client."""
+        if self._target is None:
+            self._waiting += data
+        else:
+            self._target.write(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client is gone."""
+        if self._target is not None:
+            self._target.close()
+
+    async def _join(self) -> None:
+        try:
+            self._target, _ = await asyncio.get_running_loop().create_connection(
+                lambda: _FromTarget(self.client), self._host, self._port
+            )
+        except OSError:
+            self.client.abort()
+            return
+        self._target.write(bytes(self._waiting))
+
+
+class _FromTarget(asyncio.Protocol):
+    def __init__(self, client: asyncio.Transport) -> None:
+        self._client = client
+
+    def data_received(self, data: bytes) -> None:
+        self._client.write(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._client.close()
+
+
+async def serve_bad_line(listen: tuple[str, int], to: tuple[str, int], bad: BadLine) -> asyncio.Server:
+    """A server at `listen` that leads to `to` over a bad line; OSError when the address is taken."""
+    factory = bad.in_front_of(lambda: _Passage(*to))
+    return await asyncio.get_running_loop().create_server(factory, *listen)
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    return host, int(port)
+
+
+def main() -> None:
+    """Serves until it is stopped."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--listen", type=_address, required=True, metavar="HOST:PORT")
+    parser.add_argument("--to", type=_address, required=True, metavar="HOST:PORT")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--share", type=float, default=0.05, help="of the answers that suffer")
+    parser.add_argument("--faults", default=",".join(LineFault), help="kinds, separated by commas")
+    parser.add_argument("--first", default="", help="of the first answers, in order; then none suffers")
+    parser.add_argument("--patience", type=float, default=3.0, help="how long the client waits for an answer, s")
+    options = parser.parse_args()
+    kinds = [LineFault(name) for name in options.faults.split(",")]
+    first = [LineFault(name) if name else None for name in options.first.split(",")]
+    choose = in_turn(first) if options.first else now_and_then(options.seed, options.share, kinds)
+
+    async def serve() -> None:
+        server = await serve_bad_line(options.listen, options.to, BadLine(options.seed, choose, options.patience))
+        port = server.sockets[0].getsockname()[1]
+        sys.stderr.write(f"ready on port {port}\n")
+        await server.serve_forever()
+
+    asyncio.run(serve())
+
+
+if __name__ == "__main__":
+    main()

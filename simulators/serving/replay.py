@@ -1,0 +1,78 @@
+"""An instrument that replays its part of a trace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+
+from drivers.transport.trace import CLOSED, OPENED, RECEIVED, SENT, Passed
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.serving.serve import Later
+
+
+class ReplayedInstrument:
+    """One device of a trace as a simulated instrument: the next connection of the trace for each new connection.
+
+    To a request that is the next of the trace it gives the recorded answers, as long after it as they came. Anything
+    else is told to `complain` and not answered: then the driver, or its settings, are not those of the recording.
+    """
+
+    def __init__(self, device: str, trace: Iterable[Passed], complain: Callable[[str], object]) -> None:
+        self.faults = FaultPlan()
+        self._device, self._complain = device, complain
+        self._connections: list[list[Passed]] = []
+        for passed in trace:
+            if passed.device != device:
+                continue
+            if passed.sign == OPENED:
+                self._connections.append([])
+            elif passed.sign != CLOSED and self._connections:
+                self._connections[-1].append(passed)
+
+    def session(self) -> ReplayedSession:
+        """The next connection of the trace; one without a line when there are no more."""
+        lines = self._connections.pop(0) if self._connections else []
+        return ReplayedSession(self._device, lines, self._complain)
+
+
+class ReplayedSession:
+    """One connection of a trace."""
+
+    def __init__(self, device: str, lines: list[Passed], complain: Callable[[str], object]) -> None:
+        self._device, self._lines, self._complain = device, lines, complain
+        self._received = b""
+        self._later: Later | None = None
+
+    def answer_by(self, later: Later) -> None:
+        """Set the callback for later answers."""
+        self._later = later
+
+    def feed(self, data: bytes) -> bytes:
+        """Takes bytes in any portions; what came at once after the same ones."""
+        self._received += data
+        at_once = b""
+        while self._lines and self._received:
+            expected = self._lines[0]
+            if expected.sign != SENT or not self._received.startswith(expected.data):
+                if expected.sign == SENT and expected.data.startswith(self._received):
+                    return at_once  # its beginning
+                break
+            self._lines.pop(0)
+            self._received = self._received[len(expected.data) :]
+            at_once += self._answers(expected.at_s)
+        if self._received:
+            wanted = self._lines[0].text if self._lines else "nothing more"
+            self._complain(f"{self._device}: the trace has {wanted}, not {self._received.hex(' ')}")
+            self._received = b""
+        return at_once
+
+    def _answers(self, asked_s: float) -> bytes:
+        """The immediate answers to a request; later ones are sent later."""
+        at_once = b""
+        while self._lines and self._lines[0].sign == RECEIVED:
+            answer = self._lines.pop(0)
+            if self._later is None or answer.at_s <= asked_s:
+                at_once += answer.data
+            else:
+                self._later(answer.at_s - asked_s, partial(bytes, answer.data))
+        return at_once

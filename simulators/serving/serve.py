@@ -1,0 +1,84 @@
+"""What a simulated instrument is, and the asyncio protocol that puts it at the end of a wire."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+from simulators.faults.instrument_faults import FaultPlan
+
+
+class Session(Protocol):
+    """One connection to an instrument: it keeps what has not made a whole request yet."""
+
+    def feed(self, data: bytes) -> bytes:
+        """Take bytes as they arrive, in any portions; return the immediate answer, or b""."""
+
+
+Later = Callable[[float, Callable[[], bytes]], None]
+"""Called with seconds and a function: when they have passed, the instrument says what the function gives."""
+
+
+@runtime_checkable
+class PatientSession(Session, Protocol):
+    """A connection to an instrument that takes its time for some answers."""
+
+    def answer_by(self, later: Later) -> None:
+        """Set, before anything else, the callback for later answers."""
+
+
+class Instrument(Protocol):
+    """A simulated instrument: model and responder. Nothing in it waits; it reads the world on request."""
+
+    faults: FaultPlan
+
+    def session(self) -> Session:
+        """A new connection."""
+
+
+class InstrumentProtocol(asyncio.Protocol):
+    """Joins a connection to an instrument, unless a fault keeps it silent or cuts the line."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument = instrument
+        self._session = instrument.session()
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client is there."""
+        if isinstance(transport, asyncio.Transport):
+            self._transport = transport
+        if isinstance(self._session, PatientSession):
+            self._session.answer_by(self._say_later)
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes from the client."""
+        if self._instrument.faults.active("cut") and self._transport is not None:
+            self._transport.abort()
+            return
+        self._instrument.faults.catch_up()
+        self._say(self._session.feed(data))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client has left: later answers are dropped."""
+        self._transport = None
+
+    def _say(self, answer: bytes) -> None:
+        if answer and self._transport is not None and not self._instrument.faults.active("silent"):
+            self._transport.write(answer)
+
+    def _say_later(self, delay_s: float, answer: Callable[[], bytes]) -> None:
+        asyncio.get_running_loop().call_later(delay_s, self._say_now, answer)
+
+    def _say_now(self, answer: Callable[[], bytes]) -> None:
+        if self._transport is not None:
+            self._instrument.faults.catch_up()
+            said = answer()
+            if not self._transport.get_write_buffer_size():  # unread data are not kept for the next client
+                self._say(said)
+
+
+def protocol_factory(instrument: Instrument) -> Callable[[], InstrumentProtocol]:
+    """What a server calls for each connection."""
+    return lambda: InstrumentProtocol(instrument)

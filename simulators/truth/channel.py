@@ -1,0 +1,84 @@
+"""What a perfect bench would have found of a channel whose converter is in the chamber, at one input level.
+
+The noiseless output of the converter, a rate, volts or codes, over what an ideal thermometer at it, as slow as the real
+one, said meanwhile. Its input is held at the mean of what fed it: that of the accelerometer at the ideal angle of its
+axis, or the current that the source was set to. What an input makes of its own while the temperature goes on is an
+error of the measurement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.physics.world import World
+from simulators.truth.constants import Lies, gravity_in_unit
+from simulators.units.accelerometer_unit import SimulatedUnit
+
+Array = NDArray[np.float64]
+EVERY_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class LevelAsMeasured:
+    """An acquisition at one input level: host time of its ends, and how the unit lay.
+
+    `source_a` is what the source was set to; None for an accelerometer.
+    """
+
+    key: str
+    place: str
+    begin_s: float
+    end_s: float
+    lies: Lies
+    source_a: float | None
+
+
+def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, Any]:
+    """What a truth file holds beside the rest where there are such acquisitions.
+
+    `levels` are these by their keys; `sources` and `converter_thermometers` the errors that the laboratory has there.
+    """
+    if not levels:
+        return {}
+    return {
+        "levels": {level.key: _level(world, level) for level in levels if world.units[level.place].board.history},
+        "sources": {role: asdict(feed.errors) for role, feed in sorted(world.sources.items())},
+        "converter_thermometers": {
+            name: {
+                "offset_c": place.converter_offset_c,
+                "gain": place.converter_gain,
+                "drift_c": place.converter_drift_c,
+            }
+            for name, place in sorted(world.settings.places.items())
+        },
+    }
+
+
+def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
+    unit = world.units[level.place]
+    at_s = np.arange(world.true_time(level.begin_s), world.true_time(level.end_s), EVERY_S)
+    history = np.array(unit.board.history)
+    board_c, thermometer_c, sensor_c, drifted_g = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
+    input_a = level.source_a
+    if input_a is None:
+        input_a = _accelerometer_a(world, unit, level.lies, sensor_c, drifted_g)
+    through = unit.settings.through
+    output, digits = unit.truth.output(np.full_like(at_s, input_a), through, board_c), 6 if through is None else 10
+    return {
+        "temperature_c": np.round(thermometer_c, 5).tolist(),
+        "rate_pps" if through is None else "output": np.round(output, digits).tolist(),
+        "input_a": input_a,
+        "accelerometer_c": float(np.mean(sensor_c)),
+    }
+
+
+def _accelerometer_a(world: World, unit: SimulatedUnit, lies: Lies, sensor_c: Array, drifted_g: Array) -> float:
+    """Mean current of the accelerometer, with the attitude stated in the bench file."""
+    along, output, pendulous = gravity_in_unit(world, unit, lies)
+    force = tuple(np.full_like(sensor_c, g) for g in (along, pendulous, output))
+    return float(np.mean(unit.truth.current_a((force[0], force[1], force[2]), sensor_c, drifted_g)))

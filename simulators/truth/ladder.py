@@ -1,0 +1,77 @@
+"""Truth of ladders of small steps: the reference positions, and the width of the dead band.
+
+In g of input: the noiseless rate without the dead band over the channel's own scale factor there. A step of the input
+is followed once it has left the dead band, so that these tell the true threshold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.physics.attitude import to_unit
+from simulators.physics.world import World
+from simulators.truth.constants import Lies
+
+Array = NDArray[np.float64]
+STEP_DEG = np.array([-0.1, 0.0, 0.1])
+
+
+@dataclass(frozen=True, slots=True)
+class LadderAsMeasured:
+    """A ladder: host time of its middle, and how the unit lay at the position."""
+
+    key: str
+    place: str
+    at_s: float
+    lies: Lies
+
+
+def ladders_record(world: World, ladders: Sequence[LadderAsMeasured]) -> dict[str, Any]:
+    """The truth of each ladder by its key; nothing at all without one."""
+    return {"ladders": {ladder.key: _ladder(world, ladder) for ladder in ladders}} if ladders else {}
+
+
+def _ladder(world: World, ladder: LadderAsMeasured) -> dict[str, float]:
+    """`reference_g` is the input at which the position stood, `dead_band_g` the half width of the dead band.
+
+    `K1` is the slope there in pulse/s/g.
+    """
+    truth = world.units[ladder.place].truth
+    without = replace(truth, dead_band_a=0.0)
+    force_g = _force_g(world, ladder)
+    _, drifted_g, moving_g, sensor_c, *_ = _state(world, ladder)
+    rate_pps = without.rate_pps(without.current_a(force_g, np.full(3, sensor_c), np.full(3, drifted_g + moving_g)))
+    k1 = float((rate_pps[2] - rate_pps[0]) / (force_g[0][2] - force_g[0][0]))
+    return {
+        "reference_g": float(rate_pps[1]) / k1,
+        "dead_band_g": truth.pulses_per_a * truth.dead_band_a / abs(k1),
+        "K1": k1,
+    }
+
+
+def _state(world: World, ladder: LadderAsMeasured) -> list[float]:
+    """The unit in the middle of the ladder, as a UnitState."""
+    true_s = world.true_time(ladder.at_s)
+    history = np.array(world.units[ladder.place].history)
+    return [float(np.interp(true_s, history[:, 0], row)) for row in history.T]
+
+
+def _force_g(world: World, ladder: LadderAsMeasured) -> tuple[Array, Array, Array]:
+    """Specific force along input, pendulous and output axis, (3,): at a little less, at the position, at a little more.
+
+    With the lasting errors of the axes, and the level.
+    """
+    turned_deg = [STEP_DEG, *(np.zeros(3) for _ in ladder.lies.angles_deg[1:])]
+    angles_deg = [
+        axis.lasting_deg(np.full(3, at_deg)) + turn_deg
+        for axis, at_deg, turn_deg in zip(world.axes.values(), ladder.lies.angles_deg, turned_deg, strict=True)
+    ]
+    upward = world.settings.fixture.to_fixture(angles_deg, world.settings.level_deg)[:, :, 2]
+    settings = world.units[ladder.place].settings
+    x, y, z = to_unit(ladder.lies.mount, settings.mount_angle_deg) @ upward.T
+    return x, z, y

@@ -1,0 +1,255 @@
+"""An accelerometer with its converter in its place, between the world and whatever measures its output."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.faults.instrument_faults import OPEN_C, FaultPlan
+from simulators.physics.attitude import to_unit
+from simulators.physics.dynamics import POINTS, Follower, look_at_s
+from simulators.physics.input_hysteresis import InputHysteresis, Play
+from simulators.physics.noise import Noise
+from simulators.physics.unit_temperatures import Board, Thermometer, Warmth, followed_c
+from simulators.units.accelerometer import Hysteresis, Sent, UnitTruth, draw_unit, noise_of
+from simulators.units.unit_file import UnitFile, stream
+
+if TYPE_CHECKING:  # it is the world that makes it
+    from simulators.physics.settings import WorldSettings
+    from simulators.physics.world import World
+
+Array = NDArray[np.float64]
+Input = Literal["accelerometer", "source"]  # what a converter is connected to
+LOOK_S = 0.02  # how finely a mean current follows the head
+LOOK_AT_SWING_S = 0.0005  # how finely hysteresis follows what swings
+HYSTERESIS_STEP_S = 1.0  # how closely it follows the temperature, however long a block is
+
+
+class UnitState(NamedTuple):
+    """A unit at a true time: what hysteresis, drift and warm-up add to its bias, and what the rate of temperature adds.
+
+    Beside them the temperatures of its sensor and of an ideal thermometer at it, by how much bias and scale factor
+    (relative) were stepped by the last power-on, and how much of the bias is by the history of its input.
+    """
+
+    true_s: float
+    drifted_g: float
+    moving_g: float
+    sensor_c: float
+    thermometer_c: float
+    turned_on_g: float
+    turned_on_scale: float
+    by_input_g: float
+
+
+class SimulatedUnit:
+    """One unit in its place: the counts of its converter, and the reading of its thermometer."""
+
+    def __init__(self, place: str, file: UnitFile, index: int, settings: WorldSettings, world: World) -> None:
+        self.place = place
+        self.settings = settings.places[place]
+        self.truth: UnitTruth = draw_unit(file, settings.seed, place)
+        self._follower = Follower(self.truth.dynamics) if self.truth.dynamics is not None else None
+        self.faults = FaultPlan(now_s=world.now)
+        self._index, self._world = index, world
+        self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
+        self._turn_on = stream(settings.seed, "uut", place, "accelerometer", "turn_on")
+        self._turn_on_scale = stream(settings.seed, "uut", place, "accelerometer", "turn_on_scale")
+        self._turned_on_g, self._turned_on_scale = 0.0, 0.0
+        self._noise = noise_of(self.truth, settings.seed, place)
+        self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
+        self._input_hysteresis = self._input_play() if self.truth.input_thresholds_g else None
+        start_c = settings.chamber.start_c
+        self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
+        self._thermometer, self._board_thermometer = self._thermometers(settings)
+        self.board = Board(self.warmth, start_c)
+        self._last_c, self._last_g = start_c, (0.0, 0.0)  # of hysteresis, and of the rate of temperature
+        self.powered_at_s: float | None = None
+        self.history: list[UnitState] = []
+        self.input: Input = "accelerometer"
+
+    def _input_play(self) -> InputHysteresis:
+        """Its hysteresis in the input, which follows that before every change of it."""
+        play = Play(self.truth.input_hysteresis_g, self.truth.input_thresholds_g)
+        found = InputHysteresis(
+            play, lambda at_s: self.truth.sensed_g(self.force_g(at_s)), self._world.moves_until_s,
+            LOOK_AT_SWING_S if self.swings else LOOK_S,
+        )  # fmt: skip
+        self._world.integrate_with(lambda: found.before_change(self._world.now()))
+        return found
+
+    def _by_input_g(self, at_s: Array) -> Array:
+        """What the history of its input adds to the bias."""
+        if self._input_hysteresis is None:
+            return np.zeros_like(at_s)
+        self._input_hysteresis.follow(self._world.now())
+        return self._input_hysteresis.bias_g(at_s)
+
+    def _thermometers(self, settings: WorldSettings) -> tuple[Thermometer, Thermometer]:
+        """At the unit and at its converter."""
+        own, start_c, noise_c = self.settings, settings.chamber.start_c, settings.thermometer_noise_c
+
+        def noise(name: str) -> np.random.Generator:
+            return stream(settings.seed, "noise", self.place, name)
+
+        return (
+            Thermometer(
+                start_c, own.thermometer_offset_c, own.thermometer_gain, noise_c, noise("thermometer"),
+                own.thermometer_table, own.thermometer_drift_c, settings.run_s,
+            ),
+            Thermometer(
+                start_c if self.warmth.board_in_chamber else self.warmth.board_c,
+                own.converter_offset_c, own.converter_gain, noise_c, noise("converter thermometer"),
+                own.converter_table, own.converter_drift_c, settings.run_s,
+            ),
+        )  # fmt: skip
+
+    @property
+    def sent(self) -> Sent:
+        """How it sends codes."""
+        return Sent(self.truth.clock, self.truth.zero_code, self.truth.noise_code)
+
+    def power(self, since_s: float | None) -> None:
+        """It has power since a time, or none; each power-on steps bias and scale factor by draws of its own."""
+        self.powered_at_s = since_s
+        if since_s is not None and self.truth.turn_on_g:
+            self._turned_on_g = self.truth.turn_on_g * float(self._turn_on.standard_normal())
+        if since_s is not None and self.truth.turn_on_scale:
+            self._turned_on_scale = self.truth.turn_on_scale * float(self._turn_on_scale.standard_normal())
+
+    def fixed_anew(self, at_s: float) -> None:
+        """Mounted anew by hand: draw its mounting angles again."""
+        if sd_deg := self._world.settings.remount_deg:
+            draw = stream(self._world.settings.seed, "remount", self.place, str(len(self.seats_deg)))
+            self.seats_deg.append((at_s, sd_deg * float(draw.standard_normal())))
+
+    @property
+    def swings(self) -> bool:
+        """Whether what it senses may turn round between two latches."""
+        return self._follower is not None
+
+    def charge_pulses(self, edges_s: Array) -> Array:
+        """Pulses that the converter is owed in each interval between the consecutive times `edges_s`.
+
+        The world has been worked out up to the last edge, or by less than a latch beyond it.
+        """
+        current_a, board_c = self._currents_a(edges_s)
+        if self.powered_at_s is None or self.faults.active("dead"):
+            return np.zeros_like(current_a)
+        return self.truth.rate_pps(current_a, board_c) * (edges_s[1:] - edges_s[:-1])
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What its A/D converter makes of the mean input in each interval, as in `charge_pulses`; not yet rounded."""
+        current_a, board_c = self._currents_a(edges_s)
+        return self.truth.codes(np.zeros_like(current_a) if self.faults.active("dead") else current_a, board_c)
+
+    def _currents_a(self, edges_s: Array) -> tuple[Array, Array | None]:
+        """Mean currents of the intervals, 0 without power, and the temperature of the converter meanwhile."""
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
+        now_c = self.warmth.sensor_c
+        span = edges_s[-1] - edges_s[0]
+        passed = (middle - edges_s[0]) / span
+        temperature = self._last_c + passed * (now_c - self._last_c)
+        bias_g = self._followed_g(now_c, passed, float(span))
+        self.history.append(self._state(float(edges_s[-1]), self._last_g[0]))
+        self._last_c = now_c
+        board_c = self.board.followed_c(edges_s, middle, self.history[-1].drifted_g)
+        if self.powered_at_s is None:
+            return np.zeros_like(middle), board_c
+        noise_g = self._noise.mean(interval)
+        if self._follower is None:
+            current = self._current_a(middle, temperature, bias_g, noise_g)
+        else:
+            look_s = look_at_s(edges_s, self.truth.delay_s)
+            temperature, bias_g, noise_g = (np.repeat(each, len(POINTS)) for each in (temperature, bias_g, noise_g))
+            looked_at = self._current_a(look_s.ravel(), temperature, bias_g, noise_g)
+            current = self._follower.mean(looked_at.reshape(look_s.shape), interval)
+        if self.input == "source":
+            current = self._world.source_a(self.settings.source, middle)
+        return current, board_c
+
+    def _followed_g(self, now_c: float, passed: Array, over_s: float) -> Array:
+        """What hysteresis and the rate of temperature add, after these parts of a time that ends now.
+
+        The temperature has gone evenly; hysteresis follows it by the second.
+        """
+        steps = math.ceil(over_s / HYSTERESIS_STEP_S)
+        hysteresis_g, moving_g = self._last_g
+        by_step = [self._hysteresis.bias_g(at_c) for at_c in np.linspace(self._last_c, now_c, steps + 1)[1:].tolist()]
+        self._last_g = by_step[-1], self._moving_g()
+        followed_g = np.interp(passed, np.linspace(0, 1, steps + 1), [hysteresis_g, *by_step])
+        return np.asarray(followed_g + moving_g + passed * (self._last_g[1] - moving_g))
+
+    def mean_volts(self, begin_s: float, end_s: float, noise: Noise, load_ohm: float) -> float:
+        """What its current makes of a load, as a mean from `begin_s` to `end_s`; 0 without power.
+
+        The world has been worked out up to the end, or by less than a reading beyond it. Whoever looks has a `noise`
+        of his own, so that the noise that others find does not depend on how often he does.
+        """
+        hysteresis_g = self._hysteresis.bias_g(self.warmth.sensor_c)
+        now_s = self._world.thermal.now_s
+        state = self._state(now_s, hysteresis_g)
+        if not self.settings.channel:  # nobody else keeps its history
+            self.history.append(state)
+        board_c = self.board.just_before_c(now_s, now_s - (begin_s + end_s) / 2, state.drifted_g)
+        if self.powered_at_s is None:
+            return 0.0
+        edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
+        since_s = middle - now_s
+        temperature = self.warmth.sensor_c + since_s * self.warmth.sensor_rate_c_per_s
+        bias_g = hysteresis_g + self._moving_g()
+        current_a = self._current_a(middle, temperature, bias_g, noise.mean(interval))
+        if self.input == "source":
+            current_a = self._world.source_a(self.settings.source, middle)
+        return float(self.truth.volts(current_a.mean(), load_ohm, board_c))
+
+    def own_noise(self, name: str) -> Noise:
+        """An independent copy of its noise, so that the readings of one observer do not affect those of another."""
+        return noise_of(self.truth, self._world.settings.seed, f"{self.place}/{name}")
+
+    def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
+        at_s = np.array([true_s])
+        by_input_g = float(self._by_input_g(at_s)[0])
+        drifted_g = hysteresis_g + by_input_g + float(self._slow_bias_g(at_s)[0])
+        warm_c = self.warmth.sensor_c, self.warmth.thermometer_c
+        stepped = self._turned_on_g, self._turned_on_scale
+        return UnitState(true_s, drifted_g, self._moving_g(), *warm_c, *stepped, by_input_g)
+
+    def _moving_g(self) -> float:
+        """What the rate of temperature adds to the bias."""
+        return self.truth.kd * self.warmth.sensor_rate_c_per_s
+
+    def _current_a(self, at_s: Array, temperature_c: Array, bias_g: Array | float, noise_g: Array) -> Array:
+        drifting = self._slow_bias_g(at_s) + bias_g
+        if self._input_hysteresis is not None:
+            drifting = drifting + self._by_input_g(at_s)
+        current_a = self.truth.current_a(self.force_g(at_s), temperature_c, drifting + noise_g)
+        return current_a * (1 + self._turned_on_scale)
+
+    def _slow_bias_g(self, at_s: Array) -> Array:
+        """Drift, the step of the last power-on and, while powered, warm-up at the times `at_s`."""
+        drift = self.truth.drift_g_per_s * at_s + self._turned_on_g
+        if self.powered_at_s is None:
+            return drift
+        return drift + self.truth.warm_up_g * np.exp((self.powered_at_s - at_s) / self.truth.warm_up_s)
+
+    def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
+        """Specific force along the input, pendulous and output axes, in local g."""
+        seat_deg = self.seats_deg[-1][1] if self.seats_deg else 0.0
+        force = self._world.carried.force_g(at_s, self.settings.arm_m)
+        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg + seat_deg) @ force
+        return x, z, y
+
+    def thermometer_c(self, at_s: Array) -> Array:
+        """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
+        now_c = followed_c(self.faults, self.warmth.thermometer_c, self._world.settings.ambient_c)
+        read_c = self._thermometer.readings_c(at_s, self._world.thermal.now_s, now_c)
+        return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c
+
+    def converter_thermometer_c(self, at_s: Array) -> Array:
+        """As `thermometer_c`, of the thermometer at the converter."""
+        return self._board_thermometer.readings_c(at_s, self._world.thermal.now_s, self.warmth.board_thermometer_c)

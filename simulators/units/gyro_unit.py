@@ -1,0 +1,164 @@
+"""A unit with one gyro in its place: its file, its output, and the reading of its thermometer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from drivers.schema.fields import StrictModel
+from simulators.faults.instrument_faults import OPEN_C, FaultPlan
+from simulators.physics.attitude import to_unit
+from simulators.physics.dynamics import POINTS, Follower, look_at_s, mean_input
+from simulators.physics.noise import Noise
+from simulators.physics.unit_temperatures import Thermometer, followed_c
+from simulators.units.accelerometer import Sent
+from simulators.units.gyro import GyroModel, GyroTruth, Vectors, draw_gyro, noise_of_gyro
+from simulators.units.unit_file import Draw, DrawIn, SupplyModel, TelemetryModel, ThermalModel, stream
+
+if TYPE_CHECKING:  # it is the world that makes it
+    from simulators.physics.settings import WorldSettings
+    from simulators.physics.world import World
+
+Array = NDArray[np.float64]
+LOOK_S = 0.02  # how finely a mean current follows the table
+
+
+class GyroTelemetryModel(TelemetryModel):
+    """What a gyro does that sends codes: S times the rate of its pulses, a zero, and white noise on each sample."""
+
+    S: Annotated[Draw, DrawIn("code·s/pulse")]
+
+
+class CurrentModel(StrictModel):
+    """What flows from a gyro with an analogue output: S times the rate of its pulses, and a zero."""
+
+    S: Annotated[Draw, DrawIn("A·s/pulse")]
+    zero: Annotated[Draw, DrawIn("A")] = Draw(0)
+
+
+class GyroFile(StrictModel):
+    """One `config/uut/*.yaml` with a gyro instead of an accelerometer; its input axis is the x of its place."""
+
+    schema_: Literal["itb-uut/1"] = Field(alias="schema")
+    title: str
+    gyro: GyroModel
+    thermal: ThermalModel = ThermalModel()
+    supply: SupplyModel = SupplyModel()
+    telemetry: GyroTelemetryModel | None = None
+    current: CurrentModel | None = None
+
+
+def draw_gyro_unit(file: GyroFile, seed: int, place: str) -> GyroTruth:
+    """The gyro of one run with what it does with its output: every `{mean, sd}` drawn from its own stream."""
+    truth = draw_gyro(file.gyro, seed, place, supply_a=file.supply.current)
+
+    def value(draw: Draw, *path: str) -> float:
+        return draw.value(stream(seed, "uut", place, *path))
+
+    if (sent := file.telemetry) is not None:
+        truth = replace(
+            truth, codes_per_pps=value(sent.S, "telemetry", "S"), zero_code=value(sent.zero, "telemetry", "zero"),
+            noise_code=value(sent.noise, "telemetry", "noise"), code_bits=sent.bits,
+            clock=value(sent.clock, "telemetry", "clock"),
+        )  # fmt: skip
+    if (flows := file.current) is not None:
+        truth = replace(
+            truth, amperes_per_pps=value(flows.S, "current", "S"), zero_a=value(flows.zero, "current", "zero")
+        )
+    return truth
+
+
+class SimulatedGyro:
+    """One gyro in its place, between the world and whatever measures its output."""
+
+    def __init__(self, place: str, file: GyroFile, index: int, settings: WorldSettings, world: World) -> None:
+        self.place = place
+        self.settings = settings.places[place]
+        self.truth = draw_gyro_unit(file, settings.seed, place)
+        self.faults = FaultPlan(now_s=world.now)
+        self._index, self._world = index, world
+        self._noise = noise_of_gyro(self.truth, settings.seed, place)
+        dynamics = self.truth.dynamics
+        self._follower = Follower(dynamics) if dynamics is not None else None
+        own = self.settings
+        self._thermometer = Thermometer(
+            settings.chamber.start_c, own.thermometer_offset_c, own.thermometer_gain, settings.thermometer_noise_c,
+            stream(settings.seed, "noise", place, "thermometer"), own.thermometer_table,
+            own.thermometer_drift_c, settings.run_s,
+        )  # fmt: skip
+        self.powered_at_s: float | None = None
+
+    @property
+    def sent(self) -> Sent:
+        """How it sends codes."""
+        return Sent(self.truth.clock, self.truth.zero_code, self.truth.noise_code)
+
+    @property
+    def swings(self) -> bool:
+        """Whether what it senses may turn round between two latches."""
+        return self._follower is not None
+
+    def charge_pulses(self, edges_s: Array) -> Array:
+        """Pulses that are due in each interval between the consecutive times `edges_s`."""
+        return self._mean_pps(edges_s) * np.diff(edges_s)
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What its electronics make of the mean rate in each interval; not yet rounded."""
+        return self.truth.codes(self._mean_pps(edges_s))
+
+    def own_noise(self, name: str) -> Noise:
+        """An independent copy of its noise, so that the readings of one observer do not affect those of another."""
+        return noise_of_gyro(self.truth, self._world.settings.seed, f"{self.place}/{name}")
+
+    def mean_volts(self, begin_s: float, end_s: float, noise: Noise, load_ohm: float) -> float:
+        """What the current of its output makes of a load, as a mean from `begin_s` to `end_s`; 0 without power.
+
+        It follows at once: a reading is many times as long as the gyro remembers.
+        """
+        if self.powered_at_s is None:
+            return 0.0
+        edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
+        sensed_pps = self._output_pps((edges_s[1:] + edges_s[:-1]) / 2, noise.mean(np.diff(edges_s)))
+        if self.faults.active("dead"):
+            sensed_pps = np.zeros_like(sensed_pps)
+        return load_ohm * float(self.truth.current_a(self.truth.clipped_pps(sensed_pps)).mean())
+
+    def _output_pps(self, at_s: Array, noise_dps: Array) -> Array:
+        rate_dps, force_g = self._sensed(at_s)
+        return self.truth.output_pps(rate_dps, force_g, self._world.thermal.sensor_c(self._index), noise_dps)
+
+    def _mean_pps(self, edges_s: Array) -> Array:
+        """Pulses a second as means of the intervals between consecutive times."""
+        interval_s = np.diff(edges_s)
+        if self.powered_at_s is None:
+            return np.zeros_like(interval_s)
+        look_s = look_at_s(edges_s, self.truth.delay_s)
+        noise_dps = np.repeat(self._noise.mean(interval_s), len(POINTS))
+        sensed_pps = self._output_pps(look_s.ravel(), noise_dps).reshape(look_s.shape)
+        if self.faults.active("dead"):
+            return np.zeros_like(interval_s)
+        output_pps = self._follower.mean(sensed_pps, interval_s) if self._follower else mean_input(sensed_pps)
+        return self.truth.clipped_pps(output_pps)
+
+    def _sensed(self, at_s: Array) -> tuple[Vectors, Vectors]:
+        """Rate in °/s and specific force in g, along the input, the pendulous and the output axis."""
+        to_axes = to_unit(self._world.mount, self.settings.mount_angle_deg)
+        turning_dps = to_axes @ self._world.carried.rate_dps(at_s)
+        force_g = to_axes @ self._world.carried.force_g(at_s, self.settings.arm_m)
+        return (turning_dps[0], turning_dps[2], turning_dps[1]), (force_g[0], force_g[2], force_g[1])
+
+    def power(self, since_s: float | None) -> None:
+        """It has power since a time, or none."""
+        self.powered_at_s = since_s
+
+    def thermometer_c(self, at_s: Array) -> Array:
+        """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
+        thermal = self._world.thermal
+        now_c = followed_c(self.faults, thermal.thermometer_c(self._index), self._world.settings.ambient_c)
+        read_c = self._thermometer.readings_c(at_s, thermal.now_s, now_c)
+        return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c

@@ -1,0 +1,301 @@
+"""An inertial unit in its place: the counts or codes of its six channels, and the readings of its two thermometers.
+
+Its three accelerometers are computed together, and so are its gyros: their constants are columns, (3, 1), and what
+acts on them has a row for each axis. The accelerometers are taken to be where the axes of the table meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.faults.instrument_faults import BROKEN_DRAWS, OPEN_C, FaultPlan
+from simulators.physics.attitude import to_unit
+from simulators.physics.corrections import Table
+from simulators.physics.noise import mean_noise
+from simulators.physics.table_kinematics import Stands, waves_of
+from simulators.physics.thermal import UnitPhysics
+from simulators.physics.unit_temperatures import Thermometer, followed_c
+from simulators.units.accelerometer import Decoding, Hysteresis, Sent, noise_of
+from simulators.units.gyro import noise_of_gyro
+from simulators.units.imu_drawn import draw_imu, stacked
+from simulators.units.imu_file import NAMES, ImuFile
+from simulators.units.unit_file import stream
+
+if TYPE_CHECKING:  # which holds the units here
+    from simulators.physics.settings import WorldSettings
+    from simulators.physics.world import World
+
+Array = NDArray[np.float64]
+Seen = tuple[Array, Array, Array]
+"""What each axis sees of a vector: along itself, and along the two after it, (3, n) each."""
+
+SENSORS = ("accelerometers", "gyros")
+CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NAMES)
+
+
+@dataclass(frozen=True, slots=True)
+class ImuPlace:
+    """An inertial unit in its place.
+
+    `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` what becomes of the codes of
+    those that it sends; `thermometers` are offset (°C), gain, corrections and drift within a run (°C), by SENSORS.
+    """
+
+    unit: ImuFile
+    channels: Mapping[str, str]
+    supply: str
+    mount_angle_deg: float
+    thermometers: Mapping[str, tuple[float, float, Table, float]]
+    decodings: Mapping[str, Decoding] = field(default_factory=dict)
+
+
+class ImuState(NamedTuple):
+    """A unit at a true time: what hysteresis, drift and warm-up add to the zeros of x, y and z.
+
+    Beside them what the change of temperature adds to those of the accelerometers, and the temperatures of these and of
+    the gyros.
+    """
+
+    true_s: float
+    accelerometers_g: tuple[float, ...]
+    gyros_dps: tuple[float, ...]
+    moving_g: tuple[float, ...]
+    sensors_c: tuple[float, ...]
+
+
+class SimulatedImu:
+    """One inertial unit; `sensors` are the numbers of its accelerometers and its gyros in the world's temperatures."""
+
+    def __init__(self, place: str, sensors: tuple[int, int], settings: WorldSettings, world: World) -> None:
+        self.place, self.settings, self._world = place, settings.imus[place], world
+        self.truth = draw_imu(self.settings.unit, settings.seed, place)
+        self._sensors = sensors
+        self._accelerometers, self._gyros = stacked(self.truth.accelerometers), stacked(self.truth.gyros)
+        named = list(zip(NAMES, self.truth.accelerometers, self.truth.gyros, strict=True))
+        self._noise = [noise_of(truth, settings.seed, f"{place}/acc_{axis}") for axis, truth, _ in named]
+        self._noise += [noise_of_gyro(truth, settings.seed, place, f"gyro_{axis}") for axis, _, truth in named]
+        self._gyro_drift = stacked(self.truth.gyro_drifts)
+        self._gyros_send = stacked(self.truth.gyros_send) if self.truth.gyros_send else None
+        self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
+        self._thermometers = [
+            Thermometer(
+                settings.chamber.start_c, offset_c, gain, settings.thermometer_noise_c,
+                stream(settings.seed, "noise", place, sensor, "thermometer"), table, drift_c, settings.run_s,
+            )
+            for sensor, (offset_c, gain, table, drift_c) in self.settings.thermometers.items()
+        ]  # fmt: skip
+        self._last_c = np.full(2, settings.chamber.start_c)
+        self._asked: tuple[float, float, int] = (-1.0, -1.0, 0)
+        self._told: Array = np.empty((len(CHANNELS), 0))
+        self._still_key: Any = None  # what the next two are for
+        self._at_rest: tuple[Seen, Seen] | None = None
+        self._turning: tuple[Array, Array, Array] | None = None  # up, the rate of the earth, about what it turns
+        self.faults = FaultPlan(now_s=world.now)
+        self.powered_at_s: float | None = None
+        self.history: list[ImuState] = []
+
+    @staticmethod
+    def physics(unit: ImuFile, thermometer_s: float) -> tuple[UnitPhysics, UnitPhysics]:
+        """How its accelerometers and its gyros follow the air: one case, the same for both."""
+        model = unit.thermal
+        return (
+            UnitPhysics(model.case_time_constant, model.accelerometer_time_constant, model.self_heating, thermometer_s),
+            UnitPhysics(model.case_time_constant, model.gyro_time_constant, model.self_heating, thermometer_s),
+        )
+
+    @property
+    def channels(self) -> Mapping[str, ImuChannel]:
+        """What the channels of a counter count, or those of telemetry carry, by their names there."""
+        return {channel: ImuChannel(self, CHANNELS.index(name)) for name, channel in self.settings.channels.items()}
+
+    def power(self, now_s: float, on: bool) -> None:
+        """Its supply goes on or off."""
+        if on != (self.powered_at_s is not None):
+            self.powered_at_s = now_s if on else None
+            for index in self._sensors:
+                self._world.thermal.power(index, on)
+
+    @property
+    def drawn_a(self) -> float:
+        """What it draws from its supply."""
+        return self.truth.supply_a * (BROKEN_DRAWS if self.faults.active("current") else 1.0)
+
+    def charge_pulses(self, edges_s: Array) -> Array:
+        """Pulses that each of CHANNELS is owed in each interval between the consecutive times `edges_s`, (6, n).
+
+        The world has been worked out up to the last edge, or by less than a latch beyond it. For the same times it is
+        the same.
+        """
+        return self._once(edges_s, self._pulses)
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What each of CHANNELS sends of its mean in each interval, as in `charge_pulses`; not yet rounded, (6, n)."""
+        return self._once(edges_s, self._codes)
+
+    def _once(self, edges_s: Array, tell: Callable[[Array], Array]) -> Array:
+        """What is told of the same times again and again; a unit gives pulses or sends codes, never both."""
+        asked = (float(edges_s[0]), float(edges_s[-1]), len(edges_s))
+        if asked != self._asked:
+            self._asked, self._told = asked, tell(edges_s)
+        return self._told
+
+    def thermometer_c(self, sensor: str, at_s: Array) -> Array:
+        """Readings of one of its thermometers, of SENSORS, at times since the last call, with its errors and noise."""
+        if self.faults.active("open_thermometer"):
+            return np.full(len(at_s), OPEN_C)
+        number, thermal = SENSORS.index(sensor), self._world.thermal
+        at_unit_c = thermal.thermometer_c(self._sensors[number])
+        now_c = followed_c(self.faults, at_unit_c, self._world.settings.ambient_c)
+        return self._thermometers[number].readings_c(at_s, thermal.now_s, now_c)
+
+    def _pulses(self, edges_s: Array) -> Array:
+        current_a, gyro_pps = self._sensed(edges_s)
+        if current_a is None:
+            return np.zeros((len(CHANNELS), len(edges_s) - 1))
+        return np.asarray(np.concatenate([self._accelerometers.rate_pps(current_a), gyro_pps]) * np.diff(edges_s))
+
+    def _codes(self, edges_s: Array) -> Array:
+        current_a, gyro_pps = self._sensed(edges_s)
+        if current_a is None or self._gyros_send is None:
+            return np.zeros((len(CHANNELS), len(edges_s) - 1))
+        return np.concatenate([self._accelerometers.codes(current_a), self._gyros_send.codes(gyro_pps)])
+
+    def _sensed(self, edges_s: Array) -> tuple[Array | None, Array]:
+        """Mean currents of the accelerometers and mean pulse rates of the gyros, (3, n); no current without power."""
+        middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
+        now_c = np.array([self._world.thermal.sensor_c(index) for index in self._sensors])
+        passed = (middle - edges_s[0]) / (edges_s[-1] - edges_s[0])
+        accelerometer_c, gyro_c = (
+            before + passed * (now - before) for before, now in zip(self._last_c, now_c, strict=True)
+        )
+        self._last_c = now_c
+        hysteresis_g = np.array([play.bias_g(float(now_c[0])) for play in self._hysteresis])
+        moving_g = self._accelerometers.kd * self._world.thermal.sensor_rate_c_per_s(self._sensors[0])
+        begun, ended = self._slow(float(edges_s[0])), self._slow(float(edges_s[-1]))
+        self.history.append(_state(float(edges_s[-1]), hysteresis_g + ended[0], ended[1], moving_g, now_c))
+        if self.powered_at_s is None or self.faults.active("dead"):
+            return None, np.empty(0)
+        force_g, rate_dps = self._stimulus(edges_s, middle)
+        noise = mean_noise(self._noise, interval)
+        slow_g, slow_dps = (
+            from_[:, np.newaxis] + passed * (to - from_)[:, np.newaxis] for from_, to in zip(begun, ended, strict=True)
+        )
+        drifting_g = slow_g + hysteresis_g[:, np.newaxis] + moving_g + noise[: len(NAMES)]
+        drifting_dps = slow_dps + noise[len(NAMES) :]
+        current_a = self._accelerometers.current_a(force_g, accelerometer_c, drifting_g)
+        gyro_pps = self._gyros.output_pps(rate_dps, force_g, gyro_c, drifting_dps)
+        return current_a, self._gyros.clipped_pps(gyro_pps)
+
+    def _slow(self, true_s: float) -> tuple[Array, Array]:
+        """What drift and warm-up add to the zeros of its accelerometers (g) and its gyros (°/s), (3,) each."""
+        accelerometers, gyros = self._accelerometers, self._gyro_drift
+        drift_g, drift_dps = accelerometers.drift_g_per_s * true_s, gyros.drift_dps2 * true_s
+        if self.powered_at_s is not None:
+            powered_s = true_s - self.powered_at_s
+            drift_g = drift_g + accelerometers.warm_up_g * np.exp(-powered_s / accelerometers.warm_up_s)
+            drift_dps = drift_dps + gyros.warm_up_dps * np.exp(-powered_s / gyros.warm_up_s)
+        return np.ravel(drift_g), np.ravel(drift_dps)
+
+    def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
+        """Specific force in g and rate in °/s as its sensors see them, (3, n) each, or (3, 1) at rest."""
+        carried = self._world.carried
+        still_deg = carried.stands(float(edges_s[0]))
+        key = (still_deg, self._world.mount)
+        if key != self._still_key:
+            self._still_key, self._at_rest, self._turning = key, None, None
+        if None not in still_deg:
+            if self._at_rest is None:
+                lies = self._into_unit @ carried.attitude(middle_s[:1])[0]
+                self._at_rest = _along(lies[:, 2:]), _along(lies @ carried.earth_dps[:, np.newaxis])
+            return self._at_rest
+        if carried.sweeps(still_deg):
+            return self._while_one_turns(still_deg, edges_s, middle_s)
+        attitude = carried.attitude(middle_s)
+        by_earth_dps = (attitude.reshape(-1, 3) @ carried.earth_dps).reshape(-1, 3).T
+        turning_dps = by_earth_dps + self._turning_dps(edges_s)
+        return _along(self._into_unit @ attitude[:, :, 2].T), _along(self._into_unit @ turning_dps)
+
+    @property
+    def _into_unit(self) -> Array:
+        return to_unit(self._world.mount, self.settings.mount_angle_deg)
+
+    def _while_one_turns(self, still_deg: Stands, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
+        """The same while one axis turns, about a direction that stands still in the unit."""
+        world = self._world
+        if self._turning is None:
+            angles_deg = [np.full(1, at or 0.0) for at in still_deg]
+            about = world.fixture.rate(angles_deg, [np.full(1, float(at is None)) for at in still_deg]).T
+            sweep = self._into_unit @ world.carried.sweep(still_deg, float(edges_s[0]))
+            self._turning = sweep[:, :, 2].T, (sweep @ world.carried.earth_dps).T, self._into_unit @ about
+        up, earth_dps, about = self._turning
+        axis = list(world.axes.values())[still_deg.index(None)]
+        angle_deg = axis.true_deg(np.concatenate([edges_s, middle_s]))
+        at_edges_deg, waves = angle_deg[: len(edges_s)], waves_of(angle_deg[len(edges_s) :])
+        rate_dps = (at_edges_deg[1:] - at_edges_deg[:-1]) / (edges_s[1:] - edges_s[:-1])
+        return _along(up @ waves), _along(earth_dps @ waves + about * rate_dps)
+
+    def _turning_dps(self, edges_s: Array) -> Array:
+        """How fast the table turns its fixture in each interval, in the fixture's frame, (3, n)."""
+        interval_s = edges_s[1:] - edges_s[:-1]
+        angles_deg = [axis.true_deg(edges_s) for axis in self._world.axes.values()]
+        rates_dps = [(angle_deg[1:] - angle_deg[:-1]) / interval_s for angle_deg in angles_deg]
+        middle_deg = [(angle_deg[1:] + angle_deg[:-1]) / 2 for angle_deg in angles_deg]
+        return self._world.fixture.rate(middle_deg, rates_dps).T
+
+
+@dataclass(frozen=True, slots=True)
+class ImuChannel:
+    """One channel of a unit, as a counter sees it, or as the unit sends it."""
+
+    imu: SimulatedImu
+    row: int
+
+    @property
+    def faults(self) -> FaultPlan:
+        """How the unit breaks."""
+        return self.imu.faults
+
+    @property
+    def swings(self) -> bool:
+        """Whether what it senses may turn round between two latches: an inertial unit stands, or turns evenly."""
+        return False
+
+    def charge_pulses(self, edges_s: Array) -> Array:
+        """Pulses that it is owed in each interval between the consecutive times `edges_s`."""
+        return np.asarray(self.imu.charge_pulses(edges_s)[self.row])
+
+    def mean_codes(self, edges_s: Array) -> Array:
+        """What it sends of its mean in each interval, not yet rounded."""
+        return np.asarray(self.imu.mean_codes(edges_s)[self.row])
+
+    @property
+    def place(self) -> str:
+        """That of the unit."""
+        return self.imu.place
+
+    @property
+    def powered_at_s(self) -> float | None:
+        """Since when it has power; None without."""
+        return self.imu.powered_at_s
+
+    @property
+    def sent(self) -> Sent:
+        """How it sends codes."""
+        truth, axis = self.imu.truth, self.row % len(NAMES)
+        of_gyro = self.row >= len(NAMES)
+        codes = truth.gyros_send[axis] if of_gyro else truth.accelerometers[axis]
+        return Sent(truth.clock, codes.zero_code, codes.noise_code)
+
+
+def _state(true_s: float, *added: Array | float) -> ImuState:
+    return ImuState(true_s, *(tuple(np.ravel(each).tolist()) for each in added))
+
+
+def _along(vectors: Array) -> Seen:
+    """Components along x, y and z (3, n) as the axes see them."""
+    return vectors, vectors[[1, 2, 0]], vectors[[2, 0, 1]]

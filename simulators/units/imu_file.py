@@ -1,0 +1,163 @@
+"""The truth of a simulated inertial unit as its file states it; only the simulators read it.
+
+The rules are those of a single channel (`unit_file`): each accelerometer with its converter is one.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from drivers.schema.fields import Celsius, PositiveSeconds, StrictModel
+from simulators.units.gyro import GyroModel
+from simulators.units.unit_file import (
+    AccelerometerModel,
+    CodesModel,
+    ConverterModel,
+    CurrentCodes,
+    Draw,
+    DrawIn,
+    Ratio,
+    SupplyModel,
+    TelemetryModel,
+    ThermalModel,
+    UnitFile,
+)
+
+NAMES = ("x", "y", "z")
+Angle = Annotated[Draw, DrawIn("rad")]
+
+
+class ImuAccelerometer(AccelerometerModel):
+    """An accelerometer of the three; its misalignments are those of the unit's matrix."""
+
+    converter: ConverterModel
+
+    @model_validator(mode="after")
+    def _has_no_play(self) -> ImuAccelerometer:
+        if self.input_hysteresis.thresholds:
+            raise ValueError("input_hysteresis is simulated of single accelerometers only, not of inertial units")
+        return self
+
+
+class Seen(StrictModel):
+    """How much an axis sees of the others; of itself it sees one."""
+
+    x: Angle = Draw(0)
+    y: Angle = Draw(0)
+    z: Angle = Draw(0)
+
+
+class Misalignment(StrictModel):
+    """A row for each axis."""
+
+    x: Seen = Seen()
+    y: Seen = Seen()
+    z: Seen = Seen()
+
+
+class Accelerometers(StrictModel):
+    """Three accelerometers with their converters."""
+
+    x: ImuAccelerometer
+    y: ImuAccelerometer
+    z: ImuAccelerometer
+    misalignment: Misalignment = Misalignment()
+
+
+class ZeroWarmUp(StrictModel):
+    """A zero that dies away from power-on."""
+
+    amplitude: Annotated[Draw, DrawIn("°/s")] = Draw(0)
+    time_constant: PositiveSeconds = 1200.0
+
+
+class ImuGyro(GyroModel):
+    """A gyro of the three; its misalignments are those of the unit's matrix."""
+
+    drift: Annotated[Draw, DrawIn("°/s²")] = Draw(0)
+    warm_up: ZeroWarmUp = ZeroWarmUp()
+
+
+class Gyros(StrictModel):
+    """Three gyros with pulse outputs."""
+
+    x: ImuGyro
+    y: ImuGyro
+    z: ImuGyro
+    misalignment: Misalignment = Misalignment()
+
+
+class GyroCodes(CodesModel):
+    """Codes of a gyro instead of pulses: S times its pulse rate."""
+
+    S: Annotated[Draw, DrawIn("code/(pulse/s)")]
+
+
+class ImuTelemetry(StrictModel):
+    """A unit that sends codes; `clock` is the relative error of the clock by which all channels are sampled."""
+
+    accelerometers: CurrentCodes
+    gyros: GyroCodes
+    clock: Ratio = Draw(0)
+
+
+class ImuThermal(StrictModel):
+    """How the unit follows the chamber: one case, and the sensors in it."""
+
+    case_time_constant: PositiveSeconds = 900.0
+    accelerometer_time_constant: PositiveSeconds = 240.0
+    gyro_time_constant: PositiveSeconds = 240.0
+    self_heating: Celsius = 0.0
+
+
+class ImuFile(StrictModel):
+    """One `config/uut/*.yaml` with accelerometers and gyros."""
+
+    schema_: Literal["itb-uut/1"] = Field(alias="schema")
+    title: str
+    accelerometers: Accelerometers
+    gyros: Gyros
+    thermal: ImuThermal = ImuThermal()
+    supply: SupplyModel = SupplyModel()
+    telemetry: ImuTelemetry | None = None
+
+    def accelerometer(self, axis: str) -> UnitFile:
+        """One accelerometer with its converter, as a unit of its own."""
+        model: ImuAccelerometer = getattr(self.accelerometers, axis)
+        fields = {name: getattr(model, name) for name in AccelerometerModel.model_fields}
+        fields |= _turned(self.accelerometers.misalignment, axis)
+        return UnitFile.model_construct(
+            schema_=self.schema_,
+            title=f"{self.title}, accelerometer {axis}",
+            accelerometer=AccelerometerModel.model_construct(**fields),
+            converter=model.converter,
+            thermal=ThermalModel(),
+            supply=self.supply,
+            telemetry=None if self.telemetry is None else _sent(self.telemetry),
+        )
+
+    def gyro(self, axis: str) -> ImuGyro:
+        """One gyro, with its misalignments."""
+        model: ImuGyro = getattr(self.gyros, axis)
+        return model.model_copy(update=_turned(self.gyros.misalignment, axis))
+
+
+def _sent(model: ImuTelemetry) -> TelemetryModel:
+    """The codes of an accelerometer as those of a unit of its own; the clock is that of all channels."""
+    return TelemetryModel.model_construct(**dict(model.accelerometers), clock=Draw(0))
+
+
+def _turned(matrix: Misalignment, axis: str) -> dict[str, Draw]:
+    """A row of a matrix as the misalignments of a single sensor, whose pendulous and output axes are the next two."""
+    row: Seen = getattr(matrix, axis)
+    pendulous, output = following(axis)
+    second: Draw = getattr(row, output)
+    return {"misalignment_o": getattr(row, pendulous), "misalignment_p": Draw(-second.mean, second.sd)}
+
+
+def following(axis: str) -> tuple[str, str]:
+    """The two axes after one: of x they are y and z."""
+    index = NAMES.index(axis)
+    return NAMES[(index + 1) % 3], NAMES[(index + 2) % 3]
