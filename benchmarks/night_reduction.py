@@ -13,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.analysis.acquired import Counts
-from bench.analysis.outputs import windows_of
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.clock import Stopwatch
-from bench.report.findings import evaluate
-from bench.report.measured import on_the_way
-from bench.report.rundata import acquisitions
-from bench.report.stored import open_run
+from bench.metrology.acquisition import Counts
+from bench.metrology.outputs import windows_of
+from bench.reduce.acquisitions import acquisitions
+from bench.reduce.evaluate import evaluate
+from bench.reduce.journal import on_the_way
+from bench.reduce.stored_run import open_run
 from bench.runner.quiet import Quiet
 
 CONFIG = Path(__file__).parents[1] / "config"

@@ -23,6 +23,12 @@ def _points(_path: tuple[str, ...]) -> Any:
     return entry_points()
 
 
+def loaded(target: str) -> Any:
+    """The object that "module:attribute" names; imports the module."""
+    module, _, attribute = target.partition(":")
+    return getattr(import_module(module.strip()), attribute.strip())
+
+
 class Installed(Mapping[str, OfferedT], Generic[OfferedT]):
     """The objects of a group of entry points by name; a plug-in cannot take the name of one that is shipped.
 
@@ -41,8 +47,7 @@ class Installed(Mapping[str, OfferedT], Generic[OfferedT]):
 
     def __getitem__(self, name: str) -> OfferedT:
         if name not in self._loaded:
-            module, _, attribute = (self._shipped.get(name) or self._offered[name]).partition(":")
-            self._loaded[name] = getattr(import_module(module.strip()), attribute.strip())
+            self._loaded[name] = loaded(self._shipped.get(name) or self._offered[name])
         return self._loaded[name]
 
     def __contains__(self, name: object) -> bool:

@@ -10,16 +10,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from bench.analysis.bench_record import AxisRecord
 from bench.app.can_nodes import decoding_of
 from bench.config.fixture import Mount
 from bench.config.models import BenchFile
 from bench.config.places import PlaceEntry
 from bench.config.simulation import SourceSimulation, TableSimulation
 from bench.errors import InputError
-from bench.report.bench_record import HOUR_S, bench_record
-from bench.report.corrections import Table as CorrectionTable
-from bench.report.corrections import corrections_of
+from bench.metrology.bench_uncertainty import AxisRecord
+from bench.reduce.certificates import HOUR_S, bench_record
+from bench.reduce.corrections import Table as CorrectionTable
+from bench.reduce.corrections import corrections_of
 from drivers.certificates.corrections import ARCSEC_PER_DEG
 from simulators.instruments.meters.meter_inputs import CurrentInSeries
 from simulators.physics import attitude

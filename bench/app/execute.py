@@ -34,7 +34,7 @@ from bench.engine.questions import Desk
 from bench.errors import InUseError, StoreError, in_words
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
-from bench.report.findings import Results
+from bench.reduce.evaluate import Results
 from bench.runner import manifest
 from bench.runner.alert import alert
 from bench.runner.found_on import NOTHING, LeftOn

@@ -14,9 +14,9 @@ from bench.app.truth import truth_of
 from bench.clock import Stopwatch
 from bench.engine.ending import Outcome
 from bench.errors import StoreError, in_words
-from bench.report.calibration import calibration_files
-from bench.report.findings import Results
-from bench.report.stored import StoredRun
+from bench.offline.calibration_file import calibration_files
+from bench.reduce.evaluate import Results
+from bench.reduce.stored_run import StoredRun
 from bench.runner import manifest
 from bench.runner.signals import Dropped, Signals
 from bench.store.chain import Link, beginning

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.analysis.indexing_static import Attempt, attempts_of
 from bench.engine.actions import Bench
 from bench.errors import StepError
-from bench.report.stored import open_run
-from bench.sequence.methods.indexing import INDEXING_STATIC, CompareEndsSettings
+from bench.methods.indexing.method import INDEXING_STATIC, CompareEndsSettings
+from bench.methods.indexing.reduction.run import Attempt, attempts_of
+from bench.reduce.stored_run import open_run
 
 
 async def compare_ends(settings: CompareEndsSettings, bench: Bench) -> Mapping[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bench.app.request import PreparedRun
-from bench.report.stored import BENCH_COPY, SEQUENCE_COPY, released_copy
+from bench.reduce.stored_run import BENCH_COPY, SEQUENCE_COPY, released_copy
 from drivers.can.options import text_of
 from drivers.dialects.can_counter.description import CounterOptions
 from drivers.dialects.can_telemetry.description import TelemetryOptions

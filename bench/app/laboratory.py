@@ -25,7 +25,7 @@ from bench.config.load import load
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.loop import BenchLoop
-from bench.report.corrections import corrections_of
+from bench.reduce.corrections import corrections_of
 from drivers.description import DriverDescription
 from drivers.dialects.can_counter.description import CounterOptions
 from drivers.dialects.can_telemetry.description import TelemetryOptions

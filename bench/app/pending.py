@@ -10,7 +10,7 @@ from bench.app.request import PreparedRun
 from bench.app.resume import Resumption, prepared_again, read_interrupted
 from bench.clock import boot_id, wall_utc
 from bench.errors import BenchError, InputError
-from bench.report.times_and_sizes import duration
+from bench.figures.times_and_sizes import duration
 from bench.store.runs import list_runs
 
 

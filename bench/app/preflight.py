@@ -18,8 +18,8 @@ from bench.app.request import PreparedRun, folder_of_runs, past_due_on
 from bench.clock import wall_utc
 from bench.config.power import PowerEntry
 from bench.errors import BenchError, StoreError
+from bench.figures.times_and_sizes import duration, instant, megabytes
 from bench.loop import run as run_loop
-from bench.report.times_and_sizes import duration, instant, megabytes
 from bench.rig import OpenError, Rig
 from bench.runner.alert import route
 from bench.runner.found_on import Found, found_energised

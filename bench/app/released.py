@@ -10,14 +10,14 @@ from bench.config.document import Place, Problem
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.sequence.measuring import Acquire
-from bench.sequence.methods import known_methods
+from bench.sequence.method import known_methods
 from bench.sequence.plan import Plan
 from bench.sequence.remarks import Remark
 from bench.sequence.stimulus import Ramp
 from drivers.schema.suggest import did_you_mean
 
 if TYPE_CHECKING:  # checking a sequence that needs none loads no arithmetic
-    from bench.report.calibration import CalibrationFile
+    from bench.offline.calibration_file import CalibrationFile
 
 OPTION = "--calibration"
 AT_A_KNOT_C = 1.0
@@ -70,7 +70,7 @@ def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[st
 
 
 def _read(path: Path) -> Released:
-    from bench.report.calibration import read_calibration
+    from bench.offline.calibration_file import read_calibration
 
     content = read_calibration(path)
     return Released(path, path.read_text("utf-8"), content)
@@ -153,7 +153,7 @@ def remarks(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iter
 
 
 def _knots_c(released: Released) -> set[float]:
-    from bench.analysis.models import KnotModel
+    from bench.metrology.results.curves import KnotModel
 
     curves = (curve for each in released.content.over_temperature().values() for curve in (each.scale, each.offset))
     return {knot_c for curve in curves if isinstance(curve, KnotModel) for knot_c in curve.knots_c}

@@ -18,7 +18,7 @@ from bench.config.document import Document
 from bench.config.load import find
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.report.times_and_sizes import duration
+from bench.figures.times_and_sizes import duration
 from bench.sequence.checks_judged import not_judged
 from bench.sequence.estimate import Estimate, estimate
 from bench.sequence.load import load_judged_plan

@@ -10,11 +10,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from bench.analysis.acquired import Acquisition
-from bench.analysis.rundata import UnitUnderTest
 from bench.app.laboratory import Laboratory
-from bench.report.stored import StoredRun
-from bench.sequence.methods import CountsAt
+from bench.metrology.acquisition import Acquisition
+from bench.metrology.run_data import UnitUnderTest
+from bench.reduce.stored_run import StoredRun
+from bench.sequence.method import CountsAt
 from simulators.physics.attitude import Mount
 from simulators.truth.channel import LevelAsMeasured, levels_record
 from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Lies, truth_record

@@ -27,7 +27,7 @@ def reduce(what: str, out: Path | None, runs: Path, *, as_json: bool, damaged: b
 def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature."""
     from bench.files import written_whole
-    from bench.report.calibration import compensated, read_calibration
+    from bench.offline.calibration_file import compensated, read_calibration
 
     known = read_calibration(calibration)
     for warning in known.warnings:
@@ -43,8 +43,8 @@ def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
     from bench.errors import InputError
     from bench.files import written_whole
-    from bench.report.case import reduce_case
-    from bench.report.case_outcome import lacking, outcome
+    from bench.offline.case import reduce_case
+    from bench.offline.outcome import lacking, outcome
     from bench.store.runs import json_text
 
     if out is None and not as_json:
@@ -66,8 +66,8 @@ def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
 
 def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damaged: bool) -> None:
     from bench.errors import InputError
-    from bench.report.reduced_again import reduced_again
-    from bench.report.stored import open_run
+    from bench.reduce.reduced_again import reduced_again
+    from bench.reduce.stored_run import open_run
     from bench.store.runs import find_run
 
     if Path(name).is_file():

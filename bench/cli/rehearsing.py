@@ -60,7 +60,7 @@ def _exit_code(rehearsal: Rehearsal) -> int:
 
 
 def _told(rehearsal: Rehearsal) -> Iterator[str]:
-    from bench.report.times_and_sizes import megabytes
+    from bench.figures.times_and_sizes import megabytes
 
     result, expected = rehearsal.result, rehearsal.expected
     yield f"{'planned':>12} {'took':>12} {'ratio':>6}"
@@ -88,7 +88,7 @@ def _told(rehearsal: Rehearsal) -> Iterator[str]:
 
 
 def _faults(rehearsal: Rehearsal) -> Iterator[str]:
-    from bench.report.timeline import clock
+    from bench.report.plan_view.timeline import clock
 
     for fault, began_s in zip(rehearsal.faults, rehearsal.began_s, strict=True):
         what = f"{fault.victim} {fault.kind}"
@@ -119,7 +119,7 @@ def _compared(planned: str, took: str, ratio: float | None, name: str) -> str:
 
 
 def _time(seconds: float) -> str:
-    from bench.report.times_and_sizes import duration
+    from bench.figures.times_and_sizes import duration
 
     return f"{seconds:.1f} s" if seconds < 600 else duration(seconds)
 

@@ -63,7 +63,7 @@ def _uncollected() -> Iterator[None]:
 def check(*, strict: bool, form: str, **wishes: Any) -> int:
     """Check a sequence against a bench; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
-    from bench.report.remarks import RENDERERS, Shown
+    from bench.cli.check_output import RENDERERS, Shown
 
     try:
         checked = load_checked(RunRequest(**wishes))
@@ -97,7 +97,7 @@ def _counted(count: int, what: str) -> str:
 
 def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
     """Writes what a person should know before a run, a line for each."""
-    from bench.report.remarks import warning_line
+    from bench.cli.check_output import warning_line
 
     for warning in warnings:
         sys.stderr.write(warning_line(warning, plan.document) + "\n")
@@ -106,14 +106,14 @@ def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
 def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
     """List the steps of a sequence: when each begins, how long it takes, the bench after it; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
-    from bench.report.timeline import plan_table, safe_states, timeline_json, turned_by_hand
-    from bench.report.times_and_sizes import duration, megabytes
+    from bench.figures.times_and_sizes import duration, megabytes
+    from bench.report.plan_view.timeline import plan_table, safe_states, timeline_json, turned_by_hand
 
     checked = load_checked(RunRequest(**wishes))
     warn(checked.plan, checked.warnings)
     expected = checked.expected
     if picture is not None:
-        from bench.report.picture import write_picture  # and matplotlib with it
+        from bench.report.plan_view.picture import write_picture  # and matplotlib with it
 
         write_picture(picture, checked.plan, expected, checked.bench)
     if as_json:
@@ -259,7 +259,7 @@ def _executed(prepared: PreparedRun, resumption: Resumption | None, *, as_json: 
 
 def _show(result: RunResult, said: Collection[str], *, as_json: bool) -> None:
     """Writes the results, and the problems that were not `said` before."""
-    from bench.report.text import results_text
+    from bench.report.terminal import results_text
 
     if as_json:
         content = {"run": str(result.path), "results": result.results.to_json() if result.results else None}

@@ -47,7 +47,7 @@ def list_runs(
 
 def digest(run: str, runs: Path, *, damaged: bool) -> None:
     """Print the digest of a run's data: equal for equal runs."""
-    from bench.report.stored import open_run
+    from bench.reduce.stored_run import open_run
     from bench.store.runs import find_run
 
     with open_run(find_run(run, runs), damaged=damaged) as stored:
@@ -70,8 +70,8 @@ def verify(run: str, runs: Path) -> int:
 
 def report(run: str, runs: Path, form: str, lang: str, *, damaged: bool) -> None:
     """Write the report of a run, even of an interrupted one."""
-    from bench.report.languages import LANGUAGES
-    from bench.report.stored import open_run
+    from bench.figures.languages import LANGUAGES
+    from bench.reduce.stored_run import open_run
     from bench.report.write import FORMS, write_report
     from bench.store.runs import find_run
 
@@ -88,9 +88,9 @@ def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None,
     the whole bus in FILE: --all FILE writes all frames of that.
     """
     from bench.errors import InputError
-    from bench.report.export import FORMATS, mark_damage
-    from bench.report.export_candump import export_trace
-    from bench.report.stored import open_run
+    from bench.reduce.stored_run import open_run
+    from bench.report.export.candump import export_trace
+    from bench.report.export.export import FORMATS, mark_damage
     from bench.store.runs import find_run
 
     _expect_one_of("--format", FORMATS, form)

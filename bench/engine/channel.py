@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.analysis.thermometer import JUMP_C, POSSIBLE_C
 from bench.config.channels import stale_after_s
 from bench.config.models import BenchFile
+from bench.metrology.temperature_checks import JUMP_C, POSSIBLE_C
 from bench.quality import Absent, Fresh, Invalid, Latest, Stale, Valid, Window
 from drivers.timing.awake import awake_s
 from drivers.values import Reading

@@ -8,14 +8,14 @@ from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from bench.analysis.limits import judge
-from bench.analysis.outputs import mean_of
 from bench.config.models import BenchFile
 from bench.engine.missed import Watch
 from bench.engine.monitor import Monitor
 from bench.engine.recording import output_of
 from bench.engine.state import Tared
 from bench.errors import StepError
+from bench.metrology.outputs import mean_of
+from bench.metrology.results.limits import judge
 from bench.quality import Fresh, Window
 from bench.sequence.limits import limits_in
 from bench.sequence.measuring import Measure, Tare

@@ -10,12 +10,12 @@ from typing import Protocol
 
 import numpy as np
 
-from bench.analysis.acquired import Voltages
-from bench.analysis.outputs import STABLE_PART_S, Measured
 from bench.config.models import BenchFile
 from bench.engine.channel import Channel, Rule
 from bench.engine.safety import grouped
 from bench.errors import StepError
+from bench.metrology.acquisition import Voltages
+from bench.metrology.outputs import STABLE_PART_S, Measured
 from bench.quality import Valid
 from bench.rig import Rig
 from bench.store.codes import CodeDecoder

@@ -8,10 +8,10 @@ from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from bench.analysis.outputs import STABLE_PART_S, Output, mean_of, steadiness
 from bench.engine.missed import Watch
 from bench.engine.outputs import Keeper, Watched, taken_in
 from bench.errors import StepError
+from bench.metrology.outputs import STABLE_PART_S, Output, mean_of, steadiness
 from bench.quality import Valid
 from bench.sequence.measuring import Acquire, Stable
 from bench.sequence.stimulus import TURN_DEG

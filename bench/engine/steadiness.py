@@ -7,9 +7,9 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from bench.analysis.outputs import steadiness
 from bench.engine.outputs import Watched, taken_in
 from bench.errors import StepError
+from bench.metrology.outputs import steadiness
 from bench.sequence.readings import units_at
 from bench.sequence.waits import STEADY_PARTS, Steady, WaitUntil
 from drivers.quantity.units import customary_unit

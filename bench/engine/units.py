@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-from bench.analysis.acquired import Mount
-from bench.analysis.bench_record import Vector
-from bench.analysis.orientation import turned_axes
 from bench.config.models import BenchFile
 from bench.config.places import PlaceEntry
+from bench.metrology.acquisition import Mount
+from bench.metrology.bench_uncertainty import Vector
+from bench.metrology.orientation import turned_axes
 from drivers.values import Heard
 
 Kind = Literal["thermometer", "temperature", "silent", "draws_too_much", "draws_too_little", "not_settled"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from bench.analysis.finding import BudgetLine, Finding, UnitResult
-from bench.report.languages import tr
-from bench.report.shown import SHOWN, decimals
-from bench.report.words import name_of, quantity_of, shared_in_words, source_in_words, unit_shown, where
+from bench.figures.languages import tr
+from bench.figures.numbers import SHOWN, decimals
+from bench.figures.words import name_of, quantity_of, shared_in_words, source_in_words, unit_shown, where
+from bench.metrology.results.finding import BudgetLine, Finding, UnitResult
 
 
 @dataclass(frozen=True)

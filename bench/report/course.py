@@ -11,13 +11,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bench.analysis.rundata import RunData
-from bench.report.course_names import Span, spans_of
-from bench.report.languages import tr
-from bench.report.plots import Plot, TimeOfRun
-from bench.report.stored import StoredRun
-from bench.report.svg import new_figure, rendered
-from bench.sequence.methods import known_methods
+from bench.figures.languages import tr
+from bench.figures.plots import Plot, TimeOfRun
+from bench.figures.svg import new_figure, rendered
+from bench.metrology.run_data import RunData
+from bench.reduce.spans import Span, spans_of
+from bench.reduce.stored_run import StoredRun
+from bench.sequence.method import known_methods
 from bench.store.reader import Event, Series
 
 Array = NDArray[np.float64]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from bench.report.languages import tr
-from bench.report.measured import Measurement
+from bench.figures.languages import tr
+from bench.figures.times_and_sizes import instant
+from bench.reduce.journal import Measurement
+from bench.reduce.stored_run import StoredRun
 from bench.report.page import Facts
 from bench.report.revision import Revision
-from bench.report.stored import StoredRun
-from bench.report.times_and_sizes import instant
-from bench.sequence.methods import known_methods
+from bench.sequence.method import known_methods
 
 
 def report_number(manifest: Mapping[str, Any], revision: Revision) -> str:

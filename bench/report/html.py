@@ -5,30 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import import_module
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from bench.analysis.finding import UnitResult
-from bench.analysis.limits import Limits
-from bench.analysis.models import TemperatureModel
-from bench.analysis.rundata import RunData
-from bench.report import missed, page, tables
+from bench.figures.languages import current, tr
+from bench.figures.plots import Plot
+from bench.figures.sheet import Sheet
+from bench.figures.svg import drawing, font_of
+from bench.figures.words import of_those_within_u, said_in_words
+from bench.metrology.results.curves import TemperatureModel
+from bench.metrology.results.finding import UnitResult
+from bench.metrology.results.limits import Limits
+from bench.metrology.run_data import RunData
+from bench.reduce.evaluate import Results
+from bench.reduce.journal import OnTheWay
+from bench.reduce.stored_run import BENCH_COPY, StoredRun
+from bench.report import gaps, page, tables
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells, budgets_of_points
 from bench.report.course import course_of, course_plot
-from bench.report.findings import Results
 from bench.report.flag_words import flag_in_words
 from bench.report.head import head, report_number
-from bench.report.languages import current, tr
-from bench.report.measured import OnTheWay
-from bench.report.plots import Plot
+from bench.report.plan_view.timeline import clock
 from bench.report.revision import Revision
-from bench.report.stored import BENCH_COPY, StoredRun
-from bench.report.svg import drawing, font_of
-from bench.report.timeline import clock
-from bench.report.words import of_those_within_u, said_in_words
 from bench.sequence.limits import limits_in
-from bench.sequence.methods import CHANNEL, MethodDescription, known_methods
+from bench.sequence.method import CHANNEL, MethodDescription, known_methods
+from drivers.installed import loaded
 
 TEMPLATE = "report.html.j2"
 MOST_NOTES = 12  # at the top of the page; the others unfold
@@ -41,11 +42,11 @@ class UnitSection:
     name: str
     result: UnitResult
     verdicts: tuple[tables.Row, ...]
-    shown: tuple[Plot | tables.Sheet, ...]
+    shown: tuple[Plot | Sheet, ...]
     dwells: tables.DwellTable | None
     over_run: tuple[tables.Row, ...]
     models: tuple[tables.ModelTable, ...]
-    model_sheets: tuple[tables.Sheet, ...]
+    model_sheets: tuple[Sheet, ...]
     budgets: tuple[Budget, ...]
     budgets_of_dwells: tuple[BudgetsOfDwells, ...]
 
@@ -63,7 +64,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     problems = list(page.problems(run, not_evaluated, verdict))
     notes = [
         *page.past_due(instruments), *page.faults_on_purpose(run), *page.done_again(run), *page.power(run),
-        *page.left_on(run), *page.notes_of_steps(run), *missed.lines(not_come), *_flags(results),
+        *page.left_on(run), *page.notes_of_steps(run), *gaps.lines(not_come), *_flags(results),
     ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
@@ -79,7 +80,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         site=page.site(run),
         instruments=instruments,
         corrections=list(run.corrections()) if results is not None else [],
-        missed=list(missed.sheets(not_come, run.reader.span_s()[0])),
+        missed=list(gaps.sheets(not_come, run.reader.span_s()[0])),
         course=course,
         sections=sections,
         on_the_way=on_the_way,
@@ -147,12 +148,11 @@ def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits], method: 
     )
 
 
-def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[Plot | tables.Sheet]:
+def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     """What the method itself shows of a unit; `name` begins the ids in the page."""
     if method.drawn_by:
-        module, _, function = method.drawn_by.partition(":")
         with drawing():
-            yield from getattr(import_module(module), function)(unit, name)
+            yield from loaded(method.drawn_by)(unit, name)
 
 
 def _flags(results: Results | None) -> Iterator[str]:

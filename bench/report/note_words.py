@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from bench.report.languages import tr
+from bench.figures.languages import tr
 
 NOTES = (
     "no decision: its own run is not valid",

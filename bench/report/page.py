@@ -7,17 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bench.analysis.acquired import Codes
-from bench.analysis.rundata import RunData
 from bench.config.devices import Calibration
 from bench.config.fixture import FixtureEntry
-from bench.report.languages import tr
-from bench.report.shown import decimals
-from bench.report.stored import StoredRun
-from bench.report.times_and_sizes import duration, instant
-from bench.report.words import ENDINGS
+from bench.figures.languages import tr
+from bench.figures.numbers import decimals
+from bench.figures.times_and_sizes import duration, instant
+from bench.figures.words import ENDINGS
+from bench.metrology.acquisition import Codes
+from bench.metrology.run_data import RunData
+from bench.reduce.stored_run import StoredRun
 from bench.sequence.dwells import first_visit
-from bench.sequence.methods import known_methods
+from bench.sequence.method import known_methods
 from bench.store.reader import Event
 from bench.store.verify import Record
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from types import ModuleType
 
-from bench.report.extras import imported
+from bench.report.optional import imported
 
 
 def library() -> ModuleType:

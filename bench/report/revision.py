@@ -22,7 +22,7 @@ from typing import Any
 from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.files import write_whole
-from bench.report.findings import Results
+from bench.reduce.evaluate import Results
 from bench.store.kept_json import TEXT, WHOLE, an_object, every, named, one_of, read_kept
 from bench.store.manifest_form import instant
 from bench.store.runs import SEAL, json_text

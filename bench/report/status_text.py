@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from bench.report.columns import in_columns
-from bench.report.times_and_sizes import duration
+from bench.figures.columns import in_columns
+from bench.figures.times_and_sizes import duration
 from bench.store.latch import latch
 from bench.store.runs import RunSummary
 

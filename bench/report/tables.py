@@ -6,14 +6,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from bench.analysis.coverage import COVERAGE
-from bench.analysis.finding import CONFIDENCE, LOWER_BOUND, Finding, UnitResult
-from bench.analysis.limits import Limits
-from bench.analysis.models import Constant, Equation, KnotModel, TemperatureModel
-from bench.report.languages import tr
-from bench.report.note_words import form_in_words
-from bench.report.shown import SHOWN, decimals, is_told_by_range, range_shown, shown
-from bench.report.words import (
+from bench.figures.languages import tr
+from bench.figures.numbers import SHOWN, decimals, is_told_by_range, range_shown, shown
+from bench.figures.sheet import Sheet
+from bench.figures.words import (
     CONTENTS,
     REASONS,
     bands_in_words,
@@ -25,8 +21,12 @@ from bench.report.words import (
     unit_shown,
     where,
 )
+from bench.metrology.results.coverage import COVERAGE
+from bench.metrology.results.curves import Constant, Equation, KnotModel, TemperatureModel
+from bench.metrology.results.finding import CONFIDENCE, LOWER_BOUND, Finding, UnitResult
+from bench.metrology.results.limits import Limits
+from bench.report.note_words import form_in_words
 
-NUMERIC = "0123456789+-–<>"  # what numbers begin with
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
 VARIABLES = {  # of equations, with their units
@@ -42,22 +42,6 @@ WORST = {  # by what a finding is of
     "end": "worst of {count} ends; {told}",
     "dwell": "worst of {count} dwells; {told}",
 }
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """A table of the page: heads with their units, empty for none, and rows of what stands under them."""
-
-    title: str
-    caption: str
-    heads: tuple[tuple[str, str], ...]
-    rows: tuple[tuple[str, ...], ...]
-
-    @property
-    def aligned(self) -> tuple[str, ...]:
-        """The class of the cells of each column: "n" of numbers, which stand at its right, "" of words."""
-        columns = list(zip(*self.rows, strict=True)) or [()] * len(self.heads)
-        return ("", *("n" if any(cell[:1] in NUMERIC for cell in cells if cell) else "" for cells in columns[1:]))
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from bench.errors import BenchError
+from bench.figures.languages import ENGLISH, language
 from bench.files import write_whole
+from bench.reduce.stored_run import StoredRun
 from bench.report.html import render
-from bench.report.languages import ENGLISH, language
 from bench.report.pdf import library, pdf
+from bench.report.results_csv import spreadsheet
 from bench.report.revision import replacing, revision_of
-from bench.report.spreadsheet import spreadsheet
-from bench.report.stored import StoredRun
 from bench.store.runs import json_text
 
 REPORT = "report"

@@ -20,8 +20,8 @@ from bench.clock import Clock, Stopwatch, wall_utc
 from bench.config.channels import channels_of
 from bench.config.models import BenchFile
 from bench.engine.questions import Question
+from bench.figures.times_and_sizes import duration, instant
 from bench.quality import Invalid, Judged
-from bench.report.times_and_sizes import duration, instant
 from bench.sequence.estimate import Estimate
 from bench.sequence.plan import Plan, PlannedStep
 from bench.sequence.readings import unit_of

@@ -15,7 +15,7 @@ from bench.sequence.called import declared_at
 from bench.sequence.check_steps import is_there, limit_problems, role_problems
 from bench.sequence.checks_interlocks import interlocks
 from bench.sequence.limits import unit_problems
-from bench.sequence.methods import OUTPUT_UNITS, MethodDescription, known_methods
+from bench.sequence.method import OUTPUT_UNITS, MethodDescription, known_methods
 from bench.sequence.model import ResultEntry
 from bench.sequence.plan import PHASES, Plan
 from bench.sequence.readings import unit_of

@@ -13,8 +13,9 @@ from bench.sequence.orienting import Orient
 from bench.sequence.plan import PHASES, Branches, Nodes, Plan, PlannedStep, leaves, within
 from bench.sequence.readings import is_pulse_rate, measured_place
 from bench.sequence.remarks import Found
+from bench.sequence.settling import PEAK_TO_PEAK_SD
 from bench.sequence.values import holds_expression, value_of
-from bench.sequence.waits import WaitUntil
+from bench.sequence.waits import Soak, WaitUntil
 
 
 def shared_device(plan: Plan, bench: BenchFile) -> Iterator[Found]:
@@ -106,3 +107,20 @@ def _constant(raw: Any) -> bool | None:
     except ValueProblem:
         return None
     return value if isinstance(value, bool) else None
+
+
+def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A band narrower than the noise of the simulated thermometer at a unit."""
+    span_c = PEAK_TO_PEAK_SD * bench.simulation.thermometer.noise
+    at_units = {reading for unit in bench.places.values() for reading in (unit.temperature, unit.converter_temperature)}
+    for planned in plan if bench.is_simulated else ():
+        step = planned.step
+        if not isinstance(step, Soak) or not step.until_stable or at_units.isdisjoint(bench.members(step.role)):
+            continue
+        if step.until_stable.band_c < span_c:
+            yield (
+                (*planned.place, "until_stable", "band"),
+                f"the noise of '{step.role}' alone spans about {span_c:g} °C, so that a band of "
+                f"{step.until_stable.band_c:g} °C is never held",
+                f"Give a band above {span_c:g} °C, or lower simulation.thermometer.noise of the bench file",
+            )

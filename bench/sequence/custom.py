@@ -17,7 +17,7 @@ from drivers.installed import Installed
 from drivers.schema.fields import Name
 
 ENTRY_POINTS = "inertial_test_bench.steps"
-SHIPPED: Mapping[str, str] = {"compare_ends": "bench.sequence.methods.indexing:COMPARE_ENDS"}
+SHIPPED: Mapping[str, str] = {"compare_ends": "bench.methods.indexing.method:COMPARE_ENDS"}
 
 
 def _no_time(_: Any) -> float:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import ConfigDict, Field, PlainValidator, ValidationInfo, WithJsonSchema, model_validator
 from pydantic.config import JsonDict
 
-from bench.analysis.limits import Limits
+from bench.metrology.results.limits import Limits
 from bench.sequence.expressions import ValueProblem
 from bench.sequence.step_fields import is_known
 from bench.sequence.values import QUANTITY_SCHEMA, holds_expression, in_words, value_of

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from bench.config.models import BenchFile
 from bench.config.places import UNIT_KINDS
 from bench.errors import InputError
-from bench.sequence.methods import known_methods
+from bench.sequence.method import known_methods
 from bench.sequence.model import Outline
 
 

@@ -14,9 +14,9 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field, PlainValidator, WithJsonSchema
 
-from bench.analysis.attitude_names import ATTITUDES
 from bench.config.fixture import DIRECTIONS
 from bench.config.models import BenchFile
+from bench.metrology.attitude_names import ATTITUDES
 from bench.sequence.step_fields import Resumed, StepBase
 from drivers.capabilities import Approach
 from drivers.quantity.units import quoted

@@ -6,7 +6,7 @@ from typing import Any
 
 from bench.config.interlocks import INTERLOCKS
 from bench.config.schema import Schema, object_of, schema_of, when, without_unused
-from bench.sequence.methods import known_methods
+from bench.sequence.method import known_methods
 from bench.sequence.model import ResultEntry, SequenceFile
 from bench.sequence.steps import BLOCKS
 from bench.sequence.values import VALUE_SCHEMA

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from bench.analysis.acquired import Codes, Positions
+from bench.metrology.acquisition import Codes, Positions
 from bench.store.encoders import positions_of
 from bench.store.kept_dbc import kept_format
 from drivers.can.frame_block import FrameBlock

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.analysis.acquired import Positions
+from bench.metrology.acquisition import Positions
 from drivers.can.encoder_frames import Positions as Read
 from drivers.can.options import PositionOptions
 

@@ -22,10 +22,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from bench.analysis.acquired import Codes, Counts
-from bench.analysis.codes import mean_code
-from bench.analysis.counts import mean_rate
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from bench.metrology.acquisition import Codes, Counts
+from bench.metrology.pulse_counts import mean_rate
+from bench.metrology.sampled_codes import mean_code
 from drivers.can.dbc import Dbc
 from drivers.can.frame_block import FrameBlock
 from drivers.can.gap_detection import Unbroken

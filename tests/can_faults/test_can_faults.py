@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis import counts
+from bench.metrology import pulse_counts as counts
 from drivers.can import gap_detection as unbroken
 from drivers.can.dbc import Field
 from drivers.can.frame_block import FrameBlock

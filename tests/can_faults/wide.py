@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from bench.analysis.acquired import Counts
-from bench.analysis.counts import mean_rate
+from bench.metrology.acquisition import Counts
+from bench.metrology.pulse_counts import mean_rate
 from tests.can_faults.campaign import EXACT, Tally
 
 TICK_BITS, PERIOD_TICKS = 32, 10_000

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from bench.analysis.acquired import Counts
-from bench.analysis.counts import mean_rate
+from bench.metrology.acquisition import Counts
+from bench.metrology.pulse_counts import mean_rate
 from drivers.can.frame_block import ERROR, FrameBlock
 from drivers.capabilities import PulseCounter
 from drivers.description import known_drivers

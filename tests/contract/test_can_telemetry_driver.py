@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.analysis.codes import begins_anew
+from bench.metrology.sampled_codes import begins_anew
 from bench.store.codes import CodeDecoder
 from drivers.can.frame_block import FrameBlock
 from drivers.can.options import IDLE_BLOCK_S

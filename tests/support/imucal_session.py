@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.analysis.attitudes import NAMES, block
+from bench.methods.imu.reduction.attitudes import NAMES, block
 
 FILE = Path(__file__).with_suffix(".csv")
 TURN = FILE.with_name("imucal_turn.csv")

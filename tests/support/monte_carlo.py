@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 import pytest
 
-from bench.analysis.finding import Finding, UnitResult
+from bench.metrology.results.finding import Finding, UnitResult
 
 WITHIN = 0.1  # of the uncertainty, that the scatter may be beside it
 FAR = 0.15  # an uncertainty that is so far off must be seen

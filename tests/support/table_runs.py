@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition, Codes, Counts, Motion, Positions, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord, ClockRecord
-from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.metrology.acquisition import Acquisition, Codes, Counts, Motion, Positions, Voltages
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, ClockRecord
+from bench.metrology.run_data import RunData, UnitUnderTest
 from simulators.physics.integrator import Integrator
 
 UNIT = UnitUnderTest("a", "SN", "x", 0.0, "warm")

@@ -353,9 +353,12 @@ def test_checking_a_sequence_loads_no_arithmetic_and_no_wires(sequence):
 
 
 def test_checking_loads_no_results_no_scan_and_no_methods_that_the_sequence_does_not_name():
-    never = "bench.analysis.finding bench.analysis.models bench.report.shown drivers.discovery.recognition"
-    methods = "bench.sequence.methods bench.sequence.methods.imu bench.sequence.methods.response"
-    assert loaded(after_command("check", "smoke"), f"{never} {methods}") == ["bench.sequence.methods"]
+    never = (
+        "bench.metrology.results.finding bench.metrology.results.curves bench.figures.numbers "
+        "drivers.discovery.recognition"
+    )
+    methods = "bench.sequence.method bench.methods.imu.method bench.methods.rate_table.method"
+    assert loaded(after_command("check", "smoke"), f"{never} {methods}") == ["bench.sequence.method"]
 
 
 def test_checking_loads_what_is_known_of_the_drivers_of_the_bench_and_of_no_others():

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from bench.report.calibration import compensated, read_calibration
-from bench.report.stored import open_run
+from bench.offline.calibration_file import compensated, read_calibration
+from bench.reduce.stored_run import open_run
 from bench.store.reader import RunReader
 from tests.support.channel import FULL, SOURCE, findings, ran
 from tests.support.runs import ROOT, run_short

@@ -10,8 +10,8 @@ import pytest
 from bench.app.rehearse import rehearse
 from bench.app.request import RunRequest, prepare
 from bench.config.bench import load_bench
+from bench.reduce.stored_run import open_run
 from bench.report.course import _lines
-from bench.report.stored import open_run
 from bench.runner.quiet import Quiet
 from drivers.description import known_drivers
 from tests.support.runs import ROOT

@@ -5,18 +5,20 @@ from unittest import mock
 
 import pytest
 
-from bench.analysis import indexing_readings, indexing_static
-from bench.analysis.indexing_budget import SCATTER
-from bench.analysis.indexing_sweep import EndFit
 from bench.errors import InputError
-from bench.report import indexing_shown
+from bench.figures.languages import language
+from bench.figures.numbers import shown
+from bench.figures.sheet import Sheet
+from bench.figures.svg import drawing
+from bench.methods.indexing import shown as indexing_shown
+from bench.methods.indexing.method import INDEXING_STATIC
+from bench.methods.indexing.reduction import readings as indexing_readings
+from bench.methods.indexing.reduction import run as indexing_static
+from bench.methods.indexing.reduction.budget import SCATTER
+from bench.methods.indexing.reduction.sweep import EndFit
+from bench.reduce.stored_run import open_run
 from bench.report.flag_words import flag_in_words
-from bench.report.languages import language
-from bench.report.shown import shown
-from bench.report.stored import open_run
-from bench.report.svg import drawing
-from bench.report.tables import Sheet, model_sheet
-from bench.sequence.methods.indexing import INDEXING_STATIC
+from bench.report.tables import model_sheet
 from bench.store.reader import RunReader
 from simulators.physics.world import World
 from tests.support.runs import ROOT, read_json, run_short

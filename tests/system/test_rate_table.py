@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.config.bench import load_bench
-from bench.report.rundata import run_data
+from bench.reduce.acquisitions import run_data
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT, read_json, run_short
 

@@ -10,7 +10,7 @@ import pytest
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.errors import StoreError
-from bench.report.stored import open_run
+from bench.reduce.stored_run import open_run
 from bench.report.verify import examined, verify
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from bench.analysis.power_cycles import SOURCE
 from bench.app.drawn_faults import with_drawn_faults
 from bench.app.request import RunRequest, prepare
 from bench.app.resume import prepared_again, read_interrupted
 from bench.cli.main import main
 from bench.engine.state import replayed
 from bench.errors import InputError
-from bench.report.stored import open_run
+from bench.metrology.power_cycles import SOURCE
+from bench.reduce.stored_run import open_run
 from bench.runner.quiet import Quiet
 from bench.sequence.dwells import first_visit
 from bench.store.reader import digest_of

@@ -11,7 +11,7 @@ from bench.app import execute
 from bench.app.request import RunRequest, prepare
 from bench.errors import InUseError, StoreError
 from bench.loop import BenchLoop
-from bench.report.stored import StoredRun
+from bench.reduce.stored_run import StoredRun
 from bench.runner.held import holding
 from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader

@@ -8,7 +8,7 @@ from bench.app.faults import FaultPlayer
 from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.bench import load_bench
 from bench.config.scenario import ScriptedFault
-from bench.report.stored import open_run
+from bench.reduce.stored_run import open_run
 from bench.report.write import write_report
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT, run_short

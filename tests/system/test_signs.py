@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from bench.analysis.unlike_nominal import OTHER_SIGN, OTHER_SIZE
-from bench.report.findings import evaluate
-from bench.report.measured import OnTheWay
-from bench.report.stored import open_run
+from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
+from bench.reduce.evaluate import evaluate
+from bench.reduce.journal import OnTheWay
+from bench.reduce.stored_run import open_run
 from tests.support.runs import run_short
 from tests.truth.signs import differences, negated
 

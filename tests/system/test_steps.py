@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from bench.report.stored import open_run
+from bench.reduce.stored_run import open_run
 from bench.report.write import write_report
 from bench.store.reader import RunReader
 from tests.support.runs import copy_bench, run_short

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from bench.clock import Stopwatch
-from bench.report.stored import open_run
+from bench.reduce.stored_run import open_run
 from bench.store.reader import RunReader
 from bench.store.runs import summary
 from tests.support.runs import ROOT, SHORT

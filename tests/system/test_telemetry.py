@@ -2,12 +2,12 @@
 
 import pytest
 
-from bench.analysis.temperature_tumble import reduce
 from bench.app.request import RunRequest, prepare
 from bench.config.bench import load_bench
 from bench.errors import InputError
-from bench.report.stored import open_run
-from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
+from bench.methods.tumble.method import TEMPERATURE_TUMBLE
+from bench.methods.tumble.reduction.run import reduce
+from bench.reduce.stored_run import open_run
 from tests.support.runs import ROOT, SHORT, read_json, run_short
 from tests.support.sequences import plan_of, problems_of, steps
 from tests.truth.campaign import compare, full_bench

@@ -27,8 +27,8 @@ from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.errors import BenchError
 from bench.loop import REAL_TIME
-from bench.report.reduced_again import reduced_again
-from bench.report.stored import open_run
+from bench.reduce.reduced_again import reduced_again
+from bench.reduce.stored_run import open_run
 from bench.report.verify import examined
 from bench.runner.manifest import file_hash
 from bench.runner.quiet import Quiet

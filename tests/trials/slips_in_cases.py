@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.errors import InputError
-from bench.report.case import reduce_case
-from bench.report.case_outcome import outcome
+from bench.offline.case import reduce_case
+from bench.offline.outcome import outcome
 from tests.support.any_case import KINDS, GoodCase, good_case
 from tests.trials.rows import Row
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.app.request import RunRequest
-from bench.report.stored import open_run
+from bench.reduce.stored_run import open_run
 from tests.truth import judge
 from tests.truth.campaign import Comparison, campaign, full_bench, perfect_bench, results_of
 from tests.truth.judge import rms_of as rms

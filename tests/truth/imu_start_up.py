@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.app.request import RunRequest
-from bench.report.stored import open_run
+from bench.reduce.stored_run import open_run
 from tests.truth import judge
 from tests.truth.campaign import ROOT, Comparison, campaign, full_bench, results_of
 from tests.truth.imu import decoding_of, imu_truth, table

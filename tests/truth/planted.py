@@ -10,12 +10,12 @@ from unittest import mock
 
 import numpy as np
 
-from bench.analysis import counts as counting
-from bench.analysis.acquired import Acquisition
-from bench.analysis.dwells import Dwell
-from bench.analysis.rundata import RunData
-from bench.report import rundata
-from bench.report.stored import open_run
+from bench.methods.tumble.reduction.dwells import Dwell
+from bench.metrology import pulse_counts as counting
+from bench.metrology.acquisition import Acquisition
+from bench.metrology.run_data import RunData
+from bench.reduce import acquisitions as rundata
+from bench.reduce.stored_run import open_run
 from drivers.dialects.can_counter import wire
 from tests.truth.campaign import Comparison, compare_one
 

@@ -7,8 +7,10 @@ from unittest import mock
 
 import numpy as np
 
-from bench.analysis import channel_runs, channel_scatter, channel_temperature
-from bench.analysis.counts import RESOLUTION_COUNTS
+from bench.methods.channel.reduction import levels as channel_runs
+from bench.methods.channel.reduction import line as channel_temperature
+from bench.metrology import gate_scatter as channel_scatter
+from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 
 
 def opposite_lines() -> AbstractContextManager[object]:

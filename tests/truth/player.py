@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition, Codes, Counts, Positions, Turned
-from bench.analysis.outputs import windows_of
-from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.app.drawn import current_errors, world_settings
 from bench.app.laboratory import unit_files
 from bench.config.models import BenchFile
-from bench.report.bench_record import bench_record
+from bench.metrology.acquisition import Acquisition, Codes, Counts, Positions, Turned
+from bench.metrology.outputs import windows_of
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.reduce.certificates import bench_record
 from bench.sequence.model import SequenceFile
 from drivers.dialects.can_counter.description import CounterOptions
 from drivers.dialects.can_telemetry.description import TelemetryOptions

@@ -17,16 +17,16 @@ from pathlib import Path
 from typing import Any, TypeVar
 from unittest import mock
 
-from bench.analysis.rundata import RunData
 from bench.app.laboratory import Laboratory
 from bench.app.request import RunRequest
 from bench.app.truth import truth_of
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
-from bench.report.findings import evaluate
-from bench.report.measured import OnTheWay
-from bench.report.stored import open_run
-from bench.sequence.methods import known_methods
+from bench.metrology.run_data import RunData
+from bench.reduce.evaluate import evaluate
+from bench.reduce.journal import OnTheWay
+from bench.reduce.stored_run import open_run
+from bench.sequence.method import known_methods
 from bench.sequence.model import SequenceFile
 from simulators.physics.world import World
 from tests.truth.campaign import run_one

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition
-from bench.analysis.finding import Finding, UnitResult
-from bench.analysis.response_compensation import ResponseCompensation
-from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.metrology.acquisition import Acquisition
+from bench.metrology.calibration.response import ResponseCompensation
+from bench.metrology.results.finding import Finding, UnitResult
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.reduce.stored_run import StoredRun, open_run
 from bench.report.html import render
 from bench.report.revision import Revision
-from bench.report.stored import StoredRun, open_run
 from bench.sequence.model import ResultEntry
 
 TUMBLED = ("K1", "K1_si", "asymmetry")

@@ -9,7 +9,7 @@ from unittest import mock
 import pytest
 
 from bench.app.request import RunRequest
-from bench.report.corrections import Corrections, Table
+from bench.reduce.corrections import Corrections, Table
 from tests.truth.campaign import compare, perfect_bench, run_one
 from tests.truth.planted import comparisons_with
 

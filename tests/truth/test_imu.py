@@ -7,10 +7,10 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import imu_windows
 from bench.app.request import RunRequest
 from bench.config.bench import load_bench
-from bench.report.stored import open_run
+from bench.methods.imu.reduction import windows as imu_windows
+from bench.reduce.stored_run import open_run
 from tests.support.runs import read_json
 from tests.truth.campaign import results_of
 from tests.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of

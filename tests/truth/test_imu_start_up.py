@@ -7,11 +7,11 @@ from unittest import mock
 
 import pytest
 
-from bench.analysis.imu_start_up_readings import PowerOn
 from bench.app.request import RunRequest
-from bench.report.reduced_again import reduced_again
-from bench.report.stored import open_run
-from bench.report.text import results_text
+from bench.methods.imu.start_up.readings import PowerOn
+from bench.reduce.reduced_again import reduced_again
+from bench.reduce.stored_run import open_run
+from bench.report.terminal import results_text
 from bench.report.verify import verify
 from tests.truth.campaign import campaign, full_bench, results_of, run_one
 from tests.truth.imu import rms_of

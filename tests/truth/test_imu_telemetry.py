@@ -7,8 +7,8 @@ import pytest
 from bench.app.request import RunRequest, prepare
 from bench.config.bench import load_bench
 from bench.errors import InputError
-from bench.report.calibration import compensated, read_calibration
-from bench.report.stored import open_run
+from bench.offline.calibration_file import compensated, read_calibration
+from bench.reduce.stored_run import open_run
 from tests.truth.campaign import results_of, run_one
 from tests.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
 from tests.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up

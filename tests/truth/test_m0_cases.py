@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from bench.analysis.channel_levels import channel_drift, compare
-from bench.analysis.channel_temperature import ChannelRecord, ChannelRules, reduce_run
-from bench.report.case import reduce_case
+from bench.methods.channel.reduction.decision import channel_drift, compare
+from bench.methods.channel.reduction.line import ChannelRecord, ChannelRules, reduce_run
+from bench.offline.case import reduce_case
 from tests.support.m0_cases import (
     COLUMNS,
     LEVELS_G,

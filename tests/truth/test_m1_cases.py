@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.indexing_sweep import SweepRecord, by_travel
-from bench.analysis.propagation import Measured
-from bench.analysis.static_calibration import CalibrationSettings, calibrate
 from bench.errors import InputError
-from bench.report.case import reduce_case
+from bench.methods.indexing.reduction.calibrate import CalibrationSettings, calibrate
+from bench.methods.indexing.reduction.sweep import SweepRecord, by_travel
+from bench.metrology.propagation import Measured
+from bench.offline.case import reduce_case
 from tests.support.m1_cases import Unit, clock, sweep, write_case
 
 ALL_TERMS = ["c0", "c1", "c2", "c3", "cxz", "delta"]

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.indexing_readings import readings_of
-from bench.analysis.indexing_static import reduce
-from bench.analysis.rundata import RunData
-from bench.report.case import reduce_case
-from bench.sequence.methods.indexing import INDEXING_STATIC
+from bench.methods.indexing.method import INDEXING_STATIC
+from bench.methods.indexing.reduction.readings import readings_of
+from bench.methods.indexing.reduction.run import reduce
+from bench.metrology.run_data import RunData
+from bench.offline.case import reduce_case
 from tests.support.m1_cases import COLUMNS, write_case
 from tests.truth.test_monte_carlo_indexing import BENCH, K0, K1, UNIT, Run
 

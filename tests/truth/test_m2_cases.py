@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.errors import InputError
-from bench.report.case import reduce_case
+from bench.offline.case import reduce_case
 from tests.support.m2_cases import DWELL_S, NOMINAL_C, SET_POINTS_C, Unit, records, write_case
 
 FEW_C = [25, 55, 0]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bench.analysis.range_test import LinearityLimit, accelerometer_range, gyro_range
-from bench.analysis.table_blocks import TableRecord
-from bench.report.case import reduce_case
+from bench.methods.rate_table.reduction.blocks import TableRecord
+from bench.methods.rate_table.reduction.radius import LinearityLimit, accelerometer_range, gyro_range
+from bench.offline.case import reduce_case
 from tests.support.m3_cases import G_MPS2, joined, shuffled, turning_block, write_case
 
 COMMANDS = {"run1": 50.0, "run2": -50.0, "run10": 400.0, "run11": -400.0}

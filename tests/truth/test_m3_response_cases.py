@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bench.analysis.frequency_response import gyro_response
-from bench.analysis.lever_arm import AccelerometerSweep, accelerometer_response
-from bench.analysis.table_blocks import TableRecord
-from bench.report.case import reduce_case
+from bench.methods.rate_table.reduction.blocks import TableRecord
+from bench.methods.rate_table.reduction.lever_arm import AccelerometerSweep, accelerometer_response
+from bench.methods.rate_table.reduction.response_points import gyro_response
+from bench.offline.case import reduce_case
 from tests.support.m3_cases import (
     G_MPS2,
     accelerometer_block,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 
-from bench.report.case import reduce_case
+from bench.offline.case import reduce_case
 from tests.support.m4_cases import DEFAULT_CYCLE_C, THRESHOLDS_C, play_g, shuffled, static_columns, write_case
 
 LINEAR = {"bias_v": [2.4e-4, 1.1e-5], "scale_v_per_g": [1.13, -6.6e-5]}  # (3) and (4) of the seed

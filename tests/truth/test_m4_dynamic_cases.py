@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.report.case import reduce_case
+from bench.offline.case import reduce_case
 from tests.support.m4_cases import THRESHOLDS_C, lagging_c, play_g, ramps, shuffled, write_case
 
 K1 = 1.13

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.threshold import LadderRecord, find_threshold
+from bench.methods.threshold.reduction.threshold import LadderRecord, find_threshold
 
 PPS_PER_G = 11_300.0
 DWELL_S = 100.0

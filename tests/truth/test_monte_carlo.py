@@ -1,7 +1,7 @@
 """GUM supplement 1 (JCGM 101): all inputs of the budgets drawn, and pushed through the real reductions.
 
 The scatter of the results has to be as large as their analytic uncertainties say, within 10 %; largest values apart,
-which have a trial of their own (bench/analysis/extremes.py). The error of a result at a dwell is that against what the
+which have a trial of their own (bench/metrology/extremes.py). The error of a result at a dwell is that against what the
 unit is at the temperature that the result states.
 """
 
@@ -11,14 +11,17 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import dwells, largest, temperature_ramp
-from bench.analysis.acquired import Acquisition, Counts, Mount
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.orientation import elevation_rad
-from bench.analysis.ramp_samples import RampLeg
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.analysis.temperature_tumble import reduce as reduce_tumble
-from bench.sequence.methods.temperature import TEMPERATURE_RAMP, TEMPERATURE_TUMBLE
+from bench.methods.ramp.method import TEMPERATURE_RAMP
+from bench.methods.ramp.reduction import run as temperature_ramp
+from bench.methods.ramp.reduction.samples import RampLeg
+from bench.methods.tumble.method import TEMPERATURE_TUMBLE
+from bench.methods.tumble.reduction import dwells
+from bench.methods.tumble.reduction.run import reduce as reduce_tumble
+from bench.metrology import largest
+from bench.metrology.acquisition import Acquisition, Counts, Mount
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.orientation import elevation_rad
+from bench.metrology.run_data import RunData, UnitUnderTest
 
 G, G_U = 9.8, 2e-4
 ARCSEC_DEG = 1 / 3600

@@ -10,12 +10,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Counts, Mount
-from bench.analysis.bench_record import BenchRecord, Drift, SourceRecord
-from bench.analysis.channel_method import reduce
-from bench.analysis.channel_scatter import STRETCHES
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.sequence.methods.channel import CHANNEL_TEMPERATURE
+from bench.methods.channel.method import CHANNEL_TEMPERATURE
+from bench.methods.channel.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition, Counts, Mount
+from bench.metrology.bench_uncertainty import BenchRecord, Drift, SourceRecord
+from bench.metrology.gate_scatter import STRETCHES
+from bench.metrology.run_data import RunData, UnitUnderTest
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
 
 TRIALS = 400

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.analysis.acquired import Acquisition, Turned, Window
-from bench.analysis.attitudes import BODY_AXES, EARTH_RATE_DPS, NAMES
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.imu_run import reduce
-from bench.analysis.orientation import unit_axes
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.sequence.methods.imu import IMU_CALIBRATION
+from bench.methods.imu.method import IMU_CALIBRATION
+from bench.methods.imu.reduction.attitudes import BODY_AXES, EARTH_RATE_DPS, NAMES
+from bench.methods.imu.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition, Turned, Window
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.orientation import unit_axes
+from bench.metrology.run_data import RunData, UnitUnderTest
 
 ARCSEC_DEG = 1 / 3600
 POINTS = {"outer": (0.0, 0.0, 1.0), "middle": (0.0, 1.0, 0.0), "inner": (1.0, 0.0, 0.0)}

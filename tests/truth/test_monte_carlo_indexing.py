@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Mount, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.indexing_static import reduce
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.sequence.methods.indexing import INDEXING_STATIC
+from bench.methods.indexing.method import INDEXING_STATIC
+from bench.methods.indexing.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition, Mount, Voltages
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.run_data import RunData, UnitUnderTest
 
 TRIALS = 250
 ARCSEC_DEG = 1 / 3600

@@ -10,11 +10,11 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import ladder
-from bench.analysis.acquired import Acquisition
-from bench.analysis.ladder import reduce
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.sequence.methods.threshold import THRESHOLD
+from bench.methods.threshold.method import THRESHOLD
+from bench.methods.threshold.reduction import run as ladder
+from bench.methods.threshold.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition
+from bench.metrology.run_data import RunData, UnitUnderTest
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
 from tests.truth.test_monte_carlo import BENCH, K0, Errors, counts, known_elevation_rad
 

@@ -10,11 +10,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Motion
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.linearity import DEPARTURE
-from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
-from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
+from bench.methods.rate_table.method import ACCELEROMETER_RANGE, GYRO_RANGE
+from bench.methods.rate_table.reduction.range import reduce_accelerometer, reduce_gyro
+from bench.metrology.acquisition import Motion
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.calibration.linearity import DEPARTURE
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
 from tests.support.table_runs import acquired, data
 

@@ -9,10 +9,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Motion
-from bench.analysis.bench_record import AxisRecord
-from bench.analysis.range_method import reduce_accelerometer
-from bench.sequence.methods.response import ACCELEROMETER_RANGE
+from bench.methods.rate_table.method import ACCELEROMETER_RANGE
+from bench.methods.rate_table.reduction.range import reduce_accelerometer
+from bench.metrology.acquisition import Motion
+from bench.metrology.bench_uncertainty import AxisRecord
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u
 from tests.support.table_runs import READ, TIME_S, data, read
 from tests.truth import test_monte_carlo_range as counted

@@ -11,11 +11,11 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import dwells
-from bench.analysis.acquired import Acquisition
-from bench.analysis.bench_record import Drift
-from bench.analysis.repeatability import reduce
-from bench.analysis.rundata import RunData
+from bench.methods.tumble.reduction import dwells
+from bench.methods.tumble.reduction.repeatability import reduce
+from bench.metrology.acquisition import Acquisition
+from bench.metrology.bench_uncertainty import Drift
+from bench.metrology.run_data import RunData
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
 from tests.truth.test_monte_carlo import (
     BENCH,

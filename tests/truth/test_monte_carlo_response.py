@@ -11,12 +11,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Motion
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.frequency_response import bandwidth
-from bench.analysis.response_findings import CHORD
-from bench.analysis.response_method import reduce_accelerometer, reduce_gyro
-from bench.sequence.methods.response import ACCELEROMETER_RESPONSE, GYRO_RESPONSE
+from bench.methods.rate_table.method import ACCELEROMETER_RESPONSE, GYRO_RESPONSE
+from bench.methods.rate_table.reduction.response import reduce_accelerometer, reduce_gyro
+from bench.methods.rate_table.reduction.response_findings import CHORD
+from bench.methods.rate_table.reduction.response_points import bandwidth
+from bench.metrology.acquisition import Motion
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
 from simulators.physics.dynamics import Dynamics
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
 from tests.support.table_runs import acquired, data

@@ -12,16 +12,17 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import imu_start_up, imu_windows
-from bench.analysis.acquired import Turned, Window
-from bench.analysis.attitude_errors import table_errors
-from bench.analysis.attitudes import NAMES
-from bench.analysis.compensation import Compensation
-from bench.analysis.imu_start_up import MODEL, reduce
-from bench.analysis.models import Constant
-from bench.analysis.orientation import unit_axes
-from bench.analysis.rundata import ReleasedCalibration, RunData
-from bench.sequence.methods.imu import IMU_START_UP
+from bench.methods.imu.method import IMU_START_UP
+from bench.methods.imu.reduction import windows as imu_windows
+from bench.methods.imu.reduction.attitudes import NAMES
+from bench.methods.imu.reduction.table_errors import table_errors
+from bench.methods.imu.start_up import run as imu_start_up
+from bench.methods.imu.start_up.run import MODEL, reduce
+from bench.metrology.acquisition import Turned, Window
+from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.orientation import unit_axes
+from bench.metrology.results.curves import Constant
+from bench.metrology.run_data import ReleasedCalibration, RunData
 from tests.support.monte_carlo import found_in, ratio, scatter_is_u, would_be_seen
 from tests.truth.test_monte_carlo_imu import (
     CHANNELS,

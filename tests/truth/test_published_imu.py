@@ -7,11 +7,11 @@ those about x and y, which would be as many rows each again, are not.
 import numpy as np
 import pytest
 
-from bench.analysis import imu_calibration
-from bench.analysis.attitude_fit import fit_accelerometer, fit_gyro_of_known_scale
-from bench.analysis.attitudes import BLOCK, HEADINGS
-from bench.analysis.imu_calibration import calibrate
-from bench.analysis.imu_readings import PositionRecord, RateReadings, RateRecord, arrange
+from bench.methods.imu.reduction import calibrate as imu_calibration
+from bench.methods.imu.reduction.attitude_fit import fit_accelerometer, fit_gyro_of_known_scale
+from bench.methods.imu.reduction.attitudes import BLOCK, HEADINGS
+from bench.methods.imu.reduction.calibrate import calibrate
+from bench.methods.imu.reduction.records import PositionRecord, RateReadings, RateRecord, arrange
 from tests.support import imucal_session as published
 
 # The published values are of whole sections, ours of 40 rows of each. So they differ by what 40 readings scatter: 1 of

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from bench.analysis.repeatability import interval_of, reduce
 from bench.app.request import RunRequest
-from bench.report.stored import open_run
+from bench.methods.tumble.reduction.repeatability import interval_of, reduce
+from bench.reduce.stored_run import open_run
 from bench.store.reader import RunReader
 from tests.support.runs import latest
 from tests.truth.campaign import results_of, run_one

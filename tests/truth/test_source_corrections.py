@@ -8,8 +8,8 @@ from unittest import mock
 
 import pytest
 
-from bench.report.corrections import Corrections, Table
-from bench.report.stored import open_run
+from bench.reduce.corrections import Corrections, Table
+from bench.reduce.stored_run import open_run
 from tests.support.runs import run_short
 from tests.truth.campaign import perfect_bench
 from tests.truth.channel import compare_channel

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.limits import Limits
-from bench.analysis.temperature_tumble import reduce
 from bench.app.request import RunRequest
-from bench.report.stored import open_run
-from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
+from bench.methods.tumble.method import TEMPERATURE_TUMBLE
+from bench.methods.tumble.reduction.run import reduce
+from bench.metrology.results.limits import Limits
+from bench.reduce.stored_run import open_run
 from tests.support.runs import SHORT
 from tests.truth import judge
 from tests.truth.campaign import compare, full_bench, perfect_bench, results_of, run_one

@@ -6,13 +6,13 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import range_blocks
-from bench.analysis.frequency_response import Remarks, gyro_point
-from bench.analysis.table_intake import table_samples
 from bench.app.request import RunRequest
 from bench.config.bench import load_bench
-from bench.report.calibration import read_calibration
-from bench.report.stored import open_run
+from bench.methods.rate_table.reduction import range_points as range_blocks
+from bench.methods.rate_table.reduction.intake import table_samples
+from bench.methods.rate_table.reduction.response_points import Remarks, gyro_point
+from bench.offline.calibration_file import read_calibration
+from bench.reduce.stored_run import open_run
 from tests.truth.campaign import Comparison, results_of
 from tests.truth.player import Player
 from tests.truth.replay import replayed, template_of

@@ -6,9 +6,9 @@ import json
 import pytest
 
 from bench.app.request import RunRequest
-from bench.report.calibration import read_calibration
-from bench.report.export import FORMATS
-from bench.report.stored import open_run
+from bench.offline.calibration_file import read_calibration
+from bench.reduce.stored_run import open_run
+from bench.report.export.export import FORMATS
 from tests.support.runs import latest
 from tests.truth.campaign import results_of, run_one
 from tests.truth.signs import differences

@@ -5,8 +5,8 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import ladder
-from bench.report.stored import open_run
+from bench.methods.threshold.reduction import run as ladder
+from bench.reduce.stored_run import open_run
 from tests.truth.campaign import results_of
 from tests.truth.ladder import compare_ladders, ladder_run, true_threshold_g
 from tests.truth.signs import differences

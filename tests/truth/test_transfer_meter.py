@@ -10,12 +10,12 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis.channel_meter import Metered
-from bench.analysis.channel_method import reduce
-from bench.report.corrections import Corrections
-from bench.report.export import FORMATS
-from bench.report.stored import open_run
-from bench.sequence.methods.channel import ChannelSettings
+from bench.methods.channel.method import ChannelSettings
+from bench.methods.channel.reduction.run import reduce
+from bench.methods.channel.reduction.transfer_meter import Metered
+from bench.reduce.corrections import Corrections
+from bench.reduce.stored_run import open_run
+from bench.report.export.export import FORMATS
 from tests.support.ammeter import put_into_cable
 from tests.support.runs import ROOT, read_json, run_short
 from tests.truth.campaign import perfect_bench

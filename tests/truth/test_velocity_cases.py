@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.analysis.channel_temperature import ChannelRecord, ChannelRules, reduce_run
-from bench.analysis.velocity import ChannelModel, VelocityRecord, compare_velocity
+from bench.methods.channel.reduction.line import ChannelRecord, ChannelRules, reduce_run
+from bench.metrology.velocity import ChannelModel, VelocityRecord, compare_velocity
 from tests.support.m0_cases import COLUMNS, T_REF_C, Channel, ramp_c, run_columns
 
 G_MPS2 = 9.80665

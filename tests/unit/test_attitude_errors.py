@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition
-from bench.analysis.attitude_errors import table_errors
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.rundata import UnitUnderTest
+from bench.methods.imu.reduction.table_errors import table_errors
+from bench.metrology.acquisition import Acquisition
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.run_data import UnitUnderTest
 from simulators.physics.attitude import EAST, NORTH, UP, Fixture, tilted
 
 AXES = (UP, NORTH, EAST)

@@ -3,7 +3,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bench.analysis.attitudes import BODY_AXES, EARTH_RATE_DPS, NAMES, NORTH, SPECIFIC_FORCE_G, block, earth_rate_dps
+from bench.methods.imu.reduction.attitudes import (
+    BODY_AXES,
+    EARTH_RATE_DPS,
+    NAMES,
+    NORTH,
+    SPECIFIC_FORCE_G,
+    block,
+    earth_rate_dps,
+)
 from tests.support.m2_cases import PRINTED, stimulus
 
 

@@ -10,10 +10,10 @@ from bench.app.tracing import read_trace_file
 from bench.config.bench import load_bench
 from bench.config.document import SIZE_LIMIT_BYTES, read_document
 from bench.errors import InputError, StoreError
-from bench.report.calibration import read_calibration
-from bench.report.case import reduce_case
-from bench.report.table import SIZE_LIMIT_BYTES as TABLE_LIMIT_BYTES
-from bench.report.table import read_table
+from bench.offline.calibration_file import read_calibration
+from bench.offline.case import reduce_case
+from bench.offline.csv_record import SIZE_LIMIT_BYTES as TABLE_LIMIT_BYTES
+from bench.offline.csv_record import read_table
 from bench.store.kept_dbc import kept_format
 from bench.store.kept_json import TEXT, read_kept
 from drivers.can.options import DBC_LIMIT_BYTES

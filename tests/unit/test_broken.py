@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import pytest
 
+from bench.cli.check_output import warning_line
 from bench.config.bench import load_bench
 from bench.config.fixture import AngleRange
 from bench.errors import InputError
-from bench.report.remarks import warning_line
 from bench.sequence.load import load_judged_plan
-from bench.sequence.rules import RULES
+from bench.sequence.rules import every_rule
 from tests.support.sequences import BENCH, ELSEWHERE, ROOT
 
 FOLDER = ROOT / "tests/broken"
@@ -78,7 +78,7 @@ def test_there_are_sequences_for_every_rule():
     told = [expected for path in BROKEN for expected in expected_of(path)]
     assert len(told) >= 80
     assert len(GOOD) >= 10
-    for rule in RULES:
+    for rule in every_rule():
         ours = [expected for expected in told if expected.endswith(f" [{rule.name}]")]
         assert ours, rule.name
         assert all((" warning: " in expected) == (rule.severity == "warning") for expected in ours)

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.analysis.compensation import Compensation
-from bench.analysis.linearity import Linearity
-from bench.analysis.models import Constant, KnotModel, TemperatureModel
-from bench.analysis.response_compensation import ResponseCompensation
-from bench.analysis.second_order import NAMES, second_order
 from bench.errors import InputError, StoreError
-from bench.report.calibration import compensated, read_calibration
+from bench.metrology.calibration.linearity import Linearity
+from bench.metrology.calibration.response import ResponseCompensation
+from bench.metrology.calibration.second_order import NAMES, second_order
+from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
+from bench.offline.calibration_file import compensated, read_calibration
 from tests.support.runs import run_short
 
 POLYNOMIAL = {

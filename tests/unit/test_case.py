@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from bench.errors import InputError
-from bench.report import table
-from bench.report.case import REDUCTIONS, reduce_case
-from bench.report.table import read_table
+from bench.offline import csv_record as table
+from bench.offline.case import reduce_case, reductions
+from bench.offline.csv_record import read_table
 from tests.support.any_case import good_case
 from tests.support.m4_cases import static_columns, write_case
 
@@ -338,13 +338,13 @@ UNKNOWN_SETTINGS = [
 
 @pytest.mark.parametrize(("method", "sub", "settings", "message"), UNKNOWN_SETTINGS)
 def test_an_unknown_setting_is_refused_with_the_nearest_known_one(tmp_path, method, sub, settings, message):
-    records = dict.fromkeys(REDUCTIONS[method, sub].records, "data.csv")
+    records = dict.fromkeys(reductions()[method, sub].records, "data.csv")
     path = case(tmp_path, method=method, sub=sub, settings=settings, records=records)
     assert message in refusal(path)
 
 
 def test_every_kind_of_case_refuses_what_it_does_not_know():
-    assert {(method, sub) for method, sub, _, _ in UNKNOWN_SETTINGS} | {("M4", "tilt")} == set(REDUCTIONS)
+    assert {(method, sub) for method, sub, _, _ in UNKNOWN_SETTINGS} | {("M4", "tilt")} == set(reductions())
 
 
 def test_what_describes_a_case_is_passed_over_and_anything_else_noted(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.errors import InputError
-from bench.report.case import reduce_case
+from bench.offline.case import reduce_case
 from tests.support.m3_cases import G_MPS2, write_case
 
 GYRO = {"commands_dps": {"run1": 50}, "k_m": 1e-3}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.report.case import REDUCTIONS, reduce_case
-from bench.report.case_outcome import outcome
+from bench.offline.case import reduce_case, reductions
+from bench.offline.outcome import outcome
 from tests.support.any_case import KINDS, good_case
 from tests.trials.slips_in_cases import SLIPS, missed, no_cell_is_trusted
 
@@ -12,7 +12,7 @@ JUDGED = {("M3", "gyro_range"), ("M3", "acc_range"), ("M4", "dynamic")}
 
 
 def test_there_is_a_good_case_of_every_kind():
-    assert set(KINDS) == set(REDUCTIONS) == {(slip.method, slip.sub) for slip in SLIPS}
+    assert set(KINDS) == set(reductions()) == {(slip.method, slip.sub) for slip in SLIPS}
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -14,9 +14,9 @@ import pytest
 
 from bench.errors import StoreError
 from bench.quality import Valid
+from bench.reduce.reduced_again import reduced_again
+from bench.reduce.stored_run import open_run
 from bench.report import write
-from bench.report.reduced_again import reduced_again
-from bench.report.stored import open_run
 from bench.report.verify import examined
 from bench.report.write import write_report
 from bench.store.ledger import LEDGER, noted

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.channel_levels import compare, out_of_proportion
-from bench.analysis.channel_temperature import ChannelRun, Gates, ramp_of
-from bench.analysis.fit import reject_outliers
 from bench.errors import InputError
-from bench.report.case import reduce_case
-from bench.report.case_channel import RunSettings
+from bench.methods.channel.offline import RunSettings
+from bench.methods.channel.reduction.decision import compare, out_of_proportion
+from bench.methods.channel.reduction.line import ChannelRun, ramp_of
+from bench.metrology.gates import Gates
+from bench.metrology.least_squares import reject_outliers
+from bench.offline.case import reduce_case
 from tests.support.m0_cases import SETTINGS, Channel, campaign, write_case
 
 NO_GATES = Gates(*(np.zeros(0) for _ in range(6)))

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Currents
 from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.bench import load_bench, misfits
 from bench.errors import InputError
-from bench.report.bench_record import bench_record
-from bench.report.corrections import corrections_of
+from bench.metrology.acquisition import Currents
+from bench.reduce.certificates import bench_record
+from bench.reduce.corrections import corrections_of
 from bench.sequence.estimate import estimate
 from bench.sequence.load import load_judged_plan
 from simulators.physics.source_errors import CurrentErrors

@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.analysis import channel_scatter
-from bench.analysis.acquired import Acquisition, Counts, Currents, Mount
-from bench.analysis.bench_record import AxisRecord, BenchRecord, SourceRecord
-from bench.analysis.channel_comparison import OWN_TEMPERATURE
-from bench.analysis.channel_meter import Metered
-from bench.analysis.channel_method import reduce
-from bench.analysis.channel_scatter import line_scatter
-from bench.analysis.channel_temperature import Gates
-from bench.analysis.finding import Finding, UnitResult
-from bench.analysis.fit import NotDetermined
-from bench.analysis.limits import Limits
-from bench.analysis.models import Equation
-from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.methods.channel.method import CHANNEL_TEMPERATURE
+from bench.methods.channel.reduction.compared_levels import OWN_TEMPERATURE
+from bench.methods.channel.reduction.run import reduce
+from bench.methods.channel.reduction.transfer_meter import Metered
+from bench.metrology import gate_scatter as channel_scatter
+from bench.metrology.acquisition import Acquisition, Counts, Currents, Mount
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, SourceRecord
+from bench.metrology.gate_scatter import line_scatter
+from bench.metrology.gates import Gates
+from bench.metrology.least_squares import NotDetermined
+from bench.metrology.results.curves import Equation
+from bench.metrology.results.finding import Finding, UnitResult
+from bench.metrology.results.limits import Limits
+from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.report.flag_words import flag_in_words
-from bench.sequence.methods.channel import CHANNEL_TEMPERATURE
 
 LOW_C, HIGH_C, RAMP_S, POINT_S = 10.0, 40.0, 4000.0, 600.0
 S, K1, BEGIN_S = 1e7, 1.13e-3, 1000.0  # pulse/s/A, A/g; when the first acquisition begins

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Codes, Mount, Voltages
-from bench.analysis.bench_record import BenchRecord, SourceRecord
-from bench.analysis.channel_method import reduce
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.sequence.methods.channel import CHANNEL_TEMPERATURE
+from bench.methods.channel.method import CHANNEL_TEMPERATURE
+from bench.methods.channel.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition, Codes, Mount, Voltages
+from bench.metrology.bench_uncertainty import BenchRecord, SourceRecord
+from bench.metrology.run_data import RunData, UnitUnderTest
 
 LOW_C, HIGH_C, RAMP_S, POINT_S = 10.0, 40.0, 4000.0, 600.0
 K1, BEGIN_S = 1.13e-3, 1000.0  # A/g; when the first acquisition begins

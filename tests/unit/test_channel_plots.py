@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bench.report import channel_plots as of_channels
-from bench.report.plots import TimeOfRun
+from bench.figures.plots import TimeOfRun
+from bench.methods.channel import shown as of_channels
 from tests.support.figures import kept_figures
 from tests.unit.test_channel_method import Made, reduced
 

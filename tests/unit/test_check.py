@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from bench.config.bench import load_bench
+from bench.methods.tumble.method import TEMPERATURE_TUMBLE
 from bench.sequence.load import load_plan
-from bench.sequence.methods import known_methods
-from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
+from bench.sequence.method import known_methods
 from tests.support.sequences import BENCH, ELSEWHERE, ROOT, plan_of, problems_of, steps
 
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Codes, Turned
-from bench.analysis.codes import (
+from bench.metrology.acquisition import Acquisition, Codes, Turned
+from bench.metrology.outputs import NO_CODES, mean_output, outputs_between, steadiness, windows_of
+from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.sampled_codes import (
     begins_anew,
     by_position,
     hidden_by_steps,
@@ -13,8 +15,6 @@ from bench.analysis.codes import (
     sampled_at_s,
     stuck,
 )
-from bench.analysis.outputs import NO_CODES, mean_output, outputs_between, steadiness, windows_of
-from bench.analysis.rundata import UnitUnderTest
 
 PERIOD_S, TICK_S = 0.02, 1e-5
 UNIT = UnitUnderTest("a", "S", "", 0.0, "t", telemetry="x", sent_unit="m/s²")

@@ -6,14 +6,14 @@ import re
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Voltages
 from bench.app.drawn import world_settings
 from bench.app.laboratory import unit_files
 from bench.app.request import RunRequest, load_checked, prepare
 from bench.config.bench import load_bench
 from bench.errors import InputError
-from bench.report.corrections import corrections_of
-from bench.report.stored import open_run
+from bench.metrology.acquisition import Voltages
+from bench.reduce.corrections import corrections_of
+from bench.reduce.stored_run import open_run
 from bench.store.reader import Series
 from simulators.physics.corrections import lacking_deg, read_of
 from tests.support.runs import ROOT, copy_bench, read_json, run_short

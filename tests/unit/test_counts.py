@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.analysis.acquired import Counts
-from bench.analysis.counts import RESOLUTION_COUNTS, mean_rate
+from bench.metrology.acquisition import Counts
+from bench.metrology.pulse_counts import RESOLUTION_COUNTS, mean_rate
 
 MAX_PPS = 256_000.0
 PERIOD_S = 0.1

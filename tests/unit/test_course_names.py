@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from bench.analysis.acquired import Acquisition, Motion
-from bench.analysis.rundata import RunData
-from bench.report.course_names import spans_of
-from bench.sequence.methods import known_methods
+from bench.metrology.acquisition import Acquisition, Motion
+from bench.metrology.run_data import RunData
+from bench.reduce.spans import spans_of
+from bench.sequence.method import known_methods
 from bench.sequence.model import ResultEntry
 from tests.unit.test_channel_method import BENCH, UNIT, Made, four_levels
 from tests.unit.test_imu_windows import BENCH as TABLE

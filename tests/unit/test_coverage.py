@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bench.analysis.coverage import coverage_factor
-from bench.analysis.finding import BudgetLine, Subject
-from bench.analysis.limits import Limits
-from bench.analysis.range_test import LinearityLimit, gyro_range
-from bench.analysis.table_blocks import TableRecord
+from bench.methods.rate_table.reduction.blocks import TableRecord
+from bench.methods.rate_table.reduction.radius import LinearityLimit, gyro_range
+from bench.metrology.results.coverage import coverage_factor
+from bench.metrology.results.finding import BudgetLine, Subject
+from bench.metrology.results.limits import Limits
 
 # Table G.2 of JCGM 100:2008, column 95.45 %.
 PRINTED = {1: 13.97, 2: 4.53, 3: 3.31, 4: 2.87, 5: 2.65, 6: 2.52, 8: 2.37, 10: 2.28, 15: 2.18, 20: 2.13, 50: 2.05}

@@ -13,8 +13,8 @@ import pytest
 from scipy.io import loadmat
 
 from bench.errors import InputError
-from bench.report.export import FORMATS
-from bench.report.stored import open_run
+from bench.reduce.stored_run import open_run
+from bench.report.export.export import FORMATS
 from tests.support.runs import run_short
 
 COUNTERS = ("sequence", "tick", "positive", "negative")
@@ -77,7 +77,7 @@ def test_parquet_holds_the_same_and_its_counters_as_differences(run, tables, tmp
 
 
 def test_parquet_is_written_a_group_of_rows_at_a_time(run, tables, tmp_path, monkeypatch):
-    monkeypatch.setattr("bench.report.export_parquet.ROWS_OF_GROUP", 1000)
+    monkeypatch.setattr("bench.report.export.parquet.ROWS_OF_GROUP", 1000)
     for path in exported(run, "parquet", tmp_path):
         metadata = pyarrow.parquet.read_metadata(path)
         groups = [metadata.row_group(index).num_rows for index in range(metadata.num_row_groups)]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.extremes import interval_of_largest, interval_of_rms, largest_u, scatter_sd
+from bench.metrology.extremes import interval_of_largest, interval_of_rms, largest_u, scatter_sd
 
 
 @pytest.fixture

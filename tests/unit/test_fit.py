@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 
-from bench.analysis.fit import (
+from bench.metrology.least_squares import (
     NotDetermined,
     choose_degree,
     fit_polynomial,

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bench.analysis.frequency_response import bandwidth
-from bench.analysis.sampling import averaging
-from bench.analysis.two_sample import velocity_increments
+from bench.methods.rate_table.reduction.response_points import bandwidth
+from bench.methods.rate_table.reduction.sampling import averaging
+from bench.methods.rate_table.reduction.two_sample import velocity_increments
 from tests.support.m3_cases import second_order
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.gravity import normal_gravity_mps2
+from bench.metrology.normal_gravity import normal_gravity_mps2
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from bench.analysis.finding import BudgetLine, Subject, UnitResult
-from bench.analysis.limits import Limits
-from bench.report.findings import Results
-from bench.report.languages import language
-from bench.report.text import results_text
-from bench.report.words import of_those_within_u
+from bench.figures.languages import language
+from bench.figures.words import of_those_within_u
+from bench.metrology.results.finding import BudgetLine, Subject, UnitResult
+from bench.metrology.results.limits import Limits
+from bench.reduce.evaluate import Results
+from bench.report.terminal import results_text
 
 
 def results(*values_g):

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from bench.analysis.attitude_check import doubtful_attitudes, exchanged_headings
-from bench.analysis.attitude_fit import fit_accelerometer, fit_attitudes, fit_gyro, fit_gyro_of_known_scale
-from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
-from bench.analysis.fit import NotDetermined
-from bench.analysis.imu_calibration import calibrate
-from bench.analysis.imu_readings import PositionRecord, RateRecord, arrange
+from bench.methods.imu.reduction.attitude_check import doubtful_attitudes, exchanged_headings
+from bench.methods.imu.reduction.attitude_fit import fit_accelerometer, fit_attitudes, fit_gyro, fit_gyro_of_known_scale
+from bench.methods.imu.reduction.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
+from bench.methods.imu.reduction.calibrate import calibrate
+from bench.methods.imu.reduction.records import PositionRecord, RateRecord, arrange
+from bench.metrology.least_squares import NotDetermined
 
 LATITUDE_DEG = 34.25
 RATES_DPS = np.array([1.0, -1, 3, -3, 5, -5])

@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Mount
-from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G
-from bench.analysis.bench_record import Drift
-from bench.analysis.imu_closure import Sensitivity, closure_findings
-from bench.analysis.limits import Limits
-from bench.analysis.orientation import unit_axes
-from bench.analysis.rundata import RunData
+from bench.methods.imu.reduction.attitudes import NAMES, SPECIFIC_FORCE_G
+from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
+from bench.metrology.acquisition import Mount
+from bench.metrology.bench_uncertainty import Drift
+from bench.metrology.orientation import unit_axes
+from bench.metrology.results.limits import Limits
+from bench.metrology.run_data import RunData
 from bench.report.flag_words import flag_in_words
 from tests.unit.test_imu_windows import BENCH, K1, SETTINGS, TWO, UNIT, acquired, block, record, reduce
 

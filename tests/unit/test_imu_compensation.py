@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.imu_compensation import check_model, compensate, temperature_table
+from bench.methods.imu.reduction.knots import check_model, compensate, temperature_table
 
 NAN = float("nan")
 KNOTS = [(20.0, 40.0, 1000.0), (0.0, 10.0, 1010.0), (10.0, 20.0, 1002.0)]  # °C, pulse/s, pulse/s/g; in any order

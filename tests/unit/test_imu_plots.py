@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bench.report import imu_plots as of_inertial_units
+from bench.methods.imu import shown as of_inertial_units
 from tests.support.figures import kept_figures
 from tests.unit.test_imu_windows import BENCH, block, result
 

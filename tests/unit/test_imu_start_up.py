@@ -7,23 +7,23 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import imu_start_up
-from bench.analysis.acquired import Mount, Turned
-from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
-from bench.analysis.compensation import Compensation
-from bench.analysis.finding import BudgetLine, Interval, Subject, UnitResult
-from bench.analysis.imu_start_up import reduce
-from bench.analysis.imu_start_up_readings import PowerOn
-from bench.analysis.limits import Limits
-from bench.analysis.models import Constant, KnotModel
-from bench.analysis.rundata import ReleasedCalibration, RunData
-from bench.report.findings import Results
+from bench.figures.numbers import shown
+from bench.methods.imu.method import ImuStartUpSettings
+from bench.methods.imu.reduction.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
+from bench.methods.imu.start_up import run as imu_start_up
+from bench.methods.imu.start_up.readings import PowerOn
+from bench.methods.imu.start_up.run import reduce
+from bench.methods.imu.start_up.shown import start_up_plots
+from bench.metrology.acquisition import Mount, Turned
+from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.results.curves import Constant, KnotModel
+from bench.metrology.results.finding import BudgetLine, Interval, Subject, UnitResult
+from bench.metrology.results.limits import Limits
+from bench.metrology.run_data import ReleasedCalibration, RunData
+from bench.reduce.evaluate import Results
 from bench.report.flag_words import flag_in_words
-from bench.report.shown import shown
-from bench.report.start_up_plots import start_up_plots
 from bench.report.tables import verdict_rows
-from bench.report.text import results_text
-from bench.sequence.methods.imu import ImuStartUpSettings
+from bench.report.terminal import results_text
 from tests.unit.test_imu_windows import BENCH, K1, KG, LATITUDE, UNIT, acquired, record
 
 SETTINGS = ImuStartUpSettings.model_validate({}).model_dump()
@@ -96,7 +96,7 @@ def test_a_bias_that_dies_away_settles_when_it_falls_below_its_limit():
 
 def test_a_course_without_any_uncertainty_has_a_time_to_settle_without_one():
     with (
-        mock.patch("bench.analysis.imu_start_up.OTHERWISE", 1.0),
+        mock.patch("bench.methods.imu.start_up.run.OTHERWISE", 1.0),
         mock.patch.object(imu_start_up._Watch, "_sources", return_value=()),
     ):
         found = found_of(watched())

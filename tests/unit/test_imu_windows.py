@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Mount, Turned, Window
-from bench.analysis.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.imu_run import reduce
-from bench.analysis.imu_windows import CHANNELS_OF, visits
-from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.bench import load_bench
+from bench.methods.imu.method import ImuCalibrationSettings
+from bench.methods.imu.reduction.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
+from bench.methods.imu.reduction.run import reduce
+from bench.methods.imu.reduction.windows import CHANNELS_OF, visits
+from bench.metrology.acquisition import Acquisition, Mount, Turned, Window
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.report.flag_words import flag_in_words
-from bench.sequence.methods.imu import ImuCalibrationSettings
 from bench.sequence.orienting import Orient, Pose, targets_deg
 from tests.support.runs import ROOT
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.jumps import find_jumps
+from bench.methods.ramp.reduction.jumps import find_jumps
 
 N = 200
 TIME = 10.0 * np.arange(N)

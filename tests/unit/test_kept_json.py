@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from bench.errors import BenchError, InputError
-from bench.report.reduced_again import reduced_again
+from bench.reduce.reduced_again import reduced_again
+from bench.reduce.stored_run import open_run
 from bench.report.status_text import runs_table, status_lines
-from bench.report.stored import open_run
 from bench.report.verify import examined
 from bench.report.write import write_report
 from bench.runner.tell import tell

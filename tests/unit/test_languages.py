@@ -11,12 +11,15 @@ from jinja2 import Environment, nodes
 
 from bench.config.document import read_document
 from bench.config.fixture import Compass, Direction
-from bench.report import flag_words, imu_words, languages, note_words, svg, table_words, words
-from bench.report.languages import LANGUAGES, catalogue_of, language, tr
-from bench.report.stored import open_run
+from bench.figures import languages, svg, words
+from bench.figures.languages import LANGUAGES, catalogue_of, language, tr
+from bench.methods.imu import words as imu_words
+from bench.methods.rate_table import words as table_words
+from bench.reduce.stored_run import open_run
+from bench.report import flag_words, note_words
 from bench.report.tables import VARIABLES, WORST
 from bench.report.write import write_report
-from bench.sequence.methods import known_methods
+from bench.sequence.method import known_methods
 from tests.support.runs import ROOT, run_short
 
 OTHERS = LANGUAGES[1:]
@@ -129,7 +132,7 @@ def test_the_titles_of_shipped_sequences_are_in_the_catalogue(name):
 
 def sources_of_uncertainty():
     """The literal names of sources in the analyses, as in `BudgetLine("head: zero", …)`."""
-    for path in (ROOT / "bench/analysis").glob("*.py"):
+    for path in [*(ROOT / "bench/metrology").rglob("*.py"), *(ROOT / "bench/methods").glob("*/reduction/*.py")]:
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
                 called = getattr(node.func, "id", getattr(node.func, "attr", ""))

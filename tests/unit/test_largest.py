@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.analysis.extremes import scatter_sd
-from bench.analysis.largest import largest_of
+from bench.metrology.extremes import scatter_sd
+from bench.metrology.largest import largest_of
 
 AT = np.linspace(-1, 1, 90)
 COURSES = {

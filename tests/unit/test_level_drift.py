@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord, Drift
-from bench.analysis.finding import Finding
-from bench.analysis.indexing_static import reduce
-from bench.analysis.rundata import RunData, UnitUnderTest
 from bench.config.bench import load_bench
-from bench.report.bench_record import bench_record
-from bench.sequence.methods.indexing import INDEXING_STATIC
+from bench.methods.indexing.method import INDEXING_STATIC
+from bench.methods.indexing.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition, Voltages
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, Drift
+from bench.metrology.results.finding import Finding
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.reduce.certificates import bench_record
 from simulators.physics.attitude import Fixture
 from simulators.physics.motion import Axis, AxisErrors
 from simulators.physics.table_kinematics import Carried, Level, TableErrors

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.analysis.finding import BudgetLine
-from bench.analysis.linearity import DEPARTURE, Linearity, LinearityPoint, fit_linearity
+from bench.metrology.calibration.linearity import DEPARTURE, Linearity, LinearityPoint, fit_linearity
+from bench.metrology.results.finding import BudgetLine
 
 FULL = 400.0
 TERMS = ("scale_error", "asymmetry", "cubic")

@@ -7,8 +7,8 @@ from importlib import import_module, metadata
 import pytest
 from pydantic import ValidationError
 
-from bench.sequence.methods import OUTPUT_UNITS, SHIPPED, known_methods
-from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
+from bench.methods.tumble.method import TEMPERATURE_TUMBLE
+from bench.sequence.method import OUTPUT_UNITS, SHIPPED, known_methods
 from drivers.description import known_drivers
 from drivers.quantity.units import parse_unit
 from drivers.shipped import DRIVERS
@@ -46,7 +46,7 @@ def test_any_other_degree_is_refused(degree):
 
 
 PLUGIN = """\
-from bench.sequence.methods import MethodDescription
+from bench.sequence.method import MethodDescription
 from drivers.schema.fields import StrictModel
 
 

@@ -6,10 +6,10 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Codes, Counts
-from bench.analysis.missed import MOST_LISTED, Gap, Missed, gap_columns, missed_in
-from bench.report.languages import language
-from bench.report.missed import MissedIn, lines, sheets
+from bench.figures.languages import language
+from bench.metrology.acquisition import Codes, Counts
+from bench.metrology.gaps import MOST_LISTED, Gap, Missed, gap_columns, missed_in
+from bench.reduce.gaps import MissedIn, lines, sheets
 from drivers.can.sequence_numbers import gaps_in
 
 TICKS, TICK_BITS = 10_000, 16

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from bench.analysis import second_order
-from bench.analysis.fit import NotDetermined, least_squares
-from bench.analysis.nonlinear_fit import NotConverged, fit_nonlinear
+from bench.methods.rate_table.reduction import second_order
+from bench.metrology.least_squares import NotDetermined, least_squares
+from bench.metrology.nonlinear import NotConverged, fit_nonlinear
 from tests.support.strd_nonlinear import MODELS, reference, with_jacobian
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Mount
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.orientation import elevation_rad, specific_force_g, unit_axes
-from bench.analysis.rundata import UnitUnderTest
+from bench.metrology.acquisition import Acquisition, Mount
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.orientation import elevation_rad, specific_force_g, unit_axes
+from bench.metrology.run_data import UnitUnderTest
 from simulators.physics import attitude
 from simulators.physics.attitude import EAST, NORTH, SOUTH, UP, Fixture, planar, to_unit
 

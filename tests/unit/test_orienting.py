@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Mount
-from bench.analysis.attitudes import ATTITUDES, BODY_AXES, NAMES
-from bench.analysis.orientation import turned_axes
 from bench.config.bench import load_bench
+from bench.methods.imu.reduction.attitudes import ATTITUDES, BODY_AXES, NAMES
+from bench.metrology.acquisition import Mount
+from bench.metrology.orientation import turned_axes
 from bench.sequence.orienting import Orient, Pose, Unreachable, targets_deg
 from tests.support.runs import ROOT
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import bartlett
 
-from bench.analysis.pooling import Scatter, alike
+from bench.metrology.pooled_scatter import Scatter, alike
 
 
 def of_samples(rng, *sds, count=30):

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from bench.analysis.acquired import Acquisition, Codes, Shift, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.counts import mean_rate, shifted_counts
-from bench.analysis.finding import Finding, Interval, UnitResult
-from bench.analysis.outputs import mean_of
-from bench.analysis.power_cycles import SOURCE, reduced
-from bench.analysis.rundata import PowerCycles, RunData, UnitUnderTest
-from bench.analysis.temperature_tumble import reduce
 from bench.config.places import PlaceEntry, PowerCyclesEntry
-from bench.sequence.methods.temperature import TemperatureTumbleSettings
+from bench.methods.tumble.method import TemperatureTumbleSettings
+from bench.methods.tumble.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition, Codes, Shift, Voltages
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.outputs import mean_of
+from bench.metrology.power_cycles import SOURCE, reduced
+from bench.metrology.pulse_counts import mean_rate, shifted_counts
+from bench.metrology.results.finding import Finding, Interval, UnitResult
+from bench.metrology.run_data import PowerCycles, RunData, UnitUnderTest
 from tests.unit.test_counts import counted
 
 BENCH = BenchRecord(

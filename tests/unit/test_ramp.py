@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from bench.analysis.ramp import RampRecord, cut_into_legs
-from bench.analysis.ramp_turns import on_its_way
-from bench.analysis.thermometer import broken_at_rest, broken_on_a_ramp
+from bench.methods.ramp.reduction.legs import RampRecord, cut_into_legs
+from bench.methods.ramp.reduction.turns import on_its_way
+from bench.metrology.temperature_checks import broken_at_rest, broken_on_a_ramp
 from tests.support.m4_cases import lagging_c
 
 NAN = np.nan

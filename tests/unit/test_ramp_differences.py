@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.analysis.finding import Interval
-from bench.analysis.ramp import RampRecord
-from bench.analysis.temperature_dynamic import RampLimits, reduce_ramp
+from bench.methods.ramp.reduction.characteristic import RampLimits, reduce_ramp
+from bench.methods.ramp.reduction.legs import RampRecord
+from bench.metrology.results.finding import Interval
 from tests.unit.test_temperature_ramp import found, loop, reduced, run
 
 SAMPLES = 110  # of a leg, half a degree apart: some lines go through two samples, others through three

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord, Drift
-from bench.analysis.finding import Finding
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.analysis.temperature_ramp import reduce
-from bench.sequence.methods.temperature import TEMPERATURE_RAMP
+from bench.methods.ramp.method import TEMPERATURE_RAMP
+from bench.methods.ramp.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition, Voltages
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, Drift
+from bench.metrology.results.finding import Finding
+from bench.metrology.run_data import RunData, UnitUnderTest
 
 DRIFT_C, DRIFT_DEG = 0.03, 0.2 / 3600
 SETTINGS = TEMPERATURE_RAMP.settings.model_validate({}).model_dump()

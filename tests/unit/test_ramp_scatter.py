@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.analysis.ramp_samples import RampLeg
-from bench.analysis.ramp_scatter import slope_scatter
+from bench.methods.ramp.reduction.samples import RampLeg
+from bench.methods.ramp.reduction.scatter import slope_scatter
 
 SAMPLE_S, SAMPLES, RATE_PPS, SLOPE = 5.0, 240, 7000.0, 3.0
 SEEDS = 60

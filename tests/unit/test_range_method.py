@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.bench_record import Drift
-from bench.analysis.range_blocks import range_blocks
-from bench.analysis.range_form import OTHERWISE_WARM
-from bench.analysis.range_method import reduce_accelerometer, reduce_gyro
-from bench.analysis.stated_scale import STATED_AT
-from bench.analysis.table_samples import PARTS_DOF
-from bench.analysis.table_warmth import MeanTemperature, temperatures_c
+from bench.methods.rate_table.method import ACCELEROMETER_RANGE, GYRO_RANGE
+from bench.methods.rate_table.reduction.range import reduce_accelerometer, reduce_gyro
+from bench.methods.rate_table.reduction.range_findings import OTHERWISE_WARM
+from bench.methods.rate_table.reduction.range_points import range_blocks
+from bench.methods.rate_table.reduction.samples import PARTS_DOF
+from bench.methods.rate_table.reduction.stated_scale import STATED_AT
+from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c
+from bench.metrology.bench_uncertainty import Drift
 from bench.report.flag_words import flag_in_words
-from bench.sequence.methods.response import ACCELEROMETER_RANGE, GYRO_RANGE
 from tests.support.table_runs import BENCH, UNIT, at_rate, at_rest, data
 
 GYRO = {"scale": "100 pulse/°", "full_scale": "400 °/s", "clip": "420 °/s"}

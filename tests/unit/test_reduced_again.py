@@ -6,8 +6,8 @@ import shutil
 import pytest
 
 from bench.errors import StoreError
-from bench.report.reduced_again import reduced_again
-from bench.report.stored import open_run
+from bench.reduce.reduced_again import reduced_again
+from bench.reduce.stored_run import open_run
 from tests.support.runs import run_short, sealed_anew
 
 pytestmark = pytest.mark.slow

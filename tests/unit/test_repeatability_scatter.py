@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.finding import Finding, UnitResult
-from bench.analysis.repeatability import reduce
-from bench.analysis.rundata import RunData, UnitUnderTest
+from bench.methods.tumble.reduction.repeatability import reduce
+from bench.metrology.acquisition import Acquisition, Voltages
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.results.finding import Finding, UnitResult
+from bench.metrology.run_data import RunData, UnitUnderTest
 
 BENCH = BenchRecord(
     gravity_mps2=9.8, gravity_u_mps2=0.0, axes={"head": AxisRecord()}, x=(1.0, 0.0, 0.0), z=(0.0, 0.0, 1.0),

@@ -14,16 +14,16 @@ import pytest
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.cli.exits import of_run
+from bench.figures.sheet import Sheet
+from bench.figures.svg import new_figure
+from bench.figures.words import where
+from bench.reduce.journal import Measurement
+from bench.reduce.spans import Span
+from bench.reduce.stored_run import open_run
 from bench.report.course import BINS, Course, _draw_phases, envelope
-from bench.report.course_names import Span
 from bench.report.flag_words import flag_in_words
-from bench.report.measured import Measurement
 from bench.report.page import simulated
-from bench.report.stored import open_run
-from bench.report.svg import new_figure
-from bench.report.tables import Sheet
-from bench.report.text import results_text
-from bench.report.words import where
+from bench.report.terminal import results_text
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet
 from tests.support.runs import ROOT, copy_bench, read_json, run_short, sealed_anew

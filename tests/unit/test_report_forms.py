@@ -14,10 +14,10 @@ import pypdf
 import pytest
 
 from bench.errors import InputError, StoreError
-from bench.report.csv_cells import harmless
-from bench.report.export import FORMATS
+from bench.reduce.stored_run import open_run
+from bench.report.export.csv_cells import harmless
+from bench.report.export.export import FORMATS
 from bench.report.pdf import pdf
-from bench.report.stored import open_run
 from bench.report.write import FORMS, write_report
 from tests.support.runs import copy_bench, read_json, run_short, sealed_anew
 

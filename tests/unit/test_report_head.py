@@ -11,8 +11,8 @@ import pytest
 
 from bench.app.request import RunRequest, prepare
 from bench.errors import InputError, StoreError
-from bench.report.stored import open_run
-from bench.report.times_and_sizes import instant
+from bench.figures.times_and_sizes import instant
+from bench.reduce.stored_run import open_run
 from bench.report.write import write_report
 from tests.support.runs import ROOT, copy_bench, read_json, run_short, sealed_anew
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.response_method import reduce_accelerometer, reduce_gyro
+from bench.methods.rate_table.method import ACCELEROMETER_RESPONSE, GYRO_RESPONSE
+from bench.methods.rate_table.reduction.response import reduce_accelerometer, reduce_gyro
 from bench.report.flag_words import flag_in_words
-from bench.sequence.methods.response import ACCELEROMETER_RESPONSE, GYRO_RESPONSE
 from simulators.physics.dynamics import Dynamics
 from tests.support.table_runs import BENCH, UNIT, at_rest, data, swinging
 

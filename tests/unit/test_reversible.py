@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from bench.analysis.finding import Finding
-from bench.analysis.fit import Array, fit_polynomial
-from bench.analysis.reversible import reversible_slope
-from bench.analysis.temperature_tumble import reduce
-from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
+from bench.methods.tumble.method import TEMPERATURE_TUMBLE
+from bench.methods.tumble.reduction.run import reduce
+from bench.metrology.least_squares import Array, fit_polynomial
+from bench.metrology.results.finding import Finding
+from bench.metrology.reversible import reversible_slope
 from tests.unit.test_thermometer_drift import BENCH, tumble
 
 QUICK_C = np.array([20.0, 45, 70, 45, 20, -10, -40, -10, 20]) + 5

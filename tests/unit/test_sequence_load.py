@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from bench.errors import InputError
 from bench.sequence import expand
 from bench.sequence.load import load_plan, load_sequence
-from bench.sequence.methods import known_methods
+from bench.sequence.method import known_methods
 from bench.sequence.plan import Plan
 from bench.sequence.values import in_words
 from drivers.schema.suggest import did_you_mean

@@ -3,8 +3,8 @@ import pytest
 from scipy.optimize import curve_fit
 from scipy.signal import lfilter
 
-from bench.analysis.fit import NotDetermined
-from bench.analysis.sine_fit import find_frequency, fit_sine
+from bench.methods.rate_table.reduction.sine_fit import find_frequency, fit_sine
+from bench.metrology.least_squares import NotDetermined
 
 
 @pytest.fixture

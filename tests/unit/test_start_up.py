@@ -5,9 +5,9 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench.analysis import start_up
-from bench.analysis.fit import NotDetermined
-from bench.analysis.start_up import fit_courses, settling
+from bench.methods.imu.start_up import courses as start_up
+from bench.methods.imu.start_up.courses import fit_courses, settling
+from bench.metrology.least_squares import NotDetermined
 
 TAUS_S = (300.0, 900.0, 2700.0)
 AT_S = np.arange(10.0, 3600.0, 50.0)

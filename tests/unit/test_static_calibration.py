@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from bench.analysis.fit import NotDetermined, least_squares
-from bench.analysis.indexing_sweep import SweepRecord, fit_line, reduce_end
-from bench.analysis.propagation import Estimate, Measured, inputs, weighted
-from bench.analysis.residual_spectrum import conspicuous_line
-from bench.analysis.sweep_model import TERMS, fit_sweeps, output
-from bench.analysis.two_ends import Agreement, Mounting, combine, fit_clocking
+from bench.methods.indexing.reduction.model import TERMS, fit_sweeps, output
+from bench.methods.indexing.reduction.residual_spectrum import conspicuous_line
+from bench.methods.indexing.reduction.sweep import SweepRecord, fit_line, reduce_end
+from bench.methods.indexing.reduction.two_ends import Agreement, Mounting, combine, fit_clocking
+from bench.metrology.least_squares import NotDetermined, least_squares
+from bench.metrology.propagation import Estimate, Measured, inputs, weighted
 
 
 def swept(largest_deg, ends):

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis import range_method, response_method
-from bench.analysis.acquired import Motion
-from bench.analysis.table_intake import table_samples
-from bench.analysis.table_samples import steady
+from bench.methods.rate_table.method import ACCELEROMETER_RESPONSE, GYRO_RANGE, GYRO_RESPONSE
+from bench.methods.rate_table.reduction import range as range_method
+from bench.methods.rate_table.reduction import response as response_method
+from bench.methods.rate_table.reduction.intake import table_samples
+from bench.methods.rate_table.reduction.samples import steady
+from bench.metrology.acquisition import Motion
 from bench.report.flag_words import flag_in_words
-from bench.sequence.methods.response import ACCELEROMETER_RESPONSE, GYRO_RANGE, GYRO_RESPONSE
 from simulators.physics.dynamics import Dynamics
 from tests.support.table_runs import BENCH, READ, SENT, TIME_S, data, read, sent
 

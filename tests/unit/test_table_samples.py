@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Motion
-from bench.analysis.converter_play import without_play
-from bench.analysis.rest import RestReading, fit_rest
-from bench.analysis.sine_fit import fit_sine
-from bench.analysis.table_intake import table_samples
-from bench.analysis.table_samples import harmonics_u_dps, steady
+from bench.methods.rate_table.reduction.bias_at_rest import RestReading, fit_rest
+from bench.methods.rate_table.reduction.converter_hysteresis import without_play
+from bench.methods.rate_table.reduction.intake import table_samples
+from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
+from bench.methods.rate_table.reduction.sine_fit import fit_sine
+from bench.metrology.acquisition import Motion
 from tests.support.table_runs import UNIT, acquired
 
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from bench.analysis.coefficient_findings import CONTAINED, Origin, coefficient_findings
-from bench.analysis.finding import BudgetLine, Subject
-from bench.analysis.fit import fit_polynomial
-from bench.analysis.temperature_coefficients import bias_coefficients, scale_coefficients
+from bench.methods.tumble.reduction.coefficient_findings import CONTAINED, Origin, coefficient_findings
+from bench.methods.tumble.reduction.coefficients import bias_coefficients, scale_coefficients
+from bench.metrology.least_squares import fit_polynomial
+from bench.metrology.results.finding import BudgetLine, Subject
 
 SET_C = np.linspace(-40, 70, 23)
 REFERENCE_C = 25.0

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Acquisition, Counts
-from bench.analysis.bench_record import AxisRecord, BenchRecord
-from bench.analysis.finding import Finding, UnitResult
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.analysis.temperature_ramp import reduce
+from bench.figures.words import where
+from bench.methods.ramp.method import TEMPERATURE_RAMP
+from bench.methods.ramp.reduction.run import reduce
+from bench.metrology.acquisition import Acquisition, Counts
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
+from bench.metrology.results.finding import Finding, UnitResult
+from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.report.flag_words import flag_in_words
-from bench.report.words import where
-from bench.sequence.methods.temperature import TEMPERATURE_RAMP
 from tests.support.m4_cases import lagging_c
 
 LOW_C, HIGH_C, LEG_S = 10.0, 60.0, 2400

@@ -15,16 +15,16 @@ import numpy as np
 import pytest
 from numpy.random import default_rng
 
-from bench.analysis.acquired import Acquisition, Voltages
-from bench.analysis.bench_record import AxisRecord, BenchRecord, Drift
-from bench.analysis.finding import Finding
-from bench.analysis.rundata import RunData, UnitUnderTest
-from bench.analysis.temperature_tumble import reduce as reduce_tumble
 from bench.app.drawn import world_settings
 from bench.app.laboratory import unit_files
 from bench.config.bench import load_bench
-from bench.report.bench_record import bench_record
-from bench.sequence.methods.temperature import TEMPERATURE_TUMBLE
+from bench.methods.tumble.method import TEMPERATURE_TUMBLE
+from bench.methods.tumble.reduction.run import reduce as reduce_tumble
+from bench.metrology.acquisition import Acquisition, Voltages
+from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, Drift
+from bench.metrology.results.finding import Finding
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.reduce.certificates import bench_record
 from simulators.physics.unit_temperatures import Thermometer
 from tests.support.runs import ROOT
 

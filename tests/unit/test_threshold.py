@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.analysis.threshold import LadderRecord, find_threshold
+from bench.methods.threshold.reduction.threshold import LadderRecord, find_threshold
 
 ARCSEC_G = np.radians(1 / 3600)
 SIZES = (1.0, 2, 5, 10, 20, 50)  # arcsec

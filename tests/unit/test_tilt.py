@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.tilt import TiltAxis, compare_tilt, tilt_of_one, tilt_of_two
+from bench.metrology.tilt import TiltAxis, compare_tilt, tilt_of_one, tilt_of_two
 
 MODEL = {"scale_v_per_g": 1.13, "nominal_bias_v": 5e-4, "bias_v": (3.2e-4, 1.4e-5)}
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bench.analysis.extremes import span_u
-from bench.analysis.finding import Subject
-from bench.analysis.tilt_findings import TiltOrigin, tilt_findings
+from bench.metrology.extremes import span_u
+from bench.metrology.results.finding import Subject
+from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
 
 TEMPERATURE_C = np.linspace(-40, 60, 21)
 BIAS_G = 2.4e-4 + 1.1e-5 * TEMPERATURE_C

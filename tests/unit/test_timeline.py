@@ -11,9 +11,9 @@ import pytest
 
 from bench.config.bench import load_bench
 from bench.errors import InputError
-from bench.report.picture import write_picture
-from bench.report.planned import planned
-from bench.report.timeline import plan_table, safe_states, timeline_json
+from bench.report.plan_view.content import planned
+from bench.report.plan_view.picture import write_picture
+from bench.report.plan_view.timeline import plan_table, safe_states, timeline_json
 from bench.sequence.estimate import estimate
 from bench.sequence.load import load_plan
 from tests.support.sequences import BENCH, ROOT, plan_of, steps

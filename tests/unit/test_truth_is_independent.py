@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.analysis.tumble import further_terms
+from bench.methods.tumble.reduction.solution import further_terms
 from simulators.truth.constants import separable_terms
 
 TRUTH = Path(__file__).parents[1] / "truth"
 MODULES = sorted(path for path in TRUTH.glob("*.py") if not path.name.startswith("test_"))
-RECORDS = {"bench.analysis.acquired", "bench.analysis.rundata"}
+RECORDS = {"bench.metrology.acquisition", "bench.metrology.run_data"}
 NO_TRUTH = {"planted.py", "planted_channel.py", "signs.py"}  # they alter reductions, or compare them with each other
-REPLAY = {"player.py": {"bench.analysis.outputs"}}  # makes the record that is reduced, windows in place of counts
+REPLAY = {"player.py": {"bench.metrology.outputs"}}  # makes the record that is reduced, windows in place of counts
 
 
 def imported(path):
@@ -29,7 +29,7 @@ def test_no_truth_is_computed_by_a_reduction(path):
     if path.name in NO_TRUTH:
         return
     allowed = tuple(RECORDS | REPLAY.get(path.name, set()))
-    reductions = [name for name in imported(path) if name.startswith("bench.analysis")]
+    reductions = [name for name in imported(path) if name.startswith(("bench.metrology", "bench.methods"))]
     assert [name for name in reductions if not name.startswith(allowed)] == []
 
 

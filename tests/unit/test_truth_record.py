@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.analysis.acquired import Counts
-from bench.analysis.counts import mean_rate
-from bench.analysis.tumble import Tumble, solve_tumble
+from bench.methods.tumble.reduction.solution import Tumble, solve_tumble
+from bench.metrology.acquisition import Counts
+from bench.metrology.pulse_counts import mean_rate
 from drivers.dialects.can_counter.wire import decode_counts
 from simulators.physics.attitude import planar
 from simulators.physics.motion import AxisErrors

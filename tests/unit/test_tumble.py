@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.tumble import (
+from bench.methods.tumble.reduction.solution import (
     IncompleteTumble,
     further_terms,
     hysteresis,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.analysis.turning_readings import LEAST_DOF, TurningReadings
+from bench.methods.rate_table.reduction.turning_readings import LEAST_DOF, TurningReadings
 
 EVERY_S, APERTURE_S = 0.216, 0.1
 NOISE = 1e-4

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from bench.analysis.finding import BudgetLine, Subject
-from bench.analysis.rundata import UnitUnderTest
-from bench.analysis.unlike_nominal import OTHER_SIGN, OTHER_SIZE, compared_with_nominal
+from bench.metrology.results.finding import BudgetLine, Subject
+from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE, compared_with_nominal
 
 UNIT = UnitUnderTest("a", "G-1", "a", 0.0, "t")
 

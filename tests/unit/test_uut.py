@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.analysis.tumble import solve_tumble
+from bench.methods.tumble.reduction.solution import solve_tumble
 from simulators.physics.integrator import Integrator
 from simulators.physics.noise import Wander, at_ends
 from simulators.units.accelerometer import Hysteresis, UnitTruth, draw_unit, noise_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bench.analysis.velocity import ChannelModel, VelocityRecord, compare_velocity, integrate
+from bench.metrology.velocity import ChannelModel, VelocityRecord, compare_velocity, integrate
 
 G_MPS2 = 9.80665
 U = (0.2, 5e-6, 2e-7, 1e-4)  # of K1, K0, α and β

@@ -9,7 +9,7 @@ import bench.errors
 import drivers.errors
 from bench.app.reference.keys import Blocks, table
 from bench.errors import BenchError
-from bench.sequence.rules import RULES
+from bench.sequence.rules import every_rule
 from drivers.errors import DriverError
 
 
@@ -17,7 +17,7 @@ def rules_page() -> Blocks:
     """Rules that `bench check` applies to a sequence as a whole."""
     rows = (
         (f"`{rule.name}`", rule.severity, f"{rule.title[:1].upper()}{rule.title[1:]}", inspect.getdoc(rule.find) or "")
-        for rule in RULES
+        for rule in every_rule()
     )
     return [
         "# Rules",

@@ -10,7 +10,7 @@ from pathlib import Path
 from bench.app.reference.keys import Blocks, keys, part, table
 from bench.sequence.custom import Custom, known_steps
 from bench.sequence.expressions import Value, evaluate
-from bench.sequence.methods import GYRO_OUTPUT, OUTPUT, MethodDescription, known_methods
+from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription, known_methods
 from bench.sequence.model import SequenceFile
 from bench.sequence.steps import BLOCKS, NEEDS, STEPS
 from bench.sequence.values import in_words

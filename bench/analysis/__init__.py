@@ -1,1 +1,0 @@
-"""Arithmetic of the test methods: numpy arrays in, frozen dataclasses out; no files, no devices, no event loop."""

@@ -1,0 +1,1 @@
+"""Figures, numbers and words as every page uses them."""

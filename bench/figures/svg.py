@@ -1,0 +1,113 @@
+"""Figures as SVG that stands inside a page: equal figures give equal bytes, and nothing in them refers to elsewhere."""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from markupsafe import Markup, escape
+from matplotlib import font_manager
+from matplotlib.figure import Figure
+
+from bench.figures.languages import ENGLISH, current, language
+
+# How the files of fonts begin that have the characters of a language, the best first.
+FONTS = {"zh": ("notosanscjk", "sourcehansans", "wqy-", "droidsansfallback", "msyh", "simhei", "simsun")}
+WIDTH_IN = 7.1  # between the margins of an A4 page, so that print has the sizes given here
+LEFT_IN = 0.68
+
+# The ground of a label that stands on lines, so that none strikes through it.
+CLEAR: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6}
+STYLE: dict[Any, Any] = {
+    "figure.dpi": 72,  # a dot is a point
+    "svg.fonttype": "none",  # text stays text: in the font of the page, found by a search, read by a screen reader
+    "svg.hashsalt": "inertial-test-bench",
+    "text.parse_math": False,
+    "font.size": 8,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": "#444444",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#e2e5e9",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "legend.fontsize": 7.5,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "#d0d4d9",
+    "lines.linewidth": 1.1,
+}
+_NO_METADATA: dict[str, Any] = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+_SIZE_AND_NAMESPACES = re.compile(r' (?:xmlns(?::xlink)?|width|height|version)="[^"]*"')
+_IDS = re.compile(r'( id="| href="#|url\(#)')
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Inside, figures are made and rendered in one style, whatever the user's own settings are.
+
+    Where no font has the characters of the language, what is made inside is in English.
+    """
+    font = font_of(current())
+    with matplotlib.rc_context(), language(current() if font else ENGLISH):
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLE)
+        matplotlib.rcParams["font.family"] = [*dict.fromkeys(["DejaVu Sans", font or "DejaVu Sans"])]
+        yield
+
+
+@lru_cache
+def font_of(name: str) -> str | None:
+    """The name of an installed font that has the characters of a language; None without one."""
+    if name == ENGLISH:
+        return "DejaVu Sans"
+    paths = sorted(map(Path, font_manager.findSystemFonts()), key=lambda path: ("egular" not in path.name, path.name))
+    for family in FONTS[name]:
+        for path in paths:
+            if path.name.lower().startswith(family):
+                font_manager.fontManager.addfont(path)
+                # It tells each time that the font has one weight only.
+                logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
+                return font_manager.FontProperties(fname=path).get_name()
+    return None
+
+
+def new_figure(
+    height_in: float, *, width_in: float = WIDTH_IN, top_in: float = 0.24, bottom_in: float = 0.42
+) -> Figure:
+    """An empty figure, as wide as the page unless told, with room for a title above and a label below its axes."""
+    figure = Figure(figsize=(width_in, height_in))
+    figure.subplots_adjust(
+        left=LEFT_IN / width_in, right=0.985, top=1 - top_in / height_in, bottom=bottom_in / height_in, wspace=0.2
+    )
+    return figure
+
+
+def as_document(figure: Figure) -> str:
+    """The figure as a document of its own."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
+    return buffer.getvalue()
+
+
+def rendered(figure: Figure, name: str, description: str) -> Markup:
+    """The figure as an `<svg>` element; `name` keeps its ids apart from those of other figures in the page."""
+    opening, _, content = as_document(figure).partition("<svg")[2].partition(">")
+    content = _IDS.sub(rf"\g<1>{name}-", content.replace("xlink:href=", "href="))
+    attributes = _SIZE_AND_NAMESPACES.sub("", opening)
+    svg = f'<svg role="img" aria-label="{escape(description)}"{attributes}>{content.rstrip()}'
+    return Markup(svg)  # noqa: S704  matplotlib escapes the text in a figure

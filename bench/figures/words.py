@@ -1,0 +1,201 @@
+"""What states, flags, quantities and conditions mean, in the words of the people who read a report."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from bench.config.answers import SCRIPTED
+from bench.figures.languages import tr
+from bench.figures.numbers import SHOWN
+from bench.metrology.results.finding import LOWER_BOUND, Finding
+from bench.metrology.results.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
+from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
+from bench.sequence.method import MethodWords
+from bench.sequence.talk import DONE
+
+ENDINGS = {
+    "completed": "It completed.",
+    "error": "It was ended by a problem of the bench; the data measured until then are evaluated here.",
+    "failed": "It was ended because a value was outside its limits, as the sequence specifies.",
+    "aborted": "It was ended on request before it completed; the data measured until then are evaluated here.",
+    "interrupted": (
+        "It was interrupted: the program, the computer or its power failed before the run ended. The "
+        "data on the disk until then are evaluated here."
+    ),
+    "running": "It was still going on when this report was written.",
+}
+PARTS = {"rate": "output"}  # of a channel that does not pulse too
+QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
+REASONS = MethodWords(
+    "REASONS",
+    {
+        IN_GUARD_BAND: "inside its limits, but within their guard band",
+        GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
+        U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
+        "extrapolated": "its reference temperature is outside the measured temperatures",
+        LOWER_BOUND: "it is more than this; the upper end was not measured",
+        "at_most": "the smallest step passed already: it is this or less",
+        "one_sense": "steps in one direction only, taken for both",
+        "not_monotonic": "a step smaller than a failed one passed; it does not count",
+        "too_short": "the counting time of some steps was too short: one count is more than a fifth of them",
+        "marginal": "one of the two deciding steps is so close to one half that it could change if repeated",
+        "not_closed": "the unit or its table changed between the beginning and the end of the run",
+        "ends_differ": "more than allowed; the remaining difference is the cross coupling",
+        OTHER_SIGN: "its sign is not that of the stated scale factor: the unit is mounted the wrong way round, its "
+        "leads are exchanged, or the stated sign is wrong",
+        OTHER_SIZE: "it is less than half or more than twice the stated scale factor: see its unit and the unit in the "
+        "place",
+        "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
+    },
+)
+CONDITIONS = {"acceleration_g": "g", "rate_dps": "°/s", "frequency_hz": "Hz"}  # of a point, with their units
+# What sources of uncertainty are of, besides the names of readings.
+SOURCES = (
+    "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder", "power-on",
+    "power cycles",
+    "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
+    "low rates", "lever arm", "scale factor", "residuals of the model", "computer",
+    "temperature", "readings of the rates", "gyro", "stretch of the arm", "misalignment of the input axis",
+    "second-order nonlinearity of the sensor at low rates", "K2 of the accelerometer", "asymmetry of the voltmeter",
+    "scatter of the readings of a tumble",
+    "lowest frequency", "sensor and voltmeter", "low rates and voltmeter", "voltmeter", "telemetry", "sample",
+    "lag behind the thermometer, and the unit's response to the rate",
+)  # fmt: skip
+CONTENTS = {
+    "contains:K2": "contains K2",
+    "contains:K3": "contains K3",
+    "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
+}
+SAID = (DONE, SCRIPTED)  # words of the program among the answers, and among those who gave them
+_SLOPES = re.compile(r"of the slope of (\S+) from that of (\S+)")
+
+
+def quantity_in_words(quantity: str) -> str:
+    """A quantity for the head of a table: "K1 per m/s²", "K0: temperature coefficient"."""
+    return tr(": ").join(tr(part) for part in quantity_text(quantity).split(": "))
+
+
+def quantity_text(quantity: str) -> str:
+    """The same in English."""
+    parts = [PARTS.get(part, part.replace("_", " ")) for part in quantity.split("/")]
+    return QUANTITIES.get(quantity, ": ".join(parts))
+
+
+def name_of(finding: Finding) -> str:
+    """What a finding is, without its quantity, which stands before it."""
+    name = finding.name.removeprefix(quantity_text(finding.quantity) + ": ")
+    if of_slopes := _SLOPES.fullmatch(name):
+        return tr("of the slope of {name} from that of {reference}", name=of_slopes[1], reference=of_slopes[2])
+    return tr(name)
+
+
+def quantity_of(finding: Finding) -> str:
+    """The quantity of a finding for the head of a table; K2 by itself where the asymmetry is not in it."""
+    alone = finding.quantity == "K2" and "contains:asymmetry" not in finding.flags
+    return finding.quantity if alone else quantity_in_words(finding.quantity)
+
+
+def source_in_words(source: str) -> str:
+    """A source of uncertainty: "head: zero", "src_1g: source: gain"; the name of a reading is nothing to translate."""
+    what, colon, part = source.partition(": ")
+    return f"{tr(what) if what in SOURCES else what}{tr(colon)}{source_in_words(part)}" if colon else tr(source)
+
+
+def shared_in_words(shared: str) -> str:
+    """The error that results have in common: "head.time_base" as "head: time base"."""
+    what, point, part = shared.partition(".")
+    return source_in_words(f"{what}: {part.replace('_', ' ')}") if point else shared
+
+
+def said_in_words(text: str) -> str:
+    """An answer, or who gave it; what people typed stays as they typed it."""
+    return tr(text) if text in SAID else text
+
+
+def end_in_words(end: str) -> str:
+    """The end that a unit stands on: "up" or "down" as words."""
+    return tr("+Z up") if end == "up" else tr("+Z down")
+
+
+def leg_in_words(leg: str) -> str:
+    """Which way the temperature went: "up" or "down" as words."""
+    return tr("rising") if leg == "up" else tr("falling")
+
+
+def unit_shown(quantity: str, unit: str) -> str:
+    """The unit in which a quantity is shown; `unit` when it is shown as it is."""
+    return SHOWN.get(quantity, (1.0, unit))[1]
+
+
+def limits_in_words(quantity: str, limits: Limits) -> str:
+    """Limits in the unit shown: "-50 to 50", "at most 200", "11300 ± 50"; empty when there are none."""
+    factor = SHOWN.get(quantity, (1.0, ""))[0]
+    low, high = (None if side is None else f"{side * factor:.12g}" for side in (limits.low, limits.high))
+    if limits.target is not None and limits.high is not None:
+        return f"{limits.target * factor:.12g} ± {(limits.high - limits.target) * factor:.6g}"
+    if low is not None and high is not None:
+        return tr("{low} to {high}", low=low, high=high)
+    if low is not None:
+        return tr("at least {low}", low=low)
+    return tr("at most {high}", high=high) if high is not None else ""
+
+
+def bands_in_words(quantity: str, limits: Limits) -> str:
+    """What else limits state: "guard band 2 u", "marginal within 50"; empty when they state only themselves."""
+    factor = SHOWN.get(quantity, (1.0, ""))[0]
+    guard = "" if limits.guard_k is None else tr("guard band {k} u", k=f"{limits.guard_k:g}")
+    marginal = (
+        "" if limits.marginal is None else tr("marginal within {width}", width=f"{limits.marginal * factor:.12g}")
+    )
+    return tr(", ").join(filter(None, (guard, marginal)))
+
+
+def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
+    """The input level that a finding is of, and how it compares."""
+    if "run" in at:
+        yield at["run"]
+    if "reference" in at:
+        yield tr("against {reference}", reference=at["reference"])
+        yield tr(at["decision"])
+
+
+def _dwells_in_words(at: Mapping[str, Any], dwells: Mapping[str, int]) -> Iterator[str]:
+    """Which dwells or cycle a finding is of."""
+    if "dwell" in at:
+        yield tr("dwell {number}", number=at["dwell"])
+    if "dwells" in at:
+        numbers = [str(dwells.get(path, path)) for path in at["dwells"]]
+        yield tr("dwells {numbers}" if len(numbers) > 1 else "dwell {numbers}", numbers=tr(" and ").join(numbers))
+    elif "cycle" in at:
+        yield tr("cycle {number}", number=at["cycle"])
+
+
+def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
+    """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
+    parts = [*_levels_in_words(at), *_dwells_in_words(at, dwells)]
+    if "axis" in at:
+        parts.insert(0, tr("axis {axis}", axis=at["axis"] + at.get("toward", "")))
+    if at.get("temperature_set_c") is not None:
+        parts.append(tr("set point {set_c} °C", set_c=f"{at['temperature_set_c']:g}"))
+    elif "temperature_c" in at:
+        parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
+    if "direction" in at:
+        parts.append(tr(at["direction"]))
+    if "position_deg" in at:
+        parts.append(tr("about {angle}°", angle=f"{at['position_deg']:g}"))
+    parts += [told(at[key]) for key, told in (("end", end_in_words), ("leg", leg_in_words)) if key in at]
+    if "repetitions" in at:
+        parts.append(tr("{count} repetitions", count=at["repetitions"]))
+    if "at_c" in at:
+        parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
+    parts += [f"{at[key]:.5g} {unit}" for key, unit in CONDITIONS.items() if key in at]
+    return tr(", ").join(parts)
+
+
+def of_those_within_u(count: int) -> str:
+    """What a headline says of values whose U reaches over a limit."""
+    return tr(
+        "{count} value within U of the limit" if count == 1 else "{count} values within U of the limit", count=count
+    )

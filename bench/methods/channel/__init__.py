@@ -1,0 +1,1 @@
+"""Method M0: an accelerometer channel over temperature and input level."""

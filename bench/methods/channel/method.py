@@ -1,0 +1,82 @@
+"""The method over temperature and input level as a sequence sees it (method M0)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from bench.sequence.method import OUTPUT, MethodDescription
+from drivers.schema.fields import Celsius, InUnit, PositiveCelsius, PositiveSeconds, Ratio, StrictModel
+
+
+class ChannelSettings(StrictModel):
+    """Settings of the channel over temperature and input level."""
+
+    threshold: Annotated[Ratio, InUnit("", above=0)] = Field(
+        description="the deviation of a slope up to which one model serves both levels, such as 5 %"
+    )
+    compare_basis: Literal["normalised", "raw"] = Field(
+        "normalised", description="which slopes decide: relative to the rate, or as they are"
+    )
+    reference_policy: Literal["claim", "embodiment"] = Field(
+        "claim", description="what source runs are compared with: up_1g, or src_1g, which itself is with up_1g"
+    )
+    reference_temperature_c: Celsius = Field(
+        25.0, alias="reference_temperature", description="of the converter, to which the rates refer"
+    )
+    current_from: Literal["source", "meter"] = Field(
+        "source",
+        description="the instrument that measures the currents: the source, or the ammeter in its cable "
+        "(places.*.ammeter)",
+    )
+    gate_s: PositiveSeconds = Field(10.0, alias="gate", description="the time between two read-outs of the counters")
+    accelerometer_c: Celsius | None = Field(
+        None, alias="accelerometer", description="the temperature of its thermostat; without it this is not checked"
+    )
+    accelerometer_tolerance_c: PositiveCelsius = Field(
+        0.2, alias="accelerometer_tolerance", description="a gate with the accelerometer farther from there is left out"
+    )
+    accelerometer_drift_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
+        60e-6,  # of a quartz flexure accelerometer at 1 g: 58 ppm/°C of its scale factor and 10 µg/°C of its bias
+        description="standard uncertainty of the temperature coefficient of the rate with the temperature of the "
+        "accelerometer itself",
+    )
+    max_ramp_c_per_h: Annotated[float, InUnit("°C/h", above=0)] = Field(
+        30.0, alias="max_ramp", description="a faster ramp is flagged"
+    )
+    min_span_c: PositiveCelsius = Field(
+        5.0, alias="min_span", description="below this temperature span no decision is made"
+    )
+    drift_limit: Annotated[Ratio, InUnit("", above=0)] = Field(
+        10e-6, description="a run whose input drifted more between opening and closing point is marginal"
+    )
+
+
+CHANNEL_TEMPERATURE = MethodDescription(
+    name="channel_temperature",
+    title="Accelerometer channel over temperature and input level (method M0)",
+    target="bench.methods.channel.reduction.run:reduce",
+    settings=ChannelSettings,
+    quantities={
+        "rate": OUTPUT,
+        "rate/temperature_coefficient": f"{OUTPUT}/°C",
+        "rate/relative_temperature_coefficient": "1/°C",
+        "rate/model_residual": "1",
+        "rate/drift": "1",
+        "current": "A",
+        "current/deviation": "1",
+        "zero": OUTPUT,
+        "zero/drift": OUTPUT,
+        "deviation/raw": "1",
+        "deviation/normalised": "1",
+        "tempco_offset": f"{OUTPUT}/°C",
+        "tempco_scale": "1/°C",
+    },
+    counts_at="levels",
+    drawn_by="bench.methods.channel.shown:channel_plots",
+    after=("IEEE Std 530", "IEEE Std 1554"),
+    rules="bench.methods.channel.rules:RULES",
+    spans="bench.methods.channel.shown:levels",
+    offline="bench.methods.channel.offline:REDUCTIONS",
+)

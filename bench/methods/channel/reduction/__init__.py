@@ -1,0 +1,1 @@
+"""From acquisitions to the findings of a channel."""

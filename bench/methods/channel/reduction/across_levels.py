@@ -1,0 +1,196 @@
+"""What the levels of a channel tell together: how their slopes compare, the channel's coefficients, and its models.
+
+A thermometer that errs by a gain does so at all levels alike: that moves slopes, and cancels where levels are compared.
+One that drifts moves the slopes of two levels the other way round if one was heated and the other cooled.
+Of drifts it is not known whether they go on alike from one ramp to the next, and the worse is assumed: apart where
+levels are compared, together in the coefficients of the channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.methods.channel.reduction.compared_levels import Compared, Level, is_of_the_read_outs
+from bench.methods.channel.reduction.decision import ChannelDrift
+from bench.methods.channel.reduction.findings import ChannelFindings
+from bench.metrology.calibration.temperature import Compensation, Curve
+from bench.metrology.least_squares import Array
+from bench.metrology.results.curves import Constant, Equation, TemperatureModel
+from bench.metrology.results.finding import BudgetLine, Finding
+
+
+@dataclass(frozen=True)
+class ChannelConclusions:
+    """The findings and models of one unit that need its levels side by side."""
+
+    of_levels: ChannelFindings
+    compared: Sequence[Compared]
+    drift: ChannelDrift | None
+
+    @property
+    def _usable(self) -> list[Level]:
+        return [level for level in self.of_levels.levels if level.run.valid]
+
+    def findings(self) -> Iterator[Finding]:
+        """The deviations of the slopes, and the two coefficients of the channel."""
+        for compared in self.compared:
+            yield from self._deviations(compared)
+        if self.drift is not None:
+            yield from self._coefficients(self.drift)
+
+    def models(self) -> Iterator[Equation]:
+        """For each level its rate over temperature, with its own slope or that of its reference; then its slope."""
+        references = {each.level.name: each for each in self.compared}
+        for level in self._usable:
+            yield self._model(level, references.get(level.name))
+        if self.drift is not None:
+            yield self._channel_model(self.drift)
+
+    def compensations(self) -> Iterator[Compensation]:
+        """For each slope that serves levels: how a rate becomes what it would be at the reference temperature."""
+        references = {each.level.name: each for each in self.compared}
+        served: dict[str, list[Level]] = {}
+        by_name = {level.name: level for level in self._usable}
+        for level in self._usable:
+            slope_from = self._slope_from(level, references.get(level.name))
+            served.setdefault(slope_from.name, []).append(level)
+        for name, levels in served.items():
+            yield self._compensation(by_name[name], levels)
+
+    def _compensation(self, slope_from: Level, levels: Sequence[Level]) -> Compensation:
+        of_levels, valid_c = self.of_levels, _ends(slope_from.run.gates.converter_c)
+        unit = of_levels.unit.output_unit
+        offset: Curve | None = None
+        scale: Curve = Constant(1.0, "1", 0.0)
+        if of_levels.settings["compare_basis"] == "raw":
+            slope = of_levels.slope(slope_from)
+            offset = self._line(slope, unit, 0.0, valid_c)
+        else:
+            scale = self._line(of_levels.relative_slope(slope_from), "1", 1.0, valid_c)
+        return Compensation(
+            f"{of_levels.unit.measured_by}@{slope_from.name}", unit, unit, scale, offset,
+            serves=tuple(level.name for level in levels),
+        )  # fmt: skip
+
+    def _line(self, slope: Finding, unit: str, at_reference: float, valid_c: tuple[float, float]) -> TemperatureModel:
+        """A straight line over temperature that has a value at the reference, and the slope that was found."""
+        reference_c = self.of_levels.reference_c
+        return TemperatureModel(
+            id=slope.id, uut=slope.uut, quantity=slope.quantity, unit=unit, centre=reference_c, scale=1.0,
+            coefficients=(at_reference, slope.value), u=(0.0, slope.u), correlation=((1.0, 0.0), (0.0, 1.0)),
+            powers_of_t=(at_reference - slope.value * reference_c, slope.value), residual_sd=None, dof=0,
+            max_residual=0.0, valid_c=valid_c, dwells_used=0, dwells_left_out=(),
+        )  # fmt: skip
+
+    @staticmethod
+    def _slope_from(level: Level, compared: Compared | None) -> Level:
+        """The level whose slope serves a level: its own, or that of its reference."""
+        shares = compared is not None and compared.comparison.decision == "share"
+        return compared.reference if compared is not None and shares else level
+
+    def _deviations(self, compared: Compared) -> Iterator[Finding]:
+        ours, theirs, found = compared.level, compared.reference, compared.comparison
+        at = {"run": ours.name, "reference": theirs.name, "decision": found.decision}
+        raw, raw_reference = ours.run.slope_pps_per_c, theirs.run.slope_pps_per_c
+        relative, relative_reference = ours.run.relative_slope_per_c, theirs.run.relative_slope_per_c
+        for quantity, deviation, value, reference, per in (
+            ("deviation/raw", found.raw, raw, raw_reference, (1.0, 1.0)),
+            ("deviation/normalised", found.normalised, relative, relative_reference,
+             (ours.run.rate_pps, theirs.run.rate_pps)),
+        ):  # fmt: skip
+            if not np.isfinite(deviation.value):
+                continue
+            lines = [
+                *_named(ours, theirs, 1 / abs(per[0] * reference)),
+                *_named(theirs, ours, abs(value / (per[1] * reference**2))),
+                self.of_levels.drift_line(value / reference * (ours.drifted_share - theirs.drifted_share)),
+            ]
+            name = f"of the slope of {ours.name} from that of {theirs.name}"
+            flags = ("marginal",) if compared.marginal else ()
+            steps = (*ours.data.steps, *theirs.data.steps)
+            yield self.of_levels.finding(quantity, name, at, deviation.value, "1", lines, steps, flags)
+
+    def _coefficients(self, drift: ChannelDrift) -> Iterator[Finding]:
+        steps = tuple(step for level in self._usable for step in level.data.steps)
+        for gain, (quantity, name, value, unit) in zip(drift.gain, (
+            ("tempco_offset", "part of the slope that is the same at all levels", drift.offset_pps_per_c,
+             f"{self.of_levels.unit.output_unit}/°C"),
+            ("tempco_scale", f"part of the slope in proportion to the {self.of_levels.output}", drift.scale_per_c,
+             "1/°C"),
+        ), strict=True):  # fmt: skip
+            drifted = sum(
+                part * level.run.slope_pps_per_c * level.drifted_share
+                for part, level in zip(gain.tolist(), self._usable, strict=True)
+            )
+            lines = [
+                *self._through(gain), self.of_levels.thermometer_gain(value), self.of_levels.drift_line(drifted),
+            ]  # fmt: skip
+            yield self.of_levels.finding(quantity, name, {}, value, unit, lines, steps)
+
+    def _through(self, gain: Array) -> Iterator[BudgetLine]:
+        """The uncertainties of slopes in a sum of them with these gains; lines of one kind of drift go together."""
+        together: dict[str, float] = {}
+        for factor, level in zip(gain.tolist(), self._usable, strict=True):
+            for line in level.slope_lines:
+                if is_of_the_read_outs(line):
+                    yield BudgetLine(f"{level.name}: {line.source}", line.type, abs(factor) * line.u, line.dof)
+                else:
+                    together[line.source] = together.get(line.source, 0.0) + factor * line.u
+        for source, u in together.items():
+            yield BudgetLine(source, "B", abs(u))
+
+    def _model(self, level: Level, compared: Compared | None) -> Equation:
+        """The line of a level; where it shares that of its reference, with the slope of that."""
+        slope_from = self._slope_from(level, compared)
+        shares = slope_from is not level
+        told = f"from {slope_from.name}, which serves this level too" if shares else "its own"
+        rate = self.of_levels.rate(level)
+        if shares and self.of_levels.settings["compare_basis"] == "raw":
+            form, symbol, slope = "D = D_ref + k · (T - T_ref)", "k", self.of_levels.slope(slope_from)
+        else:
+            form, symbol, slope = "D = D_ref · [1 + κ · (T - T_ref)]", "κ", self.of_levels.relative_slope(slope_from)
+        return Equation(
+            id=f"{rate.id}/model",
+            uut=rate.uut,
+            quantity="rate",
+            form=f"{level.name}: {form}, slope {told}",
+            constants={
+                "D_ref": Constant(rate.value, rate.unit, rate.u),
+                symbol: Constant(slope.value, slope.unit, slope.u),
+                "T_ref": Constant(self.of_levels.reference_c, "°C", 0.0),
+            },
+            valid={"temperature_c": _ends(level.run.gates.converter_c)},
+        )
+
+    def _channel_model(self, drift: ChannelDrift) -> Equation:
+        offset, scale = self._coefficients(drift)
+        return Equation(
+            id=f"{self.of_levels.id_of('tempco')}/model",
+            uut=offset.uut,
+            quantity="rate/temperature_coefficient",
+            form="k = β + α · D",
+            constants={
+                "β": Constant(offset.value, offset.unit, offset.u),
+                "α": Constant(scale.value, scale.unit, scale.u),
+            },
+            valid={
+                "rate_pps" if self.of_levels.unit.is_counted else "output": _ends(
+                    np.array([level.run.rate_pps for level in self._usable])
+                )
+            },
+        )
+
+
+def _named(level: Level, other: Level, factor: float) -> list[BudgetLine]:
+    """What a level contributes to a deviation from another."""
+    return [
+        BudgetLine(f"{level.name}: {line.source}", line.type, line.u * factor, line.dof)
+        for line in level.lines_beside(other)
+    ]
+
+
+def _ends(values: Array) -> tuple[float, float]:
+    return float(np.min(values)), float(np.max(values))

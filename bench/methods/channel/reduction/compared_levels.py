@@ -1,0 +1,244 @@
+"""Input levels of one run beside each other: each with its line and what that is known by, and their decisions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.methods.channel.reduction.decision import ChannelDrift, Comparison, channel_drift, compare
+from bench.methods.channel.reduction.input_drift import InputDrift, drifts_of_sources, input_drift
+from bench.methods.channel.reduction.levels import LevelData
+from bench.methods.channel.reduction.line import ChannelRules, ChannelRun, reduce_run
+from bench.methods.channel.reduction.means import Means, reduce_means
+from bench.methods.channel.reduction.transfer_meter import believes_meter, standard_of
+from bench.metrology.gate_scatter import LineScatter, line_gains, line_scatter
+from bench.metrology.instrument import STEPS
+from bench.metrology.least_squares import NotDetermined
+from bench.metrology.results.coverage import COVERAGE, effective_dof
+from bench.metrology.results.finding import BudgetLine
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.thermometer_drift import DriftInRun
+
+GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
+GAP_GATES = 1.5  # a longer time between two read-outs was not recorded
+OWN_TEMPERATURE = "accelerometer: its own temperature"
+SCATTER, COUNTING = "read-outs: scatter", "read-outs: resolution of the count"
+
+
+def resolution_of(unit: UnitUnderTest) -> str:
+    """What a mean of its output does not resolve, as a source of uncertainty."""
+    return COUNTING if unit.telemetry is None else f"{unit.telemetry}{STEPS}"
+
+
+def is_of_the_read_outs(line: BudgetLine) -> bool:
+    """Whether a line is of what was read out, and not of what fed the channel."""
+    return line.source in (SCATTER, COUNTING) or line.source.endswith(STEPS)
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """One input level: its line, what that is known by, how its input drifted, and the drift that a budget assumes.
+
+    `slope_lines` are the sources of uncertainty of its slope but for the thermometer, in pulse/s/°C. A drift of one
+    standard uncertainty of the thermometer within the run changes the temperature at which its rate is stated by
+    `drifted_c` (°C), and its slope by the part `drifted_share`.
+    """
+
+    data: LevelData
+    run: ChannelRun
+    scatter: LineScatter
+    drift: InputDrift | None
+    drift_u_per_h: float
+    slope_lines: tuple[BudgetLine, ...]
+    drifted_c: float = 0.0
+    drifted_share: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """As methods.md calls it."""
+        return self.data.level.name
+
+    @property
+    def is_source(self) -> bool:
+        """Whether a current source fed it."""
+        return self.data.level.kind == "source"
+
+    @property
+    def input_lines(self) -> list[BudgetLine]:
+        """Those of its slope that its input is the cause of."""
+        return [line for line in self.slope_lines if not is_of_the_read_outs(line)]
+
+    @property
+    def known_run(self) -> ChannelRun:
+        """Its line with the whole uncertainty of the slope."""
+        return self._run_known_by(self.slope_lines)
+
+    def run_beside(self, other: Level) -> ChannelRun:
+        """Its line with the uncertainty of the slope that is its own."""
+        return self._run_known_by(self.lines_beside(other))
+
+    def lines_beside(self, other: Level) -> list[BudgetLine]:
+        """Those of its slope that it does not share with another level.
+
+        An accelerometer that follows the chamber changes the rate in proportion at all levels of gravity.
+        """
+        theirs = {line.shared for line in other.slope_lines if line.shared}
+        return [line for line in self.slope_lines if line.shared not in theirs]
+
+    def _run_known_by(self, lines: Sequence[BudgetLine]) -> ChannelRun:
+        return replace(
+            self.run,
+            u_slope_pps_per_c=float(np.sqrt(sum(line.u**2 for line in lines))),
+            dof_slope=effective_dof([(line.u, line.dof) for line in lines]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A level held against its reference. `drifted` says that the input of one of them did, beyond its limit."""
+
+    level: Level
+    reference: Level
+    comparison: Comparison
+    drifted: bool
+
+    @property
+    def marginal(self) -> bool:
+        """Whether the decision could be another one if the run were repeated."""
+        return self.comparison.decision != "invalid" and (self.comparison.marginal or self.drifted)
+
+
+def channel_rules(data: RunData, unit: UnitUnderTest, kind: str, settings: Mapping[str, Any]) -> ChannelRules:
+    """What is asked of a run of a kind of input."""
+    counts = data.acquisitions[0].counts[unit.channel] if unit.is_counted else None
+    return ChannelRules(
+        reference_c=settings["reference_temperature_c"],
+        counter_bits=counts.counter_bits if counts else 0,
+        max_rate_pps=counts.max_rate_pps if counts else np.inf,
+        accelerometer_c=settings["accelerometer_c"] if kind == "gravity" else None,
+        accelerometer_tolerance_c=settings["accelerometer_tolerance_c"],
+        max_ramp_c_per_h=settings["max_ramp_c_per_h"],
+        min_span_c=settings["min_span_c"],
+        longest_gate_s=GAP_GATES * settings["gate_s"],
+    )
+
+
+def lines_of_levels(
+    data: RunData, unit: UnitUnderTest, found: Mapping[str, LevelData], settings: Mapping[str, Any]
+) -> dict[str, Level]:
+    """The levels that have a ramp, each with its line; one whose line cannot be told has it not-a-number."""
+    ramped = {name: level for name, level in found.items() if level.steps}
+    runs = {name: _run(each, channel_rules(data, unit, each.level.kind, settings)) for name, each in ramped.items()}
+    scatters = {name: _scatter(run, settings["reference_temperature_c"]) for name, run in runs.items()}
+    for name, each in ramped.items():
+        if each.metered is not None and believes_meter(unit, settings):
+            runs[name] = each.metered.without_drift(runs[name], settings["reference_temperature_c"])
+    drifts = drifts_of_sources(
+        ramped,
+        {
+            name: input_drift(ramped[name].points, runs[name], scatters[name], DriftInRun(data, unit.converter))
+            for name in ramped
+        },
+    )
+    return {
+        name: _level(data, unit, ramped[name], runs[name], scatters[name], drifts[name], settings) for name in ramped
+    }
+
+
+def _run(level: LevelData, rules: ChannelRules) -> ChannelRun:
+    return reduce_means(level.record, rules) if isinstance(level.record, Means) else reduce_run(level.record, rules)
+
+
+def _level(
+    data: RunData,
+    unit: UnitUnderTest,
+    level: LevelData,
+    run: ChannelRun,
+    scatter: LineScatter,
+    drift: InputDrift | None,
+    settings: Mapping[str, Any],
+) -> Level:
+    standard = standard_of(unit, settings)
+    certificate = data.bench.sources.get(standard) if level.level.kind == "source" else None
+    certified_per_h = certificate.drift_u_per_s * 3600.0 if certificate is not None else 0.0
+    ramp_h = float(np.sum(run.gates.seconds)) / 3600.0
+    found_per_h = drift.found_per_h(None if level.level.kind == "source" else ramp_h) if drift is not None else 0.0
+    drift_u_per_h = found_per_h if found_per_h > COVERAGE * certified_per_h else certified_per_h
+    rate_pps = abs(run.rate_pps)
+    by_meter = level.metered is not None and believes_meter(unit, settings)
+    what = standard if by_meter else "source" if level.level.kind == "source" else "accelerometer"
+    lines = [
+        BudgetLine(SCATTER, "A", scatter.scatter_slope, scatter.dof),
+        BudgetLine(resolution_of(unit), "B", scatter.counting_slope),
+        BudgetLine(f"{what}: drift during the ramp", "B", rate_pps * drift_u_per_h * abs(scatter.drift_h_per_c)),
+    ]
+    if level.metered is not None and by_meter:
+        drift_u = level.metered.change_per_c(run.gates)[1] if run.gates_used else np.nan
+        lines.append(BudgetLine(f"{standard}: scatter", "A", rate_pps * drift_u))
+    if level.level.kind == "gravity":
+        followed = abs(scatter.accelerometer_per_c) * settings["accelerometer_drift_u"]
+        own = f"{unit.place}.accelerometer"
+        lines.append(BudgetLine(OWN_TEMPERATURE, "B", rate_pps * followed, None, own))
+    return Level(level, run, scatter, drift, drift_u_per_h, tuple(lines), *_drifted(data, unit, run, settings))
+
+
+def _drifted(data: RunData, unit: UnitUnderTest, run: ChannelRun, settings: Mapping[str, Any]) -> tuple[float, float]:
+    """What the drift of the thermometer does to a line: in °C at the reference, and relative to its slope."""
+    converter_c = run.gates.converter_c
+    if not len(converter_c) or not np.ptp(converter_c):
+        return 0.0, 0.0
+    slope_gain, rate_gain = line_gains(converter_c, settings["reference_temperature_c"])
+    error_c = DriftInRun(data, unit.converter).error_c(run.gates.time_s)
+    return float(rate_gain @ error_c), float(slope_gain @ error_c)
+
+
+def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:
+    """What the line is known by; of a short run, by the residuals of its gates."""
+    try:
+        return line_scatter(run.gates, reference_c)
+    except NotDetermined:
+        dof = max(run.gates_used - 2, 1)
+        return LineScatter(
+            0.0, 0.0, run.u_rate_pps, run.u_slope_pps_per_c, dof, run.residual_rms_pps, np.nan, np.empty(0), np.nan,
+            0.0, 0.0,
+        )  # fmt: skip
+
+
+def compared_levels(levels: Mapping[str, Level], settings: Mapping[str, Any]) -> Iterator[Compared]:
+    """Every level held against its reference, where the run has that (methods.md 2.5, step 6)."""
+    for level in levels.values():
+        reference = levels.get(reference_of(level, levels, settings["reference_policy"]))
+        if reference is None or reference is level:
+            continue
+        comparison = compare(
+            level.run_beside(reference), reference.run_beside(level),
+            threshold=settings["threshold"], basis=settings["compare_basis"],
+        )  # fmt: skip
+        drifted = any(has_drifted(each, settings["drift_limit"]) for each in (level, reference))
+        yield Compared(level, reference, comparison, drifted)
+
+
+def reference_of(level: Level, levels: Mapping[str, Level], policy: str) -> str:
+    """The name of the level that another one is compared with; a run of the source alone has one of its own."""
+    of_source = level.is_source and level.name != SOURCE_REFERENCE
+    by_source = policy == "embodiment" or GRAVITY_REFERENCE not in levels
+    return SOURCE_REFERENCE if of_source and by_source else GRAVITY_REFERENCE
+
+
+def has_drifted(level: Level, limit: float) -> bool:
+    """Whether the input changed by more than it may between the points at rest."""
+    return level.drift is not None and abs(level.drift.change) > limit
+
+
+def drift_of_channel(levels: Sequence[Level]) -> ChannelDrift | None:
+    """The line through the slopes of levels over their rates; None where the levels do not tell it."""
+    usable = [level.known_run for level in levels if level.run.valid]
+    if len(usable) < 2:
+        return None
+    try:
+        return channel_drift(usable)
+    except NotDetermined:
+        return None

@@ -1,0 +1,179 @@
+"""An accelerometer channel at several input levels: whether a drift found at 1 g holds at another (methods.md 2.5).
+
+The slope of a channel with D = S0 (1 + α (T - T0)) I + b0 + β (T - T0) is k = S0 α I + β: one part that is the same at
+all levels, and one in proportion to the level. If all is of the first kind the levels have one slope k, if all is of
+the second kind one relative slope k / D.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaincc
+
+from bench.methods.channel.reduction.line import ChannelRun
+from bench.metrology.least_squares import Array, least_squares
+from bench.metrology.results.coverage import coverage_factor, effective_dof
+
+Basis = Literal["raw", "normalised"]
+Decision = Literal["share", "keep", "invalid"]
+
+LEAST_SIGNIFICANCE = 3.0  # of a slope that others are divided by, in its standard uncertainties
+ROUNDING = 1e-12  # of the rate: what arithmetic makes of no change over a whole run
+MISFIT_PROBABILITY = 0.01
+LEAST_LEVEL_G = 0.1  # below, a bias may be as large as the input
+LARGEST_BIAS_G = 0.5
+PROPORTION = 0.1  # what a rate per g may differ from that of the other runs
+
+OTHER_POLARITY = "keeps its own model: at the other polarity the converter has another scale factor"
+
+
+class RelativeDeviation(NamedTuple):
+    """|(x' - x) / x| of a run's x' and its reference's x, its standard uncertainty, and |x' - x|; NaN if not known."""
+
+    value: float
+    u: float
+    difference: float
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A run held against its reference, by the slopes k and by the relative slopes k / D.
+
+    `rate_pps` + `slope_pps_per_c` (T - reference temperature) is the model that serves the level; NaN where there is no
+    decision. `remarks` tell in words why there is none, or why it does not rest on the deviation.
+    """
+
+    raw: RelativeDeviation
+    normalised: RelativeDeviation
+    decision: Decision
+    marginal: bool
+    rate_pps: float
+    slope_pps_per_c: float
+    remarks: tuple[str, ...]
+
+
+def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: Basis) -> Comparison:
+    """Whether the model of `reference` serves the level of `run` too: "share", or that of the run: "keep".
+
+    What is shared is the slope on the basis "raw", the relative slope on the basis "normalised"; the rate is always the
+    run's own. "invalid" when one of the runs is, and when the slope of the reference is not three times its
+    uncertainty: then only the differences are told. A run of the other polarity keeps its own model, because the
+    converter has another scale factor there.
+    """
+    certain = _is_certain(reference)
+    raw = _deviation(
+        run.slope_pps_per_c, run.u_slope_pps_per_c, reference.slope_pps_per_c, reference.u_slope_pps_per_c, certain
+    )
+    normalised = _deviation(
+        run.relative_slope_per_c, run.u_relative_slope_per_c,
+        reference.relative_slope_per_c, reference.u_relative_slope_per_c, certain,
+    )  # fmt: skip
+    deciding = raw if basis == "raw" else normalised
+    k = coverage_factor(_dof(run, reference)) if certain else np.nan
+    invalid = _problems(run, reference, certain, deciding)
+    opposite = run.rate_pps * reference.rate_pps < 0
+    close = bool(deciding.value <= threshold)
+    decision: Decision = "invalid" if invalid else "share" if close and not opposite else "keep"
+    shared_slope = reference.slope_pps_per_c if basis == "raw" else reference.relative_slope_per_c * run.rate_pps
+    return Comparison(
+        raw=raw,
+        normalised=normalised,
+        decision=decision,
+        marginal=not invalid and not opposite and abs(deciding.value - threshold) < k * deciding.u,
+        rate_pps=np.nan if invalid else run.rate_pps,
+        slope_pps_per_c={"share": shared_slope, "keep": run.slope_pps_per_c, "invalid": np.nan}[decision],
+        remarks=(OTHER_POLARITY,) if opposite and not invalid else invalid,
+    )
+
+
+def _is_certain(reference: ChannelRun) -> bool:
+    """Whether a slope is known so well that others can be divided by it."""
+    slope, rate_pps = abs(reference.slope_pps_per_c), abs(reference.rate_pps)
+    significant = slope >= LEAST_SIGNIFICANCE * reference.u_slope_pps_per_c
+    return significant and slope * reference.span_c > ROUNDING * rate_pps
+
+
+def _deviation(value: float, u: float, reference: float, u_reference: float, certain: bool) -> RelativeDeviation:
+    """The deviation of two values that are independent of each other."""
+    difference = abs(value - reference)
+    if not certain:
+        return RelativeDeviation(np.nan, np.nan, difference)
+    u_ratio = float(np.hypot(u / reference, value / reference * (u_reference / reference)))
+    return RelativeDeviation(abs(difference / reference), u_ratio, difference)
+
+
+def _dof(run: ChannelRun, reference: ChannelRun) -> int | None:
+    """Effective degrees of freedom of the uncertainty of the deviation of two slopes, raw or normalised."""
+    of_reference = run.slope_pps_per_c / reference.slope_pps_per_c * reference.u_slope_pps_per_c
+    return effective_dof([(run.u_slope_pps_per_c, run.dof_slope), (of_reference, reference.dof_slope)])
+
+
+def _problems(run: ChannelRun, reference: ChannelRun, certain: bool, deciding: RelativeDeviation) -> tuple[str, ...]:
+    """Why nothing can be decided, in words."""
+    problems = {
+        "no decision: its own run is not valid": not run.valid,
+        "no decision: the run it is compared with is not valid": not reference.valid,
+        "no decision: the slope it is compared with is less than three times its uncertainty": not certain,
+        "no decision: a rate is 0": certain and np.isnan(deciding.value),
+    }
+    return tuple(problem for problem, holds in problems.items() if holds)[:1]
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelDrift:
+    """k = offset + scale D: the part of the drift that is the same at all levels, and that in proportion to the rate.
+
+    `misfit` says that the slopes do not lie on the line within their uncertainties: the drift depends on the level in
+    some other way. The uncertainties are those of the slopes; NaN where a slope has none. `gain` (2, n) is what one
+    unit of each slope adds to offset and scale.
+    """
+
+    offset_pps_per_c: float
+    scale_per_c: float
+    u_offset_pps_per_c: float
+    u_scale_per_c: float
+    misfit: bool
+    gain: Array = field(compare=False, repr=False)
+
+
+def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
+    """The line through the slopes of at least two runs over their rates, weighted by 1 / u(k).
+
+    The slopes are finite. Raises NotDetermined when the rates are all about the same.
+    """
+    rate_pps = np.array([run.rate_pps for run in runs])
+    slope = np.array([run.slope_pps_per_c for run in runs])
+    u = np.array([run.u_slope_pps_per_c for run in runs])
+    exact = not (u > 0).all()
+    weight = (np.ones_like(u) if exact else 1 / u)[:, np.newaxis]
+    design = np.stack([np.ones_like(rate_pps), rate_pps], axis=-1)
+    least_squares(design, slope, names=("tempco_offset", "tempco_scale"))  # raises; weights do not tell rates apart
+    fit = least_squares(design * weight, slope * weight[:, 0], condition_limit=np.finfo(np.float64).max)
+    u_offset, u_scale = np.full(2, np.nan) if exact else np.sqrt(np.diag(fit.unscaled_covariance))
+    chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof and not exact else 1.0  # of chi²
+    return ChannelDrift(
+        offset_pps_per_c=float(fit.coefficients[0]),
+        scale_per_c=float(fit.coefficients[1]),
+        u_offset_pps_per_c=float(u_offset),
+        u_scale_per_c=float(u_scale),
+        misfit=bool(chance < MISFIT_PROBABILITY),
+        gain=fit.gain * weight[:, 0],
+    )
+
+
+def out_of_proportion(level_g: Array, rate_pps: Array) -> NDArray[np.bool_]:
+    """Which runs (n,) have a rate per g that is not that of most others: a wrong unit, fixture or polarity."""
+    judged = (np.abs(level_g) >= LEAST_LEVEL_G) & np.isfinite(level_g) & np.isfinite(rate_pps)
+    odd = np.zeros(len(level_g), dtype=np.bool_)
+    if judged.any():
+        per_g = rate_pps[judged] / level_g[judged]
+        usual = np.median(per_g)
+        odd[judged] = np.abs(per_g - usual) > PROPORTION * np.abs(usual)
+        small = ~judged & np.isfinite(level_g) & np.isfinite(rate_pps)
+        odd[small] = np.abs(rate_pps[small] - usual * level_g[small]) > LARGEST_BIAS_G * np.abs(usual)
+    return odd

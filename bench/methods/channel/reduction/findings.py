@@ -1,0 +1,307 @@
+"""The findings of a channel at each of its input levels, each with its budget.
+
+A level is in local g: the rate at 1 g does not depend on how large g is, but on how level the slab is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.methods.channel.reduction.compared_levels import SCATTER, Level, resolution_of
+from bench.methods.channel.reduction.levels import LevelData, Point
+from bench.methods.channel.reduction.transfer_meter import believes_meter, standard_of
+from bench.metrology.bench_uncertainty import SourceRecord
+from bench.metrology.extremes import interval_of_largest
+from bench.metrology.instrument import instrument_u, shared_as
+from bench.metrology.results.finding import BudgetLine, Finding
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.thermometer_drift import DriftInRun
+
+HOUR_S, MA_PER_A = 3600.0, 1e3
+BEYOND_U = 3.0  # standard uncertainties that two certificates may be apart
+LAG = BudgetLine("read-outs: lag behind the thermometer, contained", "alias", 0.0)
+ZERO = "src_0g"  # the points with the source at 0 A
+
+
+@dataclass(frozen=True)
+class ChannelFindings:
+    """The results of one unit: of the lines at its levels, how they compare, and the drift of the channel."""
+
+    data: RunData
+    unit: UnitUnderTest
+    settings: Mapping[str, Any]
+    found: Mapping[str, LevelData]
+    levels: Sequence[Level]
+
+    def findings(self) -> Iterator[Finding]:
+        """Everything that a limit may name, level by level, then with nothing fed."""
+        for level in self.levels:
+            if np.isfinite(level.run.slope_pps_per_c):
+                yield self.rate(level)
+                yield self.slope(level)
+                yield self.relative_slope(level)
+                yield from self._residual(level)
+                yield from self._input_drift(level)
+                yield from self._currents(level)
+        yield from self._zero()
+
+    # One level
+
+    def rate(self, level: Level) -> Finding:
+        """The rate at the reference temperature."""
+        run, name = level.run, f"{self.output} at {self.reference_c:g} °C"
+        offset_u, gain_u = self._thermometer
+        rate_pps, slope = abs(run.rate_pps), abs(run.slope_pps_per_c)
+        reading = self.unit.converter
+        lines = [
+            BudgetLine(SCATTER, "A", level.scatter.scatter_rate, level.scatter.dof),
+            BudgetLine(resolution_of(self.unit), "B", level.scatter.counting_rate),
+            *self._instrument_lines(rate_pps),
+            BudgetLine(f"{reading}: offset", "B", slope * offset_u, None, f"{reading}.offset"),
+            BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
+            *self._input_lines(level),
+            *(line.times(self._away_c(level)) for line in level.input_lines),
+            self.drift_line(slope * level.drifted_c),
+            LAG,
+        ]
+        return self._of_level("rate", name, level, run.rate_pps, self.unit.output_unit, lines)
+
+    def _instrument_lines(self, rate_pps: float) -> Iterator[BudgetLine]:
+        """What the certificate of whatever measures the output says of it."""
+        for source, u in instrument_u(self.unit, self.data.bench, rate_pps, 1.0).items():
+            yield BudgetLine(source, "B", abs(u), None, shared_as(source))
+
+    def _away_c(self, level: Level) -> float:
+        """How far the reference temperature is from the middle of a run: errors of the slope go into the rate by it."""
+        return abs(self.reference_c - float(np.mean(level.run.gates.converter_c)))
+
+    def _input_lines(self, level: Level) -> Iterator[BudgetLine]:
+        """How well the input of a level is known: the source by its certificate, gravity by the level of the slab."""
+        rate_pps, at = abs(level.run.rate_pps), level.data.level
+        certificate = self.certificate
+        if not level.is_source:
+            tilt, level_g = np.radians(self.data.bench.level_u_deg), abs(at.level_g)
+            tilted_g = np.hypot(np.sqrt(max(1 - level_g**2, 0.0)) * tilt, level_g * tilt**2 / np.sqrt(2))
+            yield BudgetLine("fixture: level", "B", float(rate_pps * tilted_g / level_g), None, "fixture.level")
+        elif certificate is not None:
+            source = self.standard
+            yield BudgetLine(f"{source}: gain", "B", rate_pps * certificate.gain_u, None, f"{source}.gain")
+            offset_pps = abs(rate_pps / at.current_a) * certificate.offset_u_a
+            yield BudgetLine(f"{source}: offset", "B", offset_pps, None, f"{source}.offset")
+            drifted = level.drift_u_per_h * self._hours_of_run(level)
+            yield BudgetLine(f"{source}: drift since the run began", "B", rate_pps * drifted, None, f"{source}.drift")
+        if level.is_source and level.data.metered is not None and believes_meter(self.unit, self.settings):
+            scatter = level.data.metered.mean_u_a / abs(at.current_a)
+            yield BudgetLine(f"{self.standard}: scatter of the mean", "A", rate_pps * scatter)
+
+    def _hours_of_run(self, level: Level) -> float:
+        """From the first point of the run, at whatever level, to the middle of the ramp.
+
+        The certificate holds for a source that has just warmed up: it drifts also while levels of gravity are measured.
+        """
+        begun_s = [point.middle_s for each in self.found.values() for point in each.points]
+        times_s = level.run.gates.time_s
+        return (float(np.mean(times_s)) - min([*begun_s, float(times_s[0])])) / HOUR_S
+
+    def slope(self, level: Level) -> Finding:
+        """What the rate changes with the temperature of the converter."""
+        slope = level.run.slope_pps_per_c
+        lines = [*level.slope_lines, self.thermometer_gain(slope), self.drift_line(slope * level.drifted_share), LAG]
+        unit = f"{self.unit.output_unit}/°C"
+        return self._of_level("rate/temperature_coefficient", "slope", level, slope, unit, lines)
+
+    def relative_slope(self, level: Level) -> Finding:
+        """The same relative to the rate."""
+        slope, rate_pps = level.run.relative_slope_per_c, abs(level.run.rate_pps)
+        lines = [
+            *(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope),
+            self.drift_line(slope * level.drifted_share), LAG,
+        ]  # fmt: skip
+        name = f"slope relative to the {self.output}"
+        return self._of_level("rate/relative_temperature_coefficient", name, level, slope, "1/°C", lines)
+
+    def thermometer_gain(self, slope: float) -> BudgetLine:
+        """What the gain of the thermometer does to a slope, at all levels alike."""
+        gain_u = self._thermometer[1]
+        return BudgetLine(f"{self.unit.converter}: gain", "B", abs(slope) * gain_u, None, f"{self.unit.converter}.gain")
+
+    def drift_line(self, u: float) -> BudgetLine:
+        """What the drift of the thermometer within the run does."""
+        return DriftInRun(self.data, self.unit.converter).line(u)
+
+    def _residual(self, level: Level) -> Iterator[Finding]:
+        scatter, rate_pps = level.scatter, abs(level.run.rate_pps)
+        if not len(scatter.residuals_pps):
+            return
+        residuals = scatter.residuals_pps / rate_pps
+        value = float(np.max(np.abs(residuals)))
+        u = scatter.stretch_u_pps / rate_pps
+        name = "largest departure from the line, of means over a twenty-fourth of the run"
+        lines = [BudgetLine("read-outs: scatter of a mean", "A", u, scatter.dof)]
+        found = self._of_level("rate/model_residual", name, level, value, "1", lines)
+        yield replace(found, interval=interval_of_largest(residuals, u))
+
+    def _input_drift(self, level: Level) -> Iterator[Finding]:
+        drift = level.drift
+        if drift is None:
+            return
+        name = f"change between the first and the last point at rest, {drift.hours:.1f} h apart"
+        what = "points: scatter and resolution of the count" if self.unit.is_counted else "points: scatter"
+        lines = [BudgetLine(what, "A", drift.scatter_u), self.drift_line(drift.thermometer_u)]
+        yield self._of_level("rate/drift", name, level, drift.change, "1", lines, steps=drift.steps)
+
+    def _currents(self, level: Level) -> Iterator[Finding]:
+        """What the ammeter in the cable read, and how far that is from what the source says."""
+        read, meter = level.data.metered, self.unit.ammeter
+        if read is None or not read.is_enough:
+            return
+        told_a = level.data.level.said_a
+        known = self.data.bench.sources.get(meter)
+        lines = [BudgetLine(f"{meter}: scatter of the mean", "A", read.mean_u_a)]
+        if known is not None:
+            lines.append(BudgetLine(f"{meter}: gain", "B", abs(read.mean_a) * known.gain_u, None, f"{meter}.gain"))
+            lines.append(BudgetLine(f"{meter}: offset", "B", known.offset_u_a, None, f"{meter}.offset"))
+        name = f"mean by the ammeter; the source says {MA_PER_A * told_a:.7g} mA"
+        yield self._of_level("current", name, level, read.mean_a, "A", lines)
+        relative = [line.times(1 / abs(told_a)) for line in lines]
+        name = "of the ammeter from what the source says, corrected by its certificate"
+        yield self._of_level("current/deviation", name, level, read.mean_a / told_a - 1, "1", relative)
+
+    def flags_of_currents(self) -> Iterator[str]:
+        """Levels that the ammeter has not read, and those at which source and ammeter contradict their certificates."""
+        certified = [self.data.bench.sources.get(role) for role in (self.unit.source, self.unit.ammeter)]
+        for level in self.levels:
+            read = level.data.metered
+            if read is None or not level.data.level.said_a:
+                continue
+            if not read.is_enough:
+                yield f"{level.name}:ammeter_missing"
+            elif all(certified):
+                said_a = level.data.level.said_a
+                u_a = np.linalg.norm([read.mean_u_a, *(known.u_a(said_a) for known in certified if known is not None)])
+                if abs(read.mean_a - said_a) > BEYOND_U * u_a:
+                    yield f"{level.name}:source_and_ammeter_differ"
+
+    # Nothing fed
+
+    def _zero(self) -> Iterator[Finding]:
+        points = [point for point in self.zero_points if not point.problems]
+        if not points or not np.isfinite(self._zero_a):
+            return
+        at = {"run": ZERO}
+        first, last = points[0], points[-1]
+        offset_pps = self._pps_per_a * self._source_offset_u_a
+        fed_pps = self._pps_per_a * self._zero_a
+        lines = [
+            *self._point_lines(first),
+            *(() if self.unit.is_counted else self._instrument_lines(first.rate_pps)),
+            BudgetLine(f"{self.standard}: offset", "B", offset_pps, None, f"{self.standard}.offset"),
+        ]
+        unit = self.unit.output_unit
+        name = f"{self.output} with the source at 0 A"
+        yield self.finding("zero", name, at, first.rate_pps - fed_pps, unit, lines, (first.step,))
+        if last is not first:
+            hours = (last.middle_s - first.middle_s) / HOUR_S
+            name = f"change of the {self.output} at 0 A within {hours:.1f} h"
+            lines = self._point_lines(first, last)
+            change = last.rate_pps - first.rate_pps
+            yield self.finding("zero/drift", name, at, change, unit, lines, (first.step, last.step))
+
+    @property
+    def zero_points(self) -> Sequence[Point]:
+        """The points at which the source was set to nothing."""
+        level = self._zero_level
+        return level.points if level is not None else ()
+
+    @property
+    def _zero_a(self) -> float:
+        """What the source gives by its certificate when it is set to nothing."""
+        return self._zero_level.level.current_a if self._zero_level is not None else 0.0
+
+    @property
+    def _zero_level(self) -> LevelData | None:
+        sources = (each for each in self.found.values() if each.level.kind == "source")
+        return next((each for each in sources if each.level.told_g == 0), None)
+
+    def _point_lines(self, *points: Point) -> list[BudgetLine]:
+        """What points alone tell of their uncertainty, or of that of their difference."""
+        alone = float(np.linalg.norm([each.alone_u_pps for each in points]))
+        steps = float(np.linalg.norm([each.step_u_pps for each in points]))
+        if self.unit.is_counted:
+            return [BudgetLine(resolution_of(self.unit), "B", alone)]
+        return [BudgetLine(SCATTER, "A", alone), BudgetLine(resolution_of(self.unit), "B", steps)]
+
+    @property
+    def _pps_per_a(self) -> float:
+        """The scale of the converter, by what it made of a current."""
+        found = [abs(level.run.rate_pps / level.data.level.current_a) for level in self.levels if level.is_source]
+        found = [each for each in found if np.isfinite(each)]
+        return float(np.median(found)) if found else 0.0
+
+    # Forms
+
+    @property
+    def output(self) -> str:
+        """What people call the output."""
+        return "rate" if self.unit.is_counted else "output"
+
+    @property
+    def reference_c(self) -> float:
+        """The temperature of the converter at which rates are told."""
+        return float(self.settings["reference_temperature_c"])
+
+    @property
+    def _thermometer(self) -> tuple[float, float]:
+        """Offset in °C and gain of the thermometer at the converter, as standard uncertainties."""
+        return self.data.bench.thermometer_u(self.unit.converter)
+
+    @property
+    def _source_offset_u_a(self) -> float:
+        return self.certificate.offset_u_a if self.certificate is not None else 0.0
+
+    @property
+    def standard(self) -> str:
+        """Who says what the current is: the source, or the ammeter in its cable."""
+        return standard_of(self.unit, self.settings)
+
+    @property
+    def certificate(self) -> SourceRecord | None:
+        """That of the standard."""
+        return self.data.bench.sources.get(self.standard)
+
+    def id_of(self, quantity: str) -> str:
+        """The beginning of the id of a result."""
+        return self.data.subject(self.unit).id(quantity)
+
+    def _of_level(
+        self,
+        quantity: str,
+        name: str,
+        level: Level,
+        value: float,
+        unit: str,
+        lines: Sequence[BudgetLine],
+        steps: tuple[str, ...] = (),
+    ) -> Finding:
+        fed = level.data.level
+        at = {"run": level.name, "level_g": fed.level_g, **({"current_a": fed.current_a} if level.is_source else {})}
+        return self.finding(quantity, name, at, value, unit, lines, steps or level.data.steps)
+
+    def finding(
+        self,
+        quantity: str,
+        name: str,
+        at: Mapping[str, Any],
+        value: float,
+        unit: str,
+        lines: Sequence[BudgetLine],
+        steps: tuple[str, ...],
+        flags: tuple[str, ...] = (),
+    ) -> Finding:
+        """One finding; what its budget holds in excess is left out."""
+        where = f"@{at['run']}" if "run" in at else ""
+        return self.data.subject(self.unit).finding(quantity, name, value, unit, lines, at, steps, where, flags)

@@ -1,0 +1,233 @@
+"""From the acquisitions of a run to input levels: for each what was read on ramps, and the points at rest around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from bench.methods.channel.reduction.line import ChannelRecord
+from bench.methods.channel.reduction.means import Means, joined, means_of
+from bench.methods.channel.reduction.transfer_meter import Metered, believes_meter, metered
+from bench.metrology.acquisition import Acquisition, Array, Counts
+from bench.metrology.orientation import specific_force_g
+from bench.metrology.outputs import mean_output, means_between, measured
+from bench.metrology.pulse_counts import mean_rate, shifted_counts
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+LEVEL_DIGITS_G = 3  # levels closer to each other are one level
+SKEW_G = 0.577  # of three axes alike about the vertical, 1/√3
+SAME_CLOCK = 0.5  # of the time between two latches, that device and host may differ by
+
+
+@dataclass(frozen=True, slots=True)
+class InputLevel:
+    """What a channel is fed with: gravity along its input axis, or a current; in g of a nominal unit.
+
+    `current_a` is not-a-number for gravity. `told_g` is what the source told where its certificate corrects that: the
+    level is called by it. `said_a` is what the source says, corrected, also where an ammeter is believed
+    instead; 0 of gravity.
+    """
+
+    kind: Literal["gravity", "source"]
+    level_g: float
+    current_a: float = float("nan")
+    told_g: float | None = None
+    said_a: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """As methods.md calls it: up_1g, skew, src_12g."""
+        level_g = round(self.level_g if self.told_g is None else self.told_g, LEVEL_DIGITS_G) + 0.0
+        if self.kind == "source":
+            return f"src_{level_g:g}g"
+        usual = {1.0: "up_1g", -1.0: "down_1g", SKEW_G: "skew"}
+        return usual.get(level_g, f"gravity_{level_g:g}g")
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A mean output at rest; `problems` are those of `mean_output`. Temperatures are means, NaN without a reading.
+
+    `alone_u_pps` is what it alone tells of its standard uncertainty, `step_u_pps` what steps of codes hide from it.
+    """
+
+    step: str
+    middle_s: float
+    span_s: float
+    rate_pps: float
+    converter_c: float
+    problems: tuple[str, ...]
+    alone_u_pps: float
+    step_u_pps: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class LevelData:
+    """One input level of one unit: what was read on its ramps, and the points at rest in the order of the run.
+
+    `steps` are the acquisitions on ramps. `metered` is what an ammeter read meanwhile, on the ramps where there are
+    any; None of gravity, and without one.
+    """
+
+    level: InputLevel
+    record: ChannelRecord | Means
+    points: tuple[Point, ...]
+    steps: tuple[str, ...]
+    metered: Metered | None = None
+
+
+def levels_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> dict[str, LevelData]:
+    """The input levels of a unit by name, in the order of the run.
+
+    An acquisition in which the chamber's set point moves is a ramp, another one a point. `settings` are those of the
+    method; where they believe the ammeter a level is what that read, and its points are told for this current.
+    """
+    grouped: dict[str, list[tuple[InputLevel, Acquisition]]] = {}
+    for acquisition in data.acquisitions:
+        level = input_level(data, unit, acquisition)
+        grouped.setdefault(level.name, []).append((level, acquisition))
+    gate_s = settings["gate_s"]
+    levels = {name: _level_data(unit, members, gate_s) for name, members in grouped.items()}
+    if not believes_meter(unit, settings):
+        return levels
+    return {name: _as_metered(level, grouped[name], unit) for name, level in levels.items()}
+
+
+def _as_metered(level: LevelData, members: list[tuple[InputLevel, Acquisition]], unit: UnitUnderTest) -> LevelData:
+    """A level as the ammeter has it, where it read one; the output at its points is brought to the ramps' current."""
+    if level.metered is None:
+        return level
+    fed_a = level.metered.mean_a
+    by_step = {acquisition.step: metered([acquisition], unit).mean_a for _, acquisition in members}
+    points = tuple(
+        replace(point, rate_pps=point.rate_pps * fed_a / by_step[point.step]) if level.level.told_g else point
+        for point in level.points
+    )
+    return replace(
+        level, level=replace(level.level, level_g=fed_a / unit.scale_a_per_g, current_a=fed_a), points=points
+    )
+
+
+def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) -> InputLevel:
+    """What fed a unit's converter during an acquisition."""
+    if acquisition.input == "source":
+        current_a = acquisition.sources_a.get(unit.source, 0.0)
+        told_a = acquisition.sources_told_a.get(unit.source, current_a)
+        return InputLevel("source", current_a / unit.scale_a_per_g, current_a, told_a / unit.scale_a_per_g, current_a)
+    return InputLevel("gravity", float(specific_force_g(acquisition, unit, data.bench)[0]))
+
+
+def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]], gate_s: float) -> LevelData:
+    ramps = [acquisition for _, acquisition in members if is_ramp(acquisition)]
+    return LevelData(
+        level=members[0][0],
+        record=_record(ramps, unit, gate_s),
+        points=tuple(_point(acquisition, unit) for _, acquisition in members if not is_ramp(acquisition)),
+        steps=tuple(acquisition.step for acquisition in ramps),
+        metered=_metered(unit, members),
+    )
+
+
+def _metered(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]]) -> Metered | None:
+    if members[0][0].kind != "source" or not unit.ammeter:
+        return None
+    ramps = [acquisition for _, acquisition in members if is_ramp(acquisition)]
+    return metered(ramps or [acquisition for _, acquisition in members], unit)
+
+
+def is_ramp(acquisition: Acquisition) -> bool:
+    """Whether the chamber's set point moved meanwhile."""
+    return acquisition.set_c != acquisition.set_from_c and np.isfinite(acquisition.set_from_c)
+
+
+def _record(ramps: Sequence[Acquisition], unit: UnitUnderTest, gate_s: float) -> ChannelRecord | Means:
+    if unit.is_counted:
+        return _joined([read_out(acquisition, unit, gate_s) for acquisition in ramps])
+    return joined([read_means(acquisition, unit, gate_s) for acquisition in ramps])
+
+
+def read_means(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> Means:
+    """Mean volts or codes over every `gate_s`, with the means of both temperatures."""
+    found = measured(acquisition, unit)
+    if isinstance(found, Counts):
+        raise TypeError("counts are read out")
+    edges_s = np.arange(acquisition.begin_s + gate_s / 2, acquisition.end_s - gate_s / 2, gate_s)
+    converter_c, accelerometer_c = (
+        _means_between(acquisition, reading, edges_s) for reading in (unit.converter, unit.temperature)
+    )
+    return means_of(found, edges_s, converter_c, accelerometer_c)
+
+
+def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> ChannelRecord:
+    """Counters and temperatures every `gate_s`, each temperature the mean over the gate around its read-out.
+
+    The times are those of the device's clock, put where the host's was when the first latch came.
+    """
+    counts = acquisition.counts[unit.channel]
+    due_s = np.arange(acquisition.begin_s + gate_s / 2, acquisition.end_s - gate_s / 2, gate_s)
+    latches = np.searchsorted(counts.host_s, due_s)
+    latches = np.unique(latches[latches < len(counts.host_s)])
+    at_s, device_s = counts.host_s[latches], _device_s(counts)
+    positive, negative = shifted_counts(counts, device_s)
+    return ChannelRecord(
+        time_s=device_s[latches],
+        positive=positive[latches].astype(np.float64),
+        negative=negative[latches].astype(np.float64),
+        converter_c=_means_around(acquisition, unit.converter, at_s, gate_s),
+        accelerometer_c=_means_around(acquisition, unit.temperature, at_s, gate_s),
+    )
+
+
+def _device_s(counts: Counts) -> Array:
+    """The device's time of every latch (n,); where the device began anew, the host's goes on."""
+    if len(counts.host_s) < 2:
+        return counts.host_s
+    host_s = np.diff(counts.host_s)
+    steps_s = np.diff(counts.tick) % (1 << counts.tick_bits) * counts.tick_period_s
+    begun_anew = np.abs(steps_s - host_s) > SAME_CLOCK * np.maximum(host_s, float(np.median(steps_s)))
+    elapsed_s = np.cumsum(np.where(begun_anew, host_s, steps_s))
+    return np.concatenate(([0.0], elapsed_s)) + float(counts.host_s[0])
+
+
+def _means_around(acquisition: Acquisition, reading: str, at_s: Array, gate_s: float) -> Array:
+    if len(at_s) < 2:
+        return np.full(len(at_s), np.nan)
+    edges_s = np.concatenate(([at_s[0] - gate_s / 2], (at_s[1:] + at_s[:-1]) / 2, [at_s[-1] + gate_s / 2]))
+    return _means_between(acquisition, reading, edges_s)
+
+
+def _means_between(acquisition: Acquisition, reading: str, edges_s: Array) -> Array:
+    if reading not in acquisition.temperatures_c:
+        return np.full(max(len(edges_s) - 1, 0), np.nan)
+    return means_between(acquisition.temperatures_at_s[reading], acquisition.temperatures_c[reading], edges_s)
+
+
+def _joined(records: Iterable[ChannelRecord]) -> ChannelRecord:
+    parts = [_columns(record) for record in records]
+    return ChannelRecord(**{name: np.concatenate([np.zeros(0), *(part[name] for part in parts)]) for name in _COLUMNS})
+
+
+_COLUMNS = ("time_s", "positive", "negative", "converter_c", "accelerometer_c")
+
+
+def _columns(record: ChannelRecord) -> Mapping[str, Array]:
+    return {name: getattr(record, name) for name in _COLUMNS}
+
+
+def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:
+    found, output = measured(acquisition, unit), mean_output(acquisition, unit)
+    span_s = mean_rate(found).span_s if isinstance(found, Counts) else acquisition.end_s - acquisition.begin_s
+    temperatures_c = acquisition.temperatures_c.get(unit.converter, np.zeros(0))
+    return Point(
+        step=acquisition.step,
+        middle_s=(acquisition.begin_s + acquisition.end_s) / 2,
+        span_s=span_s,
+        rate_pps=output.value,
+        converter_c=float(np.nanmean(temperatures_c)) if np.isfinite(temperatures_c).any() else float("nan"),
+        problems=output.problems,
+        alone_u_pps=output.alone_u,
+        step_u_pps=output.step_u,
+    )

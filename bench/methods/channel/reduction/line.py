@@ -1,0 +1,301 @@
+"""One run of an accelerometer channel over temperature: its pulse rate and how it drifts (methods.md 2.5 and 2.7).
+
+Two consecutive readings of the counters make a gate: a mean rate at a mean temperature of the converter. A straight
+line goes through the gates of a run. Where a converter makes volts or codes their mean stands in place of the rate, and
+what the arithmetic calls pps is in V or codes.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.metrology.gates import Gates
+from bench.metrology.least_squares import (
+    EXCESSIVE_OUTLIERS,
+    OUTLIER_SIGMAS,
+    Array,
+    NotDetermined,
+    PolynomialFit,
+    fit_polynomial,
+    reject_outliers,
+)
+from bench.metrology.pulse_counts import LEAST_SHARE, STANDSTILL_PERIODS
+from bench.metrology.temperature_checks import broken_on_a_ramp, rates_c_per_s
+
+NARROW, FAST, INVALID = "insufficient_temperature_span", "ramp_too_fast", "invalid"
+RAMP_SLACK = 1.02  # of the ramp's limit
+LEAST_GATES = 3  # fewer leave no scatter to take an uncertainty from
+ABORT_SHARE = 0.1  # of a run without its accelerometer at temperature should have ended it
+RAMP_PARTS = 10  # of a run, over which its temperature is looked at for the rate
+UNKNOWN = (np.nan, np.nan)
+LARGEST_READING = 2.0**53  # a double beyond is not exact to the count, and no time
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelRecord:
+    """One row per reading of one run in any order, all arrays (n,); a missing number is NaN.
+
+    `positive` and `negative` are cumulative counts, `converter_c` and `accelerometer_c` temperatures.
+    """
+
+    time_s: Array
+    positive: Array
+    negative: Array
+    converter_c: Array
+    accelerometer_c: Array
+
+    def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> ChannelRecord:
+        """A part of the record, by row numbers or by a mask."""
+        return ChannelRecord(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelRules:
+    """What is known of the channel and asked of a run.
+
+    The rate is told at `reference_c`. `accelerometer_c` is where the accelerometer's temperature is held; None where
+    none is connected, or nothing is known of it. A gate longer than `longest_gate_s` spans what was not recorded.
+    """
+
+    reference_c: float
+    counter_bits: int
+    max_rate_pps: float
+    accelerometer_c: float | None = None
+    accelerometer_tolerance_c: float = 0.2
+    max_ramp_c_per_h: float = 30.0
+    min_span_c: float = 5.0
+    outlier_sigmas: float = OUTLIER_SIGMAS
+    longest_gate_s: float = np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelRun:
+    """The line D = rate + slope (T - reference), with standard uncertainties of type A; NaN is what is not known.
+
+    `dof_slope` are the degrees of freedom of that of the slope, None for unlimited.
+    `span_c` is that of the gates used; `ramp_c_per_h` is negative in a run that mostly cools. `excluded` counts
+    readings (missing, fractional_count, beyond_counter, duplicate, thermometer) and gates by reason. Flags:
+    insufficient_temperature_span, ramp_too_fast, and invalid when too little is left of the run; `notes` tell what has
+    no flag. `gates` are those used, in the order of time.
+    """
+
+    rate_pps: float
+    u_rate_pps: float
+    slope_pps_per_c: float
+    u_slope_pps_per_c: float
+    residual_rms_pps: float
+    gates_used: int
+    span_c: float
+    ramp_c_per_h: float
+    flags: tuple[str, ...]
+    notes: tuple[str, ...]
+    excluded: dict[str, int]
+    gates: Gates = field(compare=False, repr=False)
+    dof_slope: int | None = None
+
+    @property
+    def relative_slope_per_c(self) -> float:
+        """Slope over rate; NaN without a rate."""
+        return self.slope_pps_per_c / self.rate_pps if self.rate_pps else np.nan
+
+    @property
+    def u_relative_slope_per_c(self) -> float:
+        """Standard uncertainty of the relative slope; that of the rate does not matter beside that of the slope."""
+        return self.u_slope_pps_per_c / abs(self.rate_pps) if self.rate_pps else np.nan
+
+    @property
+    def valid(self) -> bool:
+        """Whether the run may decide anything; one that was heated too fast may."""
+        return not {NARROW, INVALID} & set(self.flags)
+
+
+class ConverterRamp(NamedTuple):
+    """The rate at which the converter's temperature usually changed, negative where it mostly fell, NaN without one.
+
+    And the faster one of those at which it rose and fell.
+    """
+
+    usual_c_per_h: float
+    fastest_c_per_h: float
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of absurd numbers come such that none of the rules lets pass
+def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
+    """The pulse rate of one run as a straight line over the converter's temperature.
+
+    A reading that cannot be used is passed over, and the gate reaches from the one before it to the one after it. Of
+    readings of one time the first that can be used counts. Nothing is raised: what the readings do not tell is NaN.
+    """
+    excluded: Counter[str] = Counter()
+    readings, scheduled = _good_readings(record, rules, excluded)
+    gates = _good_gates(_gates(readings, rules.counter_bits), rules, excluded)
+    return run_through(gates, rules, excluded, scheduled, ramp_of(readings.time_s, readings.converter_c))
+
+
+def run_through(
+    gates: Gates, rules: ChannelRules, excluded: Counter[str], scheduled: int, ramp: ConverterRamp
+) -> ChannelRun:
+    """The line through good gates, of which so many were scheduled; what was left out is counted by reason."""
+    line, kept = _line(gates.converter_c - rules.reference_c, gates, rules.outlier_sigmas)
+    excluded["outlier"] = int(np.sum(~kept))
+    used, temperature_c = int(np.sum(kept)), gates.converter_c[kept]
+    span_c = float(np.ptp(temperature_c)) if used else np.nan
+    shortage = _shortage(used, scheduled, excluded["outlier"])
+    raised = {
+        NARROW: span_c < rules.min_span_c,
+        FAST: ramp.fastest_c_per_h > RAMP_SLACK * rules.max_ramp_c_per_h,
+        INVALID: bool(shortage),
+    }
+    rate_pps, slope_pps_per_c = map(float, line.powers) if line else UNKNOWN
+    u_rate_pps, u_slope_pps_per_c = map(float, line.u_powers) if line else UNKNOWN
+    return ChannelRun(
+        rate_pps=rate_pps,
+        u_rate_pps=u_rate_pps,
+        slope_pps_per_c=slope_pps_per_c,
+        u_slope_pps_per_c=u_slope_pps_per_c,
+        residual_rms_pps=float(np.sqrt(np.mean(line.residuals**2))) if line else np.nan,
+        gates_used=used,
+        span_c=span_c,
+        ramp_c_per_h=ramp.usual_c_per_h,
+        flags=tuple(flag for flag, is_raised in raised.items() if is_raised),
+        notes=(*shortage, *_thermostat_notes(excluded["accelerometer_temperature"], scheduled)),
+        excluded=dict(excluded),
+        gates=gates.rows(kept),
+        dof_slope=max(used - 2, 1),
+    )
+
+
+def _good_readings(record: ChannelRecord, rules: ChannelRules, excluded: Counter[str]) -> tuple[ChannelRecord, int]:
+    """The readings that can be used in the order of time, and how many gates all readings would have made."""
+    held = np.zeros_like(record.time_s) if rules.accelerometer_c is None else record.accelerometer_c
+    needed = np.stack([record.time_s, record.positive, record.negative, record.converter_c, held])
+    present = np.isfinite(needed).all(axis=0) & (np.abs(record.time_s) <= LARGEST_READING)
+    fractional, beyond = no_counts(record, rules.counter_bits)
+    readable = present & ~fractional & ~beyond
+    order = np.lexsort((~readable, record.time_s))
+    order = order[np.isfinite(record.time_s[order])]
+    order = np.delete(order, np.flatnonzero(np.diff(record.time_s[order]) == 0) + 1)
+    excluded["missing"] = int(np.sum(~present))
+    excluded["fractional_count"] = int(np.sum(present & fractional))
+    excluded["beyond_counter"] = int(np.sum(present & beyond & ~fractional))
+    excluded["duplicate"] = int(np.sum(readable)) - int(np.sum(readable[order]))
+    readings = record.rows(order[readable[order]])
+    broken = broken_on_a_ramp(readings.time_s, readings.converter_c)
+    excluded["thermometer"] = int(np.sum(broken))
+    return readings.rows(~broken), max(len(order) - 1, 0)
+
+
+def no_counts(record: ChannelRecord, counter_bits: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which rows (n,) have a number that no counter shows: one with a fraction, one that its bits do not hold."""
+    counts = np.stack([record.positive, record.negative])
+    fractional = np.isfinite(counts) & (counts != np.round(counts))
+    beyond = (counts < 0) | (counts >= min(2.0**counter_bits, LARGEST_READING))
+    return np.any(fractional, axis=0), np.any(beyond, axis=0)
+
+
+def _gates(readings: ChannelRecord, counter_bits: int) -> Gates:
+    """The gates between readings; counters that wrap are taken modulo their size."""
+
+    def middle(column: Array) -> Array:
+        return column[1:] / 2 + column[:-1] / 2
+
+    return Gates(
+        time_s=middle(readings.time_s),
+        seconds=np.diff(readings.time_s),
+        positive=np.diff(readings.positive) % 2.0**counter_bits,
+        negative=np.diff(readings.negative) % 2.0**counter_bits,
+        converter_c=middle(readings.converter_c),
+        accelerometer_c=middle(readings.accelerometer_c),
+    )
+
+
+def _good_gates(gates: Gates, rules: ChannelRules, excluded: Counter[str]) -> Gates:
+    """The gates that can be used; the others are counted under the first reason that holds (methods.md 1.7)."""
+    possible = gates.seconds * rules.max_rate_pps
+    pulses = np.maximum(gates.positive, gates.negative)
+    reasons = {
+        "gap": gates.seconds > rules.longest_gate_s,
+        "ambiguous_gap": possible >= 2.0**rules.counter_bits,
+        "too_short": possible <= 1,  # not long enough for a pulse
+        "impossible_rate": pulses > possible + 1,
+        "saturated": pulses >= possible - 1,
+        "stuck": _stuck(gates),
+        "accelerometer_temperature": away_from_thermostat(gates, rules),
+    }
+    good = np.ones(len(gates.seconds), dtype=np.bool_)
+    if np.isinf(rules.longest_gate_s):
+        del reasons["gap"]
+    for reason, bad in reasons.items():
+        excluded[reason] = int(np.sum(good & bad))
+        good &= ~bad
+    return gates.rows(good)
+
+
+def _stuck(gates: Gates) -> NDArray[np.bool_]:
+    """Whether no line pulsed for five times the usual period; all gates of a run in which none ever did."""
+    both = gates.positive + gates.negative
+    pulsing = both > 0
+    usual_pps = float(np.median(both[pulsing] / gates.seconds[pulsing])) if pulsing.any() else np.inf
+    return ~pulsing & (gates.seconds * usual_pps > STANDSTILL_PERIODS)
+
+
+def away_from_thermostat(gates: Gates, rules: ChannelRules) -> NDArray[np.bool_]:
+    """Whether the accelerometer was not at its temperature."""
+    if rules.accelerometer_c is None:
+        return np.zeros(len(gates.seconds), dtype=np.bool_)
+    rounding_c = 1e-9  # so that 65.2 is within 0.2 of 65
+    return np.abs(gates.accelerometer_c - rules.accelerometer_c) > rules.accelerometer_tolerance_c + rounding_c
+
+
+def _line(away_c: Array, gates: Gates, sigmas: float) -> tuple[PolynomialFit | None, NDArray[np.bool_]]:
+    """The straight line over `away_c` through the gates that are no outliers, and which those are.
+
+    None without two temperatures.
+    """
+    kept = np.ones(len(away_c), dtype=np.bool_)
+    if len(kept) < 2:
+        return None, kept
+    design = np.stack([np.ones_like(away_c), away_c - np.mean(away_c)], axis=-1)
+    try:
+        kept = reject_outliers(design, gates.rate_pps, sigmas=sigmas, resolution=gates.resolution_pps).kept
+        return fit_polynomial(away_c[kept], gates.rate_pps[kept], 1), kept
+    except NotDetermined:
+        return None, kept
+
+
+def ramp_of(time_s: Array, temperature_c: Array) -> ConverterRamp:
+    """How fast the temperature of a run went, by the lines through stretches of a tenth of it.
+
+    Medians pass over soaks at the ends, and over the turn of a run that goes up and down again.
+    """
+    reach = max(len(time_s) // RAMP_PARTS, 1)
+    if len(time_s) <= reach:
+        return ConverterRamp(*UNKNOWN)
+    every = max(reach // RAMP_PARTS, 1)
+    rate_c_per_h = rates_c_per_s(time_s, temperature_c, reach + 1, every) * 3600.0
+    pace_c_per_h, falls = np.abs(rate_c_per_h), rate_c_per_h < 0
+    usual = float(np.median(pace_c_per_h))
+    fastest = max(float(np.median(pace_c_per_h[way])) for way in (falls, ~falls) if way.any())
+    return ConverterRamp(-usual if np.mean(falls) > 0.5 else usual, fastest)
+
+
+def _shortage(used: int, scheduled: int, outliers: int) -> tuple[str, ...]:
+    """Why the run is invalid for what was left out of it (methods.md 1.8, 1.10), in words; empty if it is not."""
+    if used < LEAST_GATES:
+        return (f"only {used} of {scheduled} gates could be used",)
+    if used < LEAST_SHARE * scheduled:
+        return (f"fewer than half of its gates could be used, {used} of {scheduled}",)
+    if outliers > EXCESSIVE_OUTLIERS * (used + outliers):
+        return (f"too many outliers, {outliers} of {used + outliers} gates",)
+    return ()
+
+
+def _thermostat_notes(away: int, scheduled: int) -> tuple[str, ...]:
+    if away <= ABORT_SHARE * scheduled:
+        return ()
+    return (f"the accelerometer was not at its temperature in {away} of {scheduled} gates; that should end a run",)

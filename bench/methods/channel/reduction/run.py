@@ -1,0 +1,168 @@
+"""Method M0 on line: a channel over the temperature of its converter at several input levels (methods.md section 2).
+
+Every level has a line of its own, D = D_ref + k (T - T_ref). Levels are compared with each other where a run has more
+than one; the slopes of all of them together tell the converter's two temperature coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.methods.channel.reduction.accelerometer import own_drift, with_own_drift
+from bench.methods.channel.reduction.across_levels import ChannelConclusions
+from bench.methods.channel.reduction.compared_levels import (
+    GRAVITY_REFERENCE,
+    Compared,
+    Level,
+    compared_levels,
+    drift_of_channel,
+    has_drifted,
+    lines_of_levels,
+)
+from bench.methods.channel.reduction.decision import ChannelDrift, out_of_proportion
+from bench.methods.channel.reduction.findings import ChannelFindings
+from bench.methods.channel.reduction.levels import levels_of
+from bench.methods.channel.reduction.line import ABORT_SHARE
+from bench.metrology.results.finding import NOT_CLOSED, Finding, UnitResult
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.unlike_nominal import flags_of_scale
+
+LEFT_OUT = (
+    "missing", "thermometer", "impossible_rate", "saturated", "stuck", "outlier", "ambiguous_gap",
+    "accelerometer_temperature", "too_few_voltages", "too_few_codes", "irregular_clock",
+)  # fmt: skip
+ZERO_SHARE = 0.01  # of the rate at 1 g, that a channel fed with nothing may have
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelDetail:
+    """What a report draws: the levels in the order of the run, and how they compare; `span_s` is that of the run."""
+
+    levels: tuple[Level, ...]
+    compared: tuple[Compared, ...]
+    reference_c: float
+    threshold: float
+    basis: str
+    output_unit: str
+    span_s: tuple[float, float] = (0.0, 0.0)
+
+
+def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """The findings and models of every unit; `settings` are those of the method's description."""
+    return [_reduced(data, unit, settings) for unit in data.units]
+
+
+def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    found = levels_of(data, unit, settings)
+    as_stated = lines_of_levels(data, unit, found, settings)
+    by_name = with_own_drift(as_stated, settings["accelerometer_drift_u"])
+    levels, compared = tuple(by_name.values()), tuple(compared_levels(by_name, settings))
+    drift = drift_of_channel(levels)
+    of_levels = ChannelFindings(data, unit, settings, found, levels)
+    conclusions = ChannelConclusions(of_levels, compared, drift)
+    left_out = [level.name for level in levels if not level.run.valid or _lost_its_thermostat(level)]
+    left_out += [each.level.name for each in compared if each.comparison.decision == "invalid"]
+    return UnitResult(
+        place=unit.place,
+        uut=unit.serial,
+        findings=tuple(_with_drift((*of_levels.findings(), *conclusions.findings()), levels, settings["drift_limit"])),
+        models=tuple(conclusions.models()),
+        compensations=tuple(conclusions.compensations()),
+        left_out=tuple(dict.fromkeys(left_out)),
+        flags=(
+            *(flag for level in levels for flag in _flags_of_level(level, settings)),
+            *(flag for each in compared for flag in _flags_of_comparison(each, settings)),
+            *_flags_of_channel(of_levels, drift),
+            *_flags_of_accelerometer(as_stated, settings["accelerometer_drift_u"]),
+            *_flags_of_zero(of_levels),
+        ),
+        detail=ChannelDetail(
+            levels,
+            compared,
+            settings["reference_temperature_c"],
+            settings["threshold"],
+            settings["compare_basis"],
+            unit.output_unit,
+            data.span_s,
+        ),
+    )
+
+
+def _with_drift(findings: Sequence[Finding], levels: Sequence[Level], limit: float) -> Iterator[Finding]:
+    """The findings; those of a level whose input drifted beyond its limit, and of all levels together, are marked."""
+    drifted = {level.name for level in levels if has_drifted(level, limit)}
+    for finding in findings:
+        of = {finding.at["run"], finding.at.get("reference")} if "run" in finding.at else drifted
+        yield finding if drifted.isdisjoint(of) else finding.flagged(NOT_CLOSED)
+
+
+def _lost_its_thermostat(level: Level) -> bool:
+    """Whether the accelerometer was away from its temperature for so much of the run that this should have ended."""
+    away = level.run.excluded.get("accelerometer_temperature", 0)
+    return away > ABORT_SHARE * (away + level.run.gates_used)
+
+
+def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[str]:
+    name, excluded = level.name, level.run.excluded
+    yield from (f"{name}:{flag}" for flag in level.run.flags)
+    yield from (f"{name}: {note}" for note in level.run.notes)
+    for reason in LEFT_OUT:
+        if excluded.get(reason):
+            yield f"{name}: {excluded[reason]} samples: {reason}"
+    for point in level.data.points:
+        yield from (f"{point.step}: {problem}" for problem in point.problems)
+    if has_drifted(level, settings["drift_limit"]):
+        yield f"{name}:input_drifted"
+    if level.drift is None:
+        yield f"{name}:no_points"
+
+
+def _flags_of_comparison(compared: Compared, settings: Mapping[str, Any]) -> Iterator[str]:
+    """Why there is no decision, and why a slope deviates where the other basis finds that it does not."""
+    name, found, threshold = compared.level.name, compared.comparison, settings["threshold"]
+    yield from (f"{name}: {remark}" for remark in found.remarks)
+    if found.decision == "invalid":
+        return
+    raw, normalised = found.raw.value <= threshold, found.normalised.value <= threshold
+    if settings["compare_basis"] == "raw" and normalised and not raw:
+        yield f"{name}:slope_follows_level"
+    elif settings["compare_basis"] == "normalised" and raw and not normalised:
+        yield f"{name}:slope_same_at_all_levels"
+
+
+def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) -> Iterator[str]:
+    levels = of_levels.levels
+    if not of_levels.unit.converter:
+        yield "converter:no_thermometer"
+    if any(level.is_source for level in levels) and of_levels.certificate is None:
+        yield f"{of_levels.standard}:not_certified"
+    yield from of_levels.flags_of_currents()
+    odd = out_of_proportion(
+        np.array([level.data.level.level_g for level in levels]), np.array([level.run.rate_pps for level in levels])
+    )
+    yield from (f"{level.name}:out_of_proportion" for level, is_odd in zip(levels, odd, strict=True) if is_odd)
+    if drift is not None and drift.misfit:
+        yield "channel:drift_not_linear"
+    by_gravity = [level for level in levels if not level.is_source and level.data.level.level_g]
+    for level in by_gravity[:1]:
+        yield from flags_of_scale(level.run.rate_pps / level.data.level.level_g, 0.0, of_levels.unit)
+
+
+def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Iterator[str]:
+    """That the data contradict what is stated of the accelerometer's own drift with temperature."""
+    drift = own_drift(levels)
+    if drift is not None and drift.beyond(stated_u):
+        yield f"{GRAVITY_REFERENCE}:accelerometer_drift"
+
+
+def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[str]:
+    """Points at which the source gave nothing, and the channel counted as if something fed it."""
+    per_g = [abs(each.run.rate_pps / each.data.level.level_g) for each in of_levels.levels if each.is_source]
+    for point in of_levels.zero_points:
+        yield from (f"{point.step}: {problem}" for problem in point.problems)
+        if per_g and abs(point.rate_pps) > ZERO_SHARE * min(per_g):
+            yield f"{point.step}: not_zero"

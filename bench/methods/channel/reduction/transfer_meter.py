@@ -1,0 +1,92 @@
+"""What an ammeter in the cable of a source tells of the current that a channel was fed with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.methods.channel.reduction.line import INVALID, ChannelRun
+from bench.metrology.acquisition import Acquisition
+from bench.metrology.gates import Gates
+from bench.metrology.least_squares import Array
+from bench.metrology.run_data import UnitUnderTest
+
+FEWEST_READINGS = 3  # below, nothing is known of their scatter beside a line
+
+
+def believes_meter(unit: UnitUnderTest, settings: Mapping[str, Any]) -> bool:
+    """Whether a reduction goes by what the ammeter reads, and not by what the source tells."""
+    return bool(unit.ammeter) and settings.get("current_from", "source") == "meter"
+
+
+def standard_of(unit: UnitUnderTest, settings: Mapping[str, Any]) -> str:
+    """Whose certificate says how well the current is known: that of the ammeter, or of the source."""
+    return unit.ammeter if believes_meter(unit, settings) else unit.source
+
+
+@dataclass(frozen=True, slots=True)
+class Metered:
+    """What an ammeter read while a level was on, corrected by its certificate: `values_a` at `at_s`, (n,)."""
+
+    at_s: Array
+    values_a: Array
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether it tells a mean and how that scatters."""
+        return len(self.values_a) >= FEWEST_READINGS
+
+    @property
+    def mean_a(self) -> float:
+        """The mean current; NaN without readings."""
+        return float(np.mean(self.values_a)) if self.is_enough else float("nan")
+
+    @property
+    def mean_u_a(self) -> float:
+        """The standard uncertainty of the mean by the scatter of enough readings, a drift in them included."""
+        return float(np.std(self.values_a, ddof=1) / np.sqrt(len(self.values_a)))
+
+    def change_per_c(self, gates: Gates) -> tuple[float, float]:
+        """What the current changed, relative to it, with the temperature of the converter, and its u by the scatter.
+
+        That is what the source drifted during the ramp, which the channel had to follow.
+        """
+        within = (self.at_s >= gates.time_s[0]) & (self.at_s <= gates.time_s[-1])
+        if np.count_nonzero(within) < FEWEST_READINGS:
+            return float("nan"), float("nan")
+        converter_c = np.interp(self.at_s[within], gates.time_s, gates.converter_c)
+        relative = self.values_a[within] / self.mean_a - 1
+        away_c = converter_c - converter_c.mean()
+        spread_c2 = float(away_c @ away_c)
+        if not spread_c2:
+            return float("nan"), float("nan")
+        per_c = float(away_c @ relative) / spread_c2
+        left = relative - relative.mean() - per_c * away_c
+        return per_c, float(np.sqrt(left @ left / (len(left) - 2) / spread_c2))
+
+    def without_drift(self, run: ChannelRun, reference_c: float) -> ChannelRun:
+        """The line of a channel that had been fed with the mean current all the time; invalid where that is unknown."""
+        per_c = self.change_per_c(run.gates)[0] if run.gates_used else float("nan")
+        if not np.isfinite(per_c):
+            lost = float("nan")
+            flags = tuple(dict.fromkeys((*run.flags, INVALID)))
+            return replace(run, rate_pps=lost, slope_pps_per_c=lost, flags=flags)
+        followed_pps_per_c = run.rate_pps * per_c
+        away_c = reference_c - float(np.mean(run.gates.converter_c))
+        return replace(
+            run,
+            rate_pps=run.rate_pps - followed_pps_per_c * away_c,
+            slope_pps_per_c=run.slope_pps_per_c - followed_pps_per_c,
+        )
+
+
+def metered(acquisitions: Iterable[Acquisition], unit: UnitUnderTest) -> Metered:
+    """What the ammeter of a unit read during acquisitions."""
+    read = [acquisition.currents[unit.ammeter] for acquisition in acquisitions if unit.ammeter in acquisition.currents]
+    at_s, values_a = (
+        np.concatenate([np.zeros(0), *(getattr(each, name) for each in read)]) for name in ("at_s", "values_a")
+    )
+    return Metered(at_s, values_a)

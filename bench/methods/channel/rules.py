@@ -1,0 +1,111 @@
+"""Rules on channels over temperature: the source, the thermometer and the ramp of a converter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from bench.config.document import Place
+from bench.config.models import BenchFile
+from bench.sequence.measuring import Acquire
+from bench.sequence.model import ResultEntry
+from bench.sequence.plan import Plan, PlannedStep
+from bench.sequence.remarks import Found, Rule
+from bench.sequence.stimulus import Ramp
+
+if TYPE_CHECKING:
+    from bench.methods.channel.method import ChannelSettings
+
+METHOD = "channel_temperature"
+ROUNDING = 1e-9
+
+
+def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A channel over the temperature of its converter, on a bench that does not measure it."""
+    for place, _, _ in _channels(plan):
+        for name, unit in bench.places.items():
+            if unit.converter_temperature is None:
+                yield (
+                    (*place, "method"),
+                    f"the bench file names no thermometer for the converter in place '{name}'",
+                    f"Add to the bench file: places.{name}.converter_temperature: READING",
+                )
+
+
+def no_ammeter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A channel whose current an ammeter must measure, when the bench has none or the step does not read it."""
+    for place, entry, settings in _channels(plan):
+        if settings.current_from != "meter":
+            continue
+        for name, unit in bench.places.items():
+            if unit.ammeter is None:
+                yield (
+                    (*place, "settings", "current_from"),
+                    f"the bench has no ammeter in the cable of the source of place '{name}'",
+                    f"Add to the bench file: places.{name}.ammeter: DEVICE, or here current_from: source",
+                )
+            else:
+                yield from _unread(plan, entry.data, unit.ammeter, bench)
+
+
+def _unread(plan: Plan, label: str, ammeter: str, bench: BenchFile) -> Iterator[Found]:
+    for planned in plan:
+        step = planned.step
+        if isinstance(step, Acquire) and step.label == label and ammeter not in bench.acquired_from(step.role):
+            yield (
+                (*planned.place, "acquire"),
+                f"'{step.role}' alone is recorded here, without '{ammeter}', which must measure the current",
+                "Acquire an output role, which includes every instrument that measures it",
+            )
+
+
+def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A ramp of a channel that is too short for a decision, or faster than the method allows."""
+    for _, entry, settings in _channels(plan):
+        for planned, from_c in _counted_ramps(plan, entry.data):
+            step = planned.step
+            if not isinstance(step, Ramp):
+                continue
+            rate_c_per_h, span_c = 60 * step.rate_c_per_min, abs(step.temperature_c - from_c)
+            if rate_c_per_h > settings.max_ramp_c_per_h * (1 + ROUNDING):
+                yield (
+                    (*planned.place, "at"),
+                    f"{rate_c_per_h:g} °C/h is faster than {settings.max_ramp_c_per_h:g} °C/h, the setting max_ramp",
+                    "Ramp more slowly",
+                )
+            if span_c < settings.min_span_c * (1 - ROUNDING):
+                yield (
+                    (*planned.place, "to"),
+                    f"the ramp spans {span_c:g} °C; below {settings.min_span_c:g} °C, the setting min_span, "
+                    "no decision is made",
+                    f"Ramp over at least {settings.min_span_c:g} °C",
+                )
+
+
+def _channels(plan: Plan) -> Iterator[tuple[Place, ResultEntry, ChannelSettings]]:
+    """The results by this method: place, entry and settings."""
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method == METHOD:
+            from bench.methods.channel.method import ChannelSettings  # loaded if a sequence uses the method
+
+            yield ("results", index), entry, ChannelSettings.model_validate(entry.settings)
+
+
+def _counted_ramps(plan: Plan, label: str) -> Iterator[tuple[PlannedStep, float]]:
+    """The ramps during acquisitions with a label, each with the set point that it begins at."""
+    counting, set_c = "", float("nan")
+    for planned in plan:
+        step = planned.step
+        if isinstance(step, Acquire):
+            counting = planned.id if step.label == label else ""
+        if isinstance(step, Ramp):
+            if counting and planned.id.startswith(f"{counting}/"):
+                yield planned, set_c
+            set_c = step.temperature_c
+
+
+RULES = (
+    Rule("no-ammeter", "error", "a bench has the ammeter that a method uses", no_ammeter),
+    Rule("no-converter", "error", "the temperature of a channel's converter is measured", no_converter),
+    Rule("unsuited-ramp", "warning", "a ramp for a channel is long enough and slow enough", unsuited_ramp),
+)

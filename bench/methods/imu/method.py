@@ -1,0 +1,133 @@
+"""The methods for inertial units as a sequence sees them (method M2)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription
+from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
+from drivers.schema.fields import InUnit, PositiveSeconds, Ratio, StrictModel
+
+MEANING = (
+    "Each accelerometer is measured together with its converter. K0, in units of local g, contains K2 and the "
+    "converter's zero, for it is the mean over attitudes in which the axis points up and down; K1 contains K3. D0 is "
+    "the mean over the same attitudes, in which earth rate and g-sensitivity along the axis cancel. Misalignments are "
+    "those against the axes of the table, and contain how the unit sits in its fixture."
+)
+
+
+START_UP_MEANING = (
+    "The unit's output is compensated by the calibration that was released for it, at the temperature that its own "
+    "thermometers say, as its users do it. What is left of zero and scale factor is the error of the compensated unit, "
+    "with that of its calibration in it; a fit of constants and exponentials follows it from power-on."
+)
+
+
+class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
+    """Settings of the calibration of an inertial unit."""
+
+    gyro_bias_per_c_u: Annotated[float, InUnit("°/s/°C", at_least=0)] = Field(
+        1e-5, alias="gyro_bias_per_degree_u", description="the same of the bias of a gyro"
+    )
+
+    attitude_tolerance_g: Annotated[float, InUnit("g", above=0)] = Field(
+        0.05,
+        alias="attitude_tolerance",
+        description="maximum deviation of a reading from the others of its kind; beyond it the unit was in another "
+        "attitude",
+    )
+    rate_tolerance: Annotated[Ratio, InUnit("", above=0, at_most=1)] = Field(
+        0.1, description="maximum deviation of the table from the commanded rate"
+    )
+    closure_limit_g: Annotated[float, InUnit("g", above=0)] = Field(
+        100e-6,
+        alias="closure_limit",
+        description="when the bias of an accelerometer has moved further between the beginning and the end of the run, "
+        "every verdict is marginal",
+    )
+    level_limit_rad: Annotated[float, InUnit("rad", above=0)] = Field(
+        50e-6,
+        alias="level_limit",
+        description="when the base of the table has tilted further between the beginning and the end of the run, every "
+        "verdict is marginal",
+    )
+
+
+IMU_CALIBRATION = MethodDescription(
+    name="imu_calibration",
+    title="Temperature calibration of an inertial unit (method M2)",
+    target="bench.methods.imu.reduction.run:reduce",
+    settings=ImuCalibrationSettings,
+    quantities={
+        "K0": "g",
+        "K1": f"{OUTPUT}/g",
+        "K1_si": f"{OUTPUT}/(m/s²)",
+        "K2": "g/g²",
+        "misalignment": "rad",
+        "D0": "°/s",
+        "KG": f"{GYRO_OUTPUT}/(°/s)",
+        "gyro_misalignment": "rad",
+        "g_sensitivity": "°/s/g",
+        **{
+            f"{quantity}/{what}": unit
+            for quantity, unit in {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}.items()
+            for what in ("change", "interpolation", "repeatability")
+        },
+        "K0/closure": "g",
+        "level/closure": "rad",
+    },
+    counts_at="windows",
+    measures="inertial unit",
+    meaning=MEANING,
+    closes=True,
+    drawn_by="bench.methods.imu.shown:imu_plots",
+    words="bench.methods.imu.words:WORDS",
+    spans="bench.methods.imu.shown:visits",
+    offline="bench.methods.imu.offline:REDUCTIONS",
+)
+
+
+class ImuStartUpSettings(StrictModel):
+    """Settings of the start-up of a compensated inertial unit: how far off it may be, and what its courses are like."""
+
+    accelerometer_zero_g: Annotated[float, InUnit("g", above=0)] = Field(
+        30e-6, alias="accelerometer_zero", description="what may be left of the bias of an accelerometer, either way"
+    )
+    accelerometer_scale: Annotated[Ratio, InUnit("", above=0)] = Field(
+        50e-6, description="how far off the scale factor of an accelerometer may be, either way"
+    )
+    gyro_zero_dps: Annotated[float, InUnit("°/s", above=0)] = Field(
+        5e-5, alias="gyro_zero", description="what may be left of the zero of a gyro, either way"
+    )
+    gyro_scale: Annotated[Ratio, InUnit("", above=0)] = Field(
+        50e-6, description="how far off the scale factor of a gyro may be, either way"
+    )
+    time_constants_s: Annotated[tuple[PositiveSeconds, ...], Field(min_length=1, max_length=4)] = Field(
+        (300.0, 900.0, 2700.0),
+        alias="time_constants",
+        description="of the exponentials that the courses are made of; they span what warms up in the unit",
+    )
+    misalignment_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
+        1e-3, alias="misalignment", description="how far off its axis a gyro may be, for what it sees of the earth"
+    )
+
+
+IMU_START_UP = MethodDescription(
+    name="imu_start_up",
+    title="Start-up of a compensated inertial unit (method M2)",
+    target="bench.methods.imu.start_up.run:reduce",
+    settings=ImuStartUpSettings,
+    quantities={
+        f"{quantity}/{what}": unit
+        for quantity, own in {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}.items()
+        for what, unit in (("power_on", own), ("warm", own), ("settling", "s"))
+    },
+    counts_at="windows",
+    measures="inertial unit",
+    meaning=START_UP_MEANING,
+    drawn_by="bench.methods.imu.start_up.shown:start_up_plots",
+    needs_calibration=True,
+    words="bench.methods.imu.words:WORDS",
+)

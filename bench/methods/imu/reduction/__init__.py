@@ -1,0 +1,1 @@
+"""From attitudes and rates to the calibration of six channels."""

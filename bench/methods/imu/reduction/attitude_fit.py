@@ -1,0 +1,185 @@
+"""Least squares over the 24 attitudes of a set point: bias, nonlinearity, misalignment, g-sensitivity (methods.md 4.4).
+
+All channels were read in all attitudes. That separates what the eight attitudes of one axis leave together: K2 from the
+bias of an accelerometer, g-sensitivity from the zero of a gyro, and it gives the misalignments. K3 stays in K1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+
+from bench.methods.imu.reduction.attitudes import AXES, SPECIFIC_FORCE_G, earth_rate_dps
+from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
+
+Given = ParamSpec("Given")
+Fit = TypeVar("Fit")
+
+
+@dataclass(frozen=True, slots=True)
+class AccelerometerFit:
+    """N/t = K1 (K0 + f_a + m_b f_b + m_c f_c + K2 f_a²) of the channel `axis`; f in local g."""
+
+    axis: int
+    fit: LinearFit
+
+    @property
+    def k1_pps_per_g(self) -> float:
+        """Scale factor, with K3 in it."""
+        return float(self._k1)
+
+    @property
+    def k0_g(self) -> float:
+        """Bias, without K2."""
+        return float(self.fit.coefficients[0] / self._k1)
+
+    @property
+    def k2_g_per_g2(self) -> float:
+        """Second-order nonlinearity, with a converter's asymmetry in it."""
+        return float(self.fit.coefficients[4] / self._k1)
+
+    @property
+    def misalignment_rad(self) -> Array:
+        """How much of x, y and z the input axis sees beside its own: (3,), 0 for its own."""
+        return np.where(np.arange(3) == self.axis, 0.0, self.fit.coefficients[1:4] / self._k1)
+
+    @property
+    def weights(self) -> Array:
+        """What K0, K1, K2 and the misalignments x, y and z change by for a change of each reading used: (6, n)."""
+        own = 1 + self.axis
+        ratios = (0, 4, 1, 2, 3)
+        jacobian = np.zeros((6, 5))
+        for row, column in zip((0, 2, 3, 4, 5), ratios, strict=True):
+            jacobian[row, column] = 1 / self._k1
+            jacobian[row, own] -= self.fit.coefficients[column] / self._k1**2
+        jacobian[2 + own] = 0  # an axis has no misalignment against itself
+        jacobian[1, own] = 1
+        return np.asarray(jacobian @ self.fit.gain)
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties, type A, of K0, K1, K2, and the misalignments x, y and z: (6,)."""
+        return np.asarray(self.fit.residual_sd * np.linalg.norm(self.weights, axis=-1))
+
+    @property
+    def _k1(self) -> np.float64:
+        return np.float64(self.fit.coefficients[1 + self.axis])
+
+
+@dataclass(frozen=True, slots=True)
+class GyroFit:
+    """Zero in pulse/s and sensitivity to x, y and z in pulse/s/g (3,), NaN where it is not determined; u is type A.
+
+    `weights` (4, n) are what zero and sensitivities change by for a change of each reading used. `squares` is the sum
+    of the squares of the residuals, `dof` are their degrees of freedom.
+    """
+
+    d0_pps: float
+    g_sensitivity_pps_per_g: Array
+    u_d0_pps: float
+    u_g_sensitivity_pps_per_g: Array
+    weights: Array
+    squares: float
+    dof: int
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def fit_accelerometer(pps: Array, axis: int) -> AccelerometerFit:
+    """From the readings (24,) in pulse/s of the channel `axis`, NaN where there is none.
+
+    Raises NotDetermined when too many are missing.
+    """
+    there = np.isfinite(pps)
+    force_g = SPECIFIC_FORCE_G[there]
+    design = np.column_stack([np.ones(len(force_g)), force_g, force_g[:, axis] ** 2])
+    names = [f"K0 of acc_{AXES[axis]}", *_by_axis("K1", "misalignment", axis), "K2"]
+    return AccelerometerFit(axis, least_squares(design, pps[there], names=names))
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def fit_gyro(pps: Array, axis: int, latitude_deg: float) -> GyroFit:
+    """From the readings (24,) in pulse/s of the channel `axis`, NaN where there is none.
+
+    W/t = D0 + KG (w_a + m_b w_b + m_c w_c) + g_x f_x + g_y f_y + g_z f_z, w the earth rate.
+
+    Raises NotDetermined when too many are missing, or so near a pole that headings tell nothing.
+    """
+    there = np.isfinite(pps)
+    rate_dps, force_g = earth_rate_dps(latitude_deg)[there], SPECIFIC_FORCE_G[there]
+    design = np.column_stack([np.ones(len(force_g)), force_g, rate_dps])
+    names = [f"D0 of gyro_{AXES[axis]}", *_g_sensitivities(), *_by_axis("KG", "misalignment", axis)]
+    return _gyro(least_squares(design, pps[there], names=names), 3 * [True])
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def fit_gyro_of_known_scale(pps: Array, axis: int, latitude_deg: float, pulse_per_deg: float) -> GyroFit:
+    """The same near a pole, with KG from the rates.
+
+    There the earth rate is vertical, as gravity is: with KG the sensitivity along the gyro's own axis is determined;
+    along the others it stays together with the misalignments and is NaN.
+
+    Raises NotDetermined when too many readings are missing.
+    """
+    turning_pps = pulse_per_deg * earth_rate_dps(latitude_deg)[:, axis]
+    there = np.isfinite(pps - turning_pps)
+    force_g = SPECIFIC_FORCE_G[there]
+    design = np.column_stack([np.ones(len(force_g)), force_g])
+    names = [f"D0 of gyro_{AXES[axis]}", *_g_sensitivities()]
+    fit = least_squares(design, (pps - turning_pps)[there], names=names)
+    return _gyro(fit, [other == axis for other in range(len(AXES))])
+
+
+def _gyro(fit: LinearFit, known: list[bool]) -> GyroFit:
+    """The first four coefficients; sensitivities that are not `known` are NaN."""
+    u = fit.residual_sd * np.linalg.norm(fit.gain, axis=-1)
+    sensitivity, u_sensitivity = (np.where(known, values[1:4], math.nan) for values in (fit.coefficients, u))
+    squares = float(np.sum(fit.residuals**2))
+    return GyroFit(float(fit.coefficients[0]), sensitivity, float(u[0]), u_sensitivity, fit.gain[:4], squares, fit.dof)
+
+
+def _g_sensitivities() -> list[str]:
+    return [f"g-sensitivity {name}" for name in AXES]
+
+
+def _by_axis(own: str, other: str, axis: int) -> list[str]:
+    """Names of three coefficients, the one of `axis` by another word."""
+    return [own if i == axis else f"{other} {name}" for i, name in enumerate(AXES)]
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeFits:
+    """The channels x, y and z; None where one is not determined. `notes` name what cannot be told apart."""
+
+    accelerometers: tuple[AccelerometerFit | None, ...]
+    gyros: tuple[GyroFit | None, ...]
+    notes: tuple[str, ...]
+
+
+def fit_attitudes(accelerometer_pps: Array, gyro_pps: Array, latitude_deg: float, pulse_per_deg: Array) -> AttitudeFits:
+    """All channels from readings (24, 3) in pulse/s, NaN where there is none; `pulse_per_deg` (3,) is KG of the rates.
+
+    Where the headings do not tell KG from the g-sensitivity, KG is taken as known.
+    """
+    notes: list[str] = []
+    accelerometers, gyros = [], []
+    for axis in range(len(AXES)):
+        accelerometers.append(_attempt(notes, fit_accelerometer, accelerometer_pps[:, axis], axis))
+        at_rest, scale = gyro_pps[:, axis], float(pulse_per_deg[axis])
+        gyros.append(
+            _attempt(notes, fit_gyro, at_rest, axis, latitude_deg)
+            or _attempt(notes, fit_gyro_of_known_scale, at_rest, axis, latitude_deg, scale)
+        )
+    return AttitudeFits(tuple(accelerometers), tuple(gyros), tuple(notes))
+
+
+def _attempt(notes: list[str], fit: Callable[Given, Fit], *args: Given.args, **kwargs: Given.kwargs) -> Fit | None:
+    """What a fit gives; None, with a note, where it is not determined."""
+    try:
+        return fit(*args, **kwargs)
+    except NotDetermined as problem:
+        notes.append(str(problem))
+        return None

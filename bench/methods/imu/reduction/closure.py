@@ -1,0 +1,154 @@
+"""Whether an inertial unit and its table are at the end of a run as they were at its beginning.
+
+The unit stands with one axis up at opposite headings, at the beginning and again at the end. Of an accelerometer that
+is level half the sum of two opposite readings is its bias, half their difference the tilt of the table along it: the
+same as at 0° and 180° of a head. What is common to both times, as misalignments are, is in neither change, nor are the
+errors of a table that comes to an attitude by the same angles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.methods.imu.reduction.attitudes import AXES
+from bench.methods.imu.reduction.table_errors import shared_by, table_errors
+from bench.metrology.acquisition import Acquisition
+from bench.metrology.bench_uncertainty import BenchRecord
+from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
+from bench.metrology.orientation import unit_axes
+from bench.metrology.results.finding import BudgetLine, Finding
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.thermometer_drift import DriftInRun
+
+LEVEL = 0.1  # of g along an axis that counts as level
+DIRECTIONS = ("east", "north")
+READINGS = "readings: scatter pooled over the run"
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """Of one accelerometer: pulse/s per g, the scatter of a reading in pulse/s with its freedom, g/°C of its bias."""
+
+    pps_per_g: float
+    scatter_pps: float
+    dof: int
+    bias_g_per_c: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """One time at which it was looked: biases in g by axis, tilts in rad by direction, and what they come from.
+
+    `at_s` is the mean bench time of its windows.
+
+    A reading is of a window and an axis; `fit` has the biases of `axes`, then the tilts.
+    """
+
+    fit: LinearFit
+    axes: tuple[int, ...]
+    readings: tuple[tuple[Acquisition, int], ...]
+    temperature_c: float
+    at_s: float
+
+    @property
+    def names(self) -> list[tuple[str, str]]:
+        """The quantity and the axis or direction of each coefficient."""
+        return [("K0", AXES[axis]) for axis in self.axes] + [("level", each) for each in DIRECTIONS]
+
+
+def closure_findings(data: RunData, unit: UnitUnderTest, sensitive: Mapping[int, Sensitivity]) -> Iterator[Finding]:
+    """The change of each bias and of the level between the first and the last time, in each mount of the unit.
+
+    `sensitive` are the accelerometers by their axes. Nothing where it was looked once only.
+    """
+    by_mount: dict[str, dict[str, list[Acquisition]]] = {}
+    for acquisition in data.closure:
+        by_mount.setdefault(acquisition.mount.name, {}).setdefault(acquisition.group, []).append(acquisition)
+    for mount, groups in by_mount.items():
+        windows = list(groups.values())
+        first, last = (_entry(each, unit, data.bench, sensitive) for each in (windows[0], windows[-1]))
+        if len(windows) > 1 and first is not None and last is not None and first.names == last.names:
+            suffix = f"@{mount}" if len(by_mount) > 1 else ""
+            yield from _changes(data, unit, sensitive, first, last, suffix)
+
+
+def _entry(
+    windows: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord, sensitive: Mapping[int, Sensitivity]
+) -> _Entry | None:
+    """What the windows of one time tell; None when they tell nothing, as without opposite headings.
+
+    Without a calibrated accelerometer they tell nothing either, as where a run ended before its first set point.
+    """
+    rows, values_g, readings = [], [], []
+    for window in windows:
+        lies = unit_axes(window, unit, bench)
+        for axis, known in sensitive.items():
+            counted = window.windows[unit.channels[f"acc_{AXES[axis]}"]]
+            if abs(lies[axis, 2]) < LEVEL and not set(counted.problems) - {"dead_band"}:
+                rows.append((axis, lies[axis, :2]))
+                values_g.append(counted.mean / known.pps_per_g)
+                readings.append((window, axis))
+    if not rows:
+        return None
+    axes = tuple(sorted({axis for axis, _ in rows}))
+    design = [[*(float(axis == each) for each in axes), *level] for axis, level in rows]
+    try:
+        fit = least_squares(np.array(design).reshape(len(rows), -1), np.array(values_g))
+    except NotDetermined:
+        return None
+    read_c = np.concatenate([window.temperatures_c.get(unit.temperature, np.empty(0)) for window in windows])
+    temperature_c = float(np.nanmean(read_c)) if np.isfinite(read_c).any() else math.nan
+    at_s = float(np.mean([(window.begin_s + window.end_s) / 2 for window in windows]))
+    return _Entry(fit, axes, tuple(readings), temperature_c, at_s)
+
+
+def _changes(
+    data: RunData, unit: UnitUnderTest, sensitive: Mapping[int, Sensitivity], first: _Entry, last: _Entry, suffix: str
+) -> Iterator[Finding]:
+    steps = tuple(dict.fromkeys(window.step for entry in (first, last) for window, _ in entry.readings))
+    warmer_c, drift = last.temperature_c - first.temperature_c, DriftInRun(data, unit.temperature)
+    drifted_c = float(np.diff(drift.error_c(np.array([first.at_s, last.at_s])))[0])
+    for index, (quantity, of) in enumerate(first.names):
+        change = float(last.fit.coefficients[index] - first.fit.coefficients[index])
+        lines = [*_scatter(first, last, index, sensitive), *_of_table(first, last, index, unit, data.bench)]
+        at: dict[str, str] = {"direction": of}
+        name = "change of the tilt of the table from the beginning of the run to its end; positive raises that side"
+        if quantity == "K0":
+            per_c = sensitive[AXES.index(of)].bias_g_per_c
+            if math.isfinite(per_c * warmer_c):
+                change -= per_c * warmer_c
+                lines.append(drift.line(per_c * drifted_c))
+            at = {"axis": of}
+            name = "change of the bias from the beginning of the run to its end, brought to one temperature"
+        subject, symbol = data.subject(unit).part(of), "g" if quantity == "K0" else "rad"
+        yield subject.finding(f"{quantity}/closure", name, change, symbol, lines, at, steps, suffix)
+
+
+def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Sensitivity]) -> Iterator[BudgetLine]:
+    """That of the readings of both times."""
+    square, dofs = 0.0, [1]
+    for entry in (first, last):
+        for weight, (_, axis) in zip(entry.fit.gain[index], entry.readings, strict=True):
+            known = sensitive[axis]
+            square += (float(weight) * known.scatter_pps / known.pps_per_g) ** 2
+            dofs.append(known.dof)
+    yield BudgetLine(READINGS, "A", math.sqrt(square), max(dofs))
+
+
+def _of_table(first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, bench: BenchRecord) -> Iterator[BudgetLine]:
+    """What its errors do to a change: nothing where they are the same, but an attitude may be had by other angles."""
+    windows = list({window.step: window for entry in (first, last) for window, _ in entry.readings}.values())
+    number = {window.step: row for row, window in enumerate(windows)}
+    weights = np.zeros((len(windows), len(AXES)))
+    for entry, sign in ((first, -1.0), (last, 1.0)):
+        for weight, (window, axis) in zip(entry.fit.gain[index], entry.readings, strict=True):
+            weights[number[window.step], axis] += sign * weight
+    errors = table_errors(windows, unit, bench)
+    effects = [np.sum(weights * source.seen(errors.axes, UP), axis=-1) for source in errors.sources]
+    for name, u in errors.propagated(effects, np.ones(len(windows))).items():
+        yield BudgetLine(name, "B", float(u), None, shared_by(name))

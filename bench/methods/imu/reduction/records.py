@@ -1,0 +1,173 @@
+"""Readings of an inertial unit in 24 attitudes and at six rates, from rows into arrays (methods.md 4.3, 4.7, 9).
+
+A row whose counts, dwell or place in the schedule is missing is passed over, and of several rows of one position in one
+visit the last good one counts, so that an operator can repeat what went wrong.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.methods.imu.reduction.attitudes import AXES, BLOCK, NAMES, block
+from bench.metrology.least_squares import Array
+
+SAME_SET_POINT_DIGITS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class PositionRecord:
+    """One row per dwell at rest, in the order of acquisition; a missing number is NaN.
+
+    `attitude` (n,) counts from 0 in the order of `attitudes.NAMES`, -1 where it is missing. Counts are net pulses of x,
+    y and z in the dwell (n, 3), temperatures those of the thermometers at the accelerometers and at the gyros (n, 3).
+    `visit` (n,) numbers the visits of each set point; without it there is one of each.
+    """
+
+    set_c: Array
+    attitude: NDArray[np.int_]
+    dwell_s: Array
+    accelerometer_counts: Array
+    gyro_counts: Array
+    accelerometer_c: Array
+    gyro_c: Array
+    visit: NDArray[np.int_] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RateRecord:
+    """One row per dwell at a constant rate about one axis, in the order of acquisition; a missing number is NaN.
+
+    `axis` (n,) is 0, 1 or 2, -1 where it is missing; `rate_dps` is what the table's encoder measured; the rest is as in
+    a PositionRecord.
+    """
+
+    set_c: Array
+    axis: NDArray[np.int_]
+    command_dps: Array
+    rate_dps: Array
+    dwell_s: Array
+    gyro_counts: Array
+    accelerometer_c: Array
+    gyro_c: Array
+    visit: NDArray[np.int_] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RateReadings:
+    """What one axis read while it was turned, one per commanded rate, and for how long; arrays (r,)."""
+
+    rate_dps: Array
+    dwell_s: Array
+    gyro_pps: Array
+    accelerometer_c: Array
+    gyro_c: Array
+
+
+@dataclass(frozen=True, slots=True)
+class ImuReadings:
+    """Readings at rest by visit (m, hottest set point first), attitude (24) and axis (3), NaN where there is none.
+
+    `rates` are those of each visit and axis, `visit` (m,) its number at its set point. `excluded` counts the rows
+    left out: `missing`, `duplicate` (a position or rate was repeated later in the visit), `rate` (the table did not
+    turn at the commanded rate).
+    """
+
+    set_c: Array
+    accelerometer_pps: Array
+    gyro_pps: Array
+    accelerometer_c: Array
+    gyro_c: Array
+    rates: tuple[tuple[RateReadings, ...], ...]
+    excluded: Mapping[str, int]
+    visit: NDArray[np.int_]
+
+    def temperatures_c(self, point: int, axis: int) -> tuple[Array, Array]:
+        """Of the accelerometer and of the gyro of one axis while it was calibrated: eight attitudes, then the rates."""
+        own, turned = (point, block(axis), axis), self.rates[point][axis]
+        return (
+            np.concatenate([self.accelerometer_c[own], turned.accelerometer_c]),
+            np.concatenate([self.gyro_c[own], turned.gyro_c]),
+        )
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def arrange(positions: PositionRecord, rates: RateRecord, *, rate_tolerance: float) -> ImuReadings:
+    """The rows as arrays; `rate_tolerance` is how far, relative to the command, the table's rate may be off."""
+    keys = np.concatenate([_keys(positions), _keys(rates)])
+    placed = np.isfinite(keys).all(axis=-1)
+    visits, point = np.unique(keys[placed], axis=0, return_inverse=True)
+    points = np.full(len(keys), len(visits))
+    points[placed] = point.ravel()
+    of_position, of_rate = np.split(points, [len(positions.set_c)])
+    excluded: Counter[str] = Counter(missing=0, duplicate=0, rate=0)
+    at_rest = _at_rest(positions, of_position, len(visits), excluded)
+    turning = _turning(rates, of_rate, len(visits), rate_tolerance, excluded)
+    return ImuReadings(-visits[:, 0] + 0.0, *at_rest, turning, dict(excluded), visits[:, 1].astype(np.int_))
+
+
+def _keys(record: PositionRecord | RateRecord) -> Array:
+    """What the visits of the rows are sorted by (n, 2): the hottest set point first, then the number of the visit."""
+    visit = np.ones(len(record.set_c)) if record.visit is None else record.visit.astype(np.float64)
+    return np.stack([-rounded(record.set_c), visit], axis=-1)
+
+
+def rounded(set_c: Array) -> Array:
+    """Set points without the rounding of whoever wrote them, and without a zero below zero."""
+    return np.asarray(np.round(set_c, SAME_SET_POINT_DIGITS) + 0.0)
+
+
+def _at_rest(
+    record: PositionRecord, point: NDArray[np.int_], points: int, excluded: Counter[str]
+) -> tuple[Array, Array, Array, Array]:
+    """Pulses per second and temperatures at rest: four arrays (points, 24, 3)."""
+    dwell_s = np.where(record.dwell_s > 0, record.dwell_s, np.nan)[:, np.newaxis]
+    accelerometer_pps, gyro_pps = record.accelerometer_counts / dwell_s, record.gyro_counts / dwell_s
+    placed = np.isfinite(record.set_c) & (record.attitude >= 0)
+    good = placed[:, np.newaxis] & np.isfinite(accelerometer_pps) & np.isfinite(gyro_pps)
+    row, axis = np.nonzero(good)
+
+    def by_place(values: Array) -> Array:
+        array = np.full((points, len(NAMES), len(AXES)), np.nan)
+        array[point[row], record.attitude[row], axis] = values[row, axis]  # of one place the last row stays
+        return array
+
+    vertical = good[np.arange(len(good)), record.attitude // BLOCK]
+    excluded["missing"] += int(np.sum(~vertical))
+    excluded["duplicate"] += int(np.sum(vertical)) - len(_last_of_each(point[vertical], record.attitude[vertical]))
+    return by_place(accelerometer_pps), by_place(gyro_pps), by_place(record.accelerometer_c), by_place(record.gyro_c)
+
+
+def _turning(
+    record: RateRecord, point: NDArray[np.int_], points: int, tolerance: float, excluded: Counter[str]
+) -> tuple[tuple[RateReadings, ...], ...]:
+    """What the turned axis read, by set point and axis."""
+    own = (np.arange(len(record.axis)), record.axis)
+    pps = record.gyro_counts[own] / np.where(record.dwell_s > 0, record.dwell_s, np.nan)
+    given = np.isfinite(record.set_c) & np.isfinite(record.command_dps) & np.isfinite(record.rate_dps)
+    present = given & (record.axis >= 0) & np.isfinite(pps)
+    as_told = np.abs(record.rate_dps - record.command_dps) <= tolerance * np.abs(record.command_dps)
+    used = np.flatnonzero(present & as_told)
+    rows = used[_last_of_each(point[used], record.axis[used], record.command_dps[used])]
+    excluded["missing"] += int(np.sum(~present))
+    excluded["rate"] += int(np.sum(present & ~as_told))
+    excluded["duplicate"] += len(used) - len(rows)
+    place = point[rows] * len(AXES) + record.axis[rows]
+    members = np.split(rows, np.searchsorted(place, np.arange(1, points * len(AXES))))
+    readings = [
+        RateReadings(
+            record.rate_dps[of], record.dwell_s[of], pps[of], record.accelerometer_c[own][of], record.gyro_c[own][of]
+        )
+        for of in members
+    ]
+    return tuple(tuple(readings[i * len(AXES) : (i + 1) * len(AXES)]) for i in range(points))
+
+
+def _last_of_each(*places: NDArray[np.int_] | Array) -> NDArray[np.int_]:
+    """Numbers of the last row of each place, in the order of the places; all arrays (n,)."""
+    place = np.stack(places, axis=-1)[::-1]
+    return len(place) - 1 - np.unique(place, axis=0, return_index=True)[1]

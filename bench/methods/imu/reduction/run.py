@@ -1,0 +1,306 @@
+"""Method M2 on counts and codes: an inertial unit calibrated at every set point, and compensated (methods.md 4).
+
+Type A is the scatter of the readings about their fits, pooled over the run; type B comes from the certificates of the
+bench by what each error of the table does to each attitude. The temperature is what the unit's thermometers say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.methods.imu.reduction.attitude_fit import AttitudeFits, fit_attitudes
+from bench.methods.imu.reduction.attitudes import AXES, NAMES
+from bench.methods.imu.reduction.budget import READINGS, gyro_scale_unit
+from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate
+from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
+from bench.methods.imu.reduction.findings import AxisAtVisit
+from bench.methods.imu.reduction.knots import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
+from bench.methods.imu.reduction.noise import noise_of
+from bench.methods.imu.reduction.table_errors import table_errors
+from bench.methods.imu.reduction.visits import differences
+from bench.methods.imu.reduction.windows import readings, visits
+from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.extremes import interval_of_largest
+from bench.metrology.least_squares import Array
+from bench.metrology.results.curves import KnotModel
+from bench.metrology.results.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+MODELLED = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # what changes with temperature, and what its changes are in
+RELATIVE = ("K1", "KG")
+OF_GYROS = ("D0", "KG")
+LONG = {"K0": "bias", "K1": "scale factor of the accelerometer", "D0": "zero of the gyro", "KG": "scale factor"}
+
+
+@dataclass(frozen=True, slots=True)
+class ImuDetail:
+    """What the report draws: the calibration, and the knots of each quantity of each axis.
+
+    `curves` are temperature (k,), value (k,), by quantity and axis.
+    """
+
+    calibration: ImuCalibration
+    curves: Mapping[tuple[str, int], tuple[Array, Array]]
+
+
+def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """The findings and models of every unit."""
+    return [_Unit(data, unit, settings).result() for unit in data.units]
+
+
+class _Unit:
+    """The reduction of one unit."""
+
+    def __init__(self, data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> None:
+        self._data, self._unit, self._settings = data, unit, settings
+        self._visits = visits(data, unit)
+        self._readings = readings(self._visits, unit, settings["rate_tolerance"])
+        self._found = calibrate(self._readings, settings["attitude_tolerance_g"], data.bench.latitude_deg)
+        self._fits = [self._fitted(number) for number in range(len(self._visits))]
+        gyros = [fits.gyros for _, fits in self._fits]
+        self._noise = [
+            noise_of(axis, unit, self._visits, self._readings, self._found, [each[axis] for each in gyros])
+            for axis in range(len(AXES))
+        ]
+        self._curves = {
+            (quantity, axis): _curve(self._found.over_temperature(axis), quantity)
+            for quantity in MODELLED
+            for axis in range(len(AXES))
+        }
+
+    def result(self) -> UnitResult:
+        """Everything that was found."""
+        at_visits = [finding for axis in self._at_visits() for finding in axis.findings()]
+        unplaced = [f"{step}: no_attitude" for visit in self._visits for step in visit.unplaced]
+        closure = list(closure_findings(self._data, self._unit, dict(self._sensitive())))
+        findings = [*at_visits, *self._over_temperature(at_visits), *closure]
+        limits = {"K0/closure": self._settings["closure_limit_g"], "level/closure": self._settings["level_limit_rad"]}
+        moved = list(dict.fromkeys(each.quantity for each in closure if abs(each.value) > limits[each.quantity]))
+        if moved:
+            findings = [each.flagged(NOT_CLOSED) for each in findings]
+        return UnitResult(
+            place=self._unit.place,
+            uut=self._unit.serial,
+            findings=tuple(findings),
+            models=tuple(self._models(at_visits)),
+            left_out=tuple(self._left_out()),
+            flags=(*self._found.flags, *self._found.notes, *unplaced, *(f"{each}:moved" for each in moved)),
+            detail=ImuDetail(self._found, self._curves),
+            compensations=tuple(self._compensations(at_visits)),
+        )
+
+    def _sensitive(self) -> Iterator[tuple[int, Sensitivity]]:
+        """The accelerometers that were calibrated where the run began, for its closure."""
+        for axis in range(len(AXES)):
+            every, (scatter_pps, dof) = self._found.over_temperature(axis), self._noise[axis].accelerometer
+            if every:
+                yield axis, Sensitivity(every[0].k1_pps_per_g, scatter_pps, dof, self._slope("K0", axis, every[0]))
+
+    def _left_out(self) -> Iterator[str]:
+        """Axes without a calibration at a set point."""
+        for visit, point in zip(self._visits, self._found.points, strict=True):
+            for name, axis in zip(AXES, point.axes, strict=True):
+                if axis is None:
+                    yield f"{visit.path}/{name}".strip("/")
+
+    def _at_visits(self) -> Iterator[AxisAtVisit]:
+        for number, (visit, point) in enumerate(zip(self._visits, self._found.points, strict=True)):
+            used, fits = self._fits[number]
+            windows = [visit.window_of(attitude) for attitude in range(len(NAMES))]
+            any_other = next(filter(None, windows), None)
+            there = [window or any_other for window in windows]
+            errors = table_errors([each for each in there if each is not None], self._unit, self._data.bench)
+            for axis, calibration in enumerate(point.axes):
+                if calibration is not None:
+                    yield AxisAtVisit(
+                        subject=self._data.subject(self._unit),
+                        unit=self._unit,
+                        bench=self._data.bench,
+                        visit=visit,
+                        axis=axis,
+                        calibration=calibration,
+                        fits=fits,
+                        noise=self._noise[axis],
+                        slopes={quantity: self._slope(quantity, axis, calibration) for quantity in MODELLED},
+                        per_c_u=self._per_c_u(calibration),
+                        used=used[:, axis],
+                        accelerometer_c=self._readings.accelerometer_c[number, :, axis],
+                        gyro_c=self._readings.gyro_c[number, :, axis],
+                        turned_s=self._readings.rates[number][axis].dwell_s,
+                        errors=errors,
+                    )
+
+    def _fitted(self, number: int) -> tuple[NDArray[np.bool_], AttitudeFits]:
+        """The least squares over the attitudes of a visit without doubtful ones; which readings it has (24, 3)."""
+        point = self._found.points[number]
+        doubted = point.doubted[:, np.newaxis]
+        accelerometers = np.where(doubted, np.nan, self._readings.accelerometer_pps[number])
+        gyros = np.where(doubted, np.nan, self._readings.gyro_pps[number])
+        scale = np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes])
+        fits = fit_attitudes(accelerometers, gyros, self._data.bench.latitude_deg, scale)
+        return np.isfinite(accelerometers), fits
+
+    def _per_c_u(self, calibration: AxisCalibration) -> dict[str, float]:
+        """What each quantity may change by with 1 °C where the run does not tell it."""
+        relative = self._settings["scale_per_c_u"]
+        return {
+            "K0": self._settings["bias_per_c_u"],
+            "K1": relative * abs(calibration.k1_pps_per_g),
+            "D0": self._settings["gyro_bias_per_c_u"],
+            "KG": relative * abs(calibration.kg_pulse_per_deg),
+        }
+
+    def _slope(self, quantity: str, axis: int, calibration: AxisCalibration) -> float:
+        """How a quantity changes with temperature there, from knot to knot; NaN with a single one."""
+        temperature_c, values = self._curves[quantity, axis]
+        if len(temperature_c) < 2:
+            return math.nan
+        at_c = calibration.gyro_c if quantity in OF_GYROS else calibration.accelerometer_c
+        return float(np.interp(at_c, temperature_c, np.gradient(values, temperature_c)))
+
+    # Over temperature
+
+    def _over_temperature(self, at_visits: Sequence[Finding]) -> Iterator[Finding]:
+        for axis in range(len(AXES)):
+            for quantity in MODELLED:
+                found = [each for each in at_visits if each.quantity == quantity and each.at["axis"] == AXES[axis]]
+                if found:
+                    yield from self._of_quantity(quantity, axis, found)
+
+    def _of_quantity(self, quantity: str, axis: int, found: Sequence[Finding]) -> Iterator[Finding]:
+        """How much it changes, how well the knots tell it, and how well it repeats where the run began."""
+        temperature_c, values = self._curves[quantity, axis]
+        scale = 1 / found[0].value if quantity in RELATIVE else 1.0
+        own = [_own(each) for each in found]
+        if len(temperature_c) > 1:
+            start = np.interp(found[0].at["temperature_c"], temperature_c, values)
+            farthest = int(np.argmax(np.abs(values - start)))
+            change = abs(float(values[farthest] - start))
+            name = f"largest change of the {LONG[quantity]} over temperature, without compensation"
+            interval = interval_of_largest(values - start, math.sqrt(2) * own[0]).times(scale)
+            u = math.sqrt(2) * own[0] * scale
+            yield self._finding(f"{quantity}/change", axis, name, change * scale, u, found, interval)
+        if len(temperature_c) > 2:
+            error = check_model(temperature_c, values).error
+            name = "largest error of a knot left out, told by its neighbours: about four times what compensation leaves"
+            worst = float(np.max(np.abs(error)))
+            u = math.sqrt(1.5) * max(own)
+            interval = interval_of_largest(error, u).times(scale)
+            yield self._finding(f"{quantity}/interpolation", axis, name, worst * scale, u * scale, found, interval)
+        again = [each for each in found[1:] if _same_point(each, found[0])]
+        if again:
+            there = [found[0], *again]
+            at_c, own_values = [each.at["temperature_c"] for each in there], [each.value for each in there]
+            apart = differences(at_c, own_values, (temperature_c, values))
+            largest = int(np.argmax(np.abs(apart)))
+            us = np.hypot(own[0], [_own(each) for each in again])
+            name = "largest difference between visits of the first set point"
+            both, u = [found[0], again[largest]], float(us[largest]) * scale
+            interval = interval_of_largest(apart, us).times(scale)
+            value = abs(float(apart[largest])) * scale
+            yield self._finding(f"{quantity}/repeatability", axis, name, value, u, both, interval)
+
+    def _finding(
+        self,
+        quantity: str,
+        axis: int,
+        name: str,
+        value: float,
+        u: float,
+        found: Sequence[Finding],
+        interval: Interval,
+    ) -> Finding:
+        """Its uncertainty is that of the readings: all else is common to the visits."""
+        base = quantity.partition("/")[0]
+        scattered = [line for each in found for line in each.budget if line.source == READINGS]
+        dof = min((line.dof for line in scattered if line.dof), default=0)
+        lines = [BudgetLine(READINGS, "A", abs(u), dof or None)]
+        steps = tuple(dict.fromkeys(step for each in found for step in each.steps))
+        subject = self._data.subject(self._unit).part(AXES[axis])
+        return subject.finding(
+            quantity, name, abs(value), MODELLED[base], lines, {"axis": AXES[axis]}, steps, interval=interval
+        )
+
+    # What a user computes with
+
+    def _models(self, at_visits: Sequence[Finding]) -> Iterator[KnotModel]:
+        for axis in range(len(AXES)):
+            for sensor in ("acc", "gyro"):
+                pair = self._knots(sensor, axis, at_visits)
+                yield from pair or ()
+
+    def _compensations(self, at_visits: Sequence[Finding]) -> Iterator[Compensation]:
+        for sensor, value_unit in (("acc", "g"), ("gyro", "°/s")):
+            output_unit = self._output_unit(sensor)
+            for axis, name in enumerate(AXES):
+                pair = self._knots(sensor, axis, at_visits)
+                if pair is not None:
+                    offset, scale = pair
+                    yield Compensation(f"{sensor}_{name}", output_unit, value_unit, scale, offset)
+
+    def _knots(self, sensor: str, axis: int, at_visits: Sequence[Finding]) -> tuple[KnotModel, KnotModel] | None:
+        """Zero and scale factor of a channel; None when there are not two knots."""
+        every = self._found.over_temperature(axis)
+        table = knots_of(sensor, every)
+        if not table.usable:
+            return None
+        zero_of, scale_of = ("K0", "K1") if sensor == "acc" else ("D0", "KG")
+        u_scale = self._u_at(table, scale_of, axis, at_visits)
+        u_zero = self._u_at(table, zero_of, axis, at_visits) * np.abs(table.scale)
+        path = f"{self._data.label}/{self._unit.place}/{sensor}_{AXES[axis]}"
+
+        def model(what: str, unit: str, values: Array, u: Array) -> KnotModel:
+            return KnotModel(
+                id=f"{path}/{what}", uut=self._unit.serial, quantity=f"{sensor}_{AXES[axis]}/{what}", unit=unit,
+                knots_c=tuple(table.temperature_c.tolist()), values=tuple(values.tolist()), u=tuple(u.tolist()),
+            )  # fmt: skip
+
+        unit = self._output_unit(sensor)
+        scale_unit = f"{unit}/g" if sensor == "acc" else gyro_scale_unit(self._unit)
+        return model("offset", unit, table.zero_pps, u_zero), model("scale", scale_unit, table.scale, u_scale)
+
+    def _output_unit(self, sensor: str) -> str:
+        return self._unit.output_unit if sensor == "acc" else self._unit.gyro_output_unit
+
+    def _u_at(self, table: TemperatureTable, quantity: str, axis: int, at_visits: Sequence[Finding]) -> Array:
+        """The largest uncertainty of the findings that a knot is the mean of."""
+        own = [each for each in at_visits if each.quantity == quantity and each.at["axis"] == AXES[axis]]
+        return np.array([
+            max((each.u for each in own if abs(each.at["temperature_c"] - at_c) < SAME_KNOT_C), default=math.nan)
+            for at_c in table.temperature_c
+        ])  # fmt: skip
+
+
+def knots_of(sensor: str, every: Sequence[AxisCalibration]) -> TemperatureTable:
+    """The knots of one channel, from its axis at all visits."""
+    rows = [
+        (one.accelerometer_c, one.k0_pps, one.k1_pps_per_g)
+        if sensor == "acc"
+        else (one.gyro_c, one.d0_pps, one.kg_pulse_per_deg)
+        for one in every
+    ]
+    return temperature_table(np.array(rows, np.float64).reshape(-1, 3))
+
+
+def _curve(every: Sequence[AxisCalibration], quantity: str) -> tuple[Array, Array]:
+    """A quantity over temperature at the knots, temperature (k,) and value (k,)."""
+    table = knots_of("gyro" if quantity in OF_GYROS else "acc", every)
+    if not len(table.temperature_c) or quantity in RELATIVE:
+        return table.temperature_c, table.scale
+    return table.temperature_c, np.asarray(table.zero_pps / table.scale)
+
+
+def _own(finding: Finding) -> float:
+    """The part of an uncertainty that comes from the readings."""
+    return math.sqrt(math.fsum(line.u**2 for line in finding.budget if line.type == "A"))
+
+
+def _same_point(one: Finding, other: Finding) -> bool:
+    apart_c = abs(one.at["temperature_c"] - other.at["temperature_c"])
+    return bool(one.at["temperature_set_c"] == other.at["temperature_set_c"] or apart_c < SAME_KNOT_C)

@@ -1,0 +1,265 @@
+"""From the windows of a run to the readings of an inertial unit, by visits of set points (methods.md 4.3).
+
+Which attitude a window is of, and about which axis it was turned, follows from the angles that the table read back and
+from the mount, not from what the sequence calls it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bench.methods.imu.reduction.attitudes import AXES, BODY_AXES, NAMES
+from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateReadings, RateRecord, arrange
+from bench.metrology.acquisition import Acquisition, Array
+from bench.metrology.bench_uncertainty import BenchRecord
+from bench.metrology.orientation import unit_axes
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+ACCELEROMETERS, GYROS = (tuple(f"{sensor}_{axis}" for axis in AXES) for sensor in ("acc", "gyro"))
+CHANNELS_OF = (*ACCELEROMETERS, *GYROS)
+ALIGNED = 0.999  # the cosine of how far an axis may be from where an attitude has it
+SAME_SET_POINT_C = 0.5
+LEAST_SHARE = 0.5  # of the readings of a thermometer must be there
+
+
+@dataclass(frozen=True, slots=True)
+class AtRest:
+    """A window at rest: which of the 24 attitudes it is of."""
+
+    attitude: int
+    acquisition: Acquisition
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """A window over whole turns about one axis of the unit, at a rate in °/s of the clock that it was counted by."""
+
+    axis: int
+    command_dps: float
+    rate_dps: float
+    acquisition: Acquisition
+
+
+@dataclass(frozen=True, slots=True)
+class Visit:
+    """A set point when it was visited, with the windows that can be placed; `path` names it by its loops.
+
+    `unplaced` are the steps of windows that are of no attitude, and of no axis.
+    """
+
+    number: int
+    path: str
+    set_c: float
+    at_rest: tuple[AtRest, ...]
+    turning: tuple[Turning, ...]
+    unplaced: tuple[str, ...]
+
+    @property
+    def tail(self) -> str:
+        """What an id ends with at this visit."""
+        return f"@{self.path}" if self.path else ""
+
+    @property
+    def told_set_c(self) -> float | None:
+        """The set point; None where there was none."""
+        return None if np.isnan(self.set_c) else self.set_c
+
+    @property
+    def attitudes(self) -> frozenset[int]:
+        """The attitudes that it has."""
+        return frozenset(each.attitude for each in self.at_rest)
+
+    def window_of(self, attitude: int) -> Acquisition | None:
+        """The last window of an attitude; None without one."""
+        return next((each.acquisition for each in reversed(self.at_rest) if each.attitude == attitude), None)
+
+    def turned(self, axis: int) -> list[Turning]:
+        """The windows in which an axis was turned."""
+        return [each for each in self.turning if each.axis == axis]
+
+
+def visits(data: RunData, unit: UnitUnderTest) -> list[Visit]:
+    """The set points in the order in which they were visited.
+
+    What was measured at a set point in another mount, because the table does not reach all attitudes in one, belongs to
+    the first visit there that lacks it.
+    """
+    found: list[Visit] = []
+    for group, acquisitions in data.groups().items():
+        visit = _visit(len(found), group, acquisitions, unit, data.bench)
+        lacking = next((other for other in found if _completes(visit, other)), None)
+        if lacking is None:
+            found.append(visit)
+        else:
+            found[lacking.number] = replace(
+                lacking,
+                at_rest=lacking.at_rest + visit.at_rest,
+                turning=lacking.turning + visit.turning,
+                unplaced=lacking.unplaced + visit.unplaced,
+            )
+    return found
+
+
+def _completes(visit: Visit, other: Visit) -> bool:
+    """Whether a visit has what an earlier one at the same set point lacks, in another mount."""
+    mounts = [{each.acquisition.mount.name for each in of.at_rest} for of in (visit, other)]
+    near = abs(visit.set_c - other.set_c) < SAME_SET_POINT_C or (np.isnan(visit.set_c) and np.isnan(other.set_c))
+    return bool(near) and mounts[0].isdisjoint(mounts[1]) and visit.attitudes.isdisjoint(other.attitudes)
+
+
+def _visit(
+    number: int, group: str, acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord
+) -> Visit:
+    at_rest, turning, unplaced = [], [], []
+    for acquisition in acquisitions:
+        axes = unit_axes(acquisition, unit, bench)
+        rotation = _turning(acquisition, axes, unit, bench)
+        fits = np.einsum("kij,ij->ki", BODY_AXES, axes).min(axis=-1)
+        if rotation is not None:
+            turning.append(rotation)
+        elif acquisition.turned is None and fits.max() > ALIGNED:
+            at_rest.append(AtRest(int(np.argmax(fits)), acquisition))
+        else:
+            unplaced.append(acquisition.step)
+    path = group.partition("/")[2]
+    return Visit(number, path, acquisitions[0].set_c, tuple(at_rest), tuple(turning), tuple(unplaced))
+
+
+def _turning(acquisition: Acquisition, axes: Array, unit: UnitUnderTest, bench: BenchRecord) -> Turning | None:
+    """The rotation of a window; None when it is at rest, or turned about no axis of the unit.
+
+    The table's angles are timed by the host, whose seconds the counter's clock makes its own. What sends samples of a
+    rate leaves the host's as they are.
+    """
+    turned = acquisition.turned
+    if turned is None or turned.to_s <= turned.from_s:
+        return None
+    along = axes @ axis_direction(acquisition, turned.axis, bench)
+    axis = int(np.argmax(np.abs(along)))
+    window = acquisition.windows.get(unit.channels[GYROS[axis]])
+    if abs(along[axis]) < ALIGNED or window is None:
+        return None
+    host_s = window.host_span_s / window.span_s if window.span_s else np.nan
+    rate_dps = (turned.to_deg - turned.from_deg) / (turned.to_s - turned.from_s) * host_s
+    sign = float(np.sign(along[axis]))
+    return Turning(axis, sign * turned.command_dps, sign * rate_dps, acquisition)
+
+
+def axis_direction(acquisition: Acquisition, role: str, bench: BenchRecord) -> Array:
+    """Where the positive end of an axis of the table points in the level frame, as others carry it, (3,)."""
+    turned = Rotation.identity()
+    for name, axis in bench.axes.items():
+        points = np.array(axis.points)
+        if name == role:
+            return np.asarray(turned.apply(points))
+        turned *= Rotation.from_rotvec(np.radians(acquisition.angles_deg.get(name, 0.0)) * points)
+    return np.zeros(3)
+
+
+def readings(found: Sequence[Visit], unit: UnitUnderTest, rate_tolerance: float) -> ImuReadings:
+    """The readings of all visits, one entry of each array for each visit; a set point may be visited twice."""
+    parts = [_arranged(visit, unit, rate_tolerance) for visit in found]
+    excluded: Counter[str] = Counter()
+    for part in parts:
+        excluded.update(part.excluded)
+    empty = np.full((0, len(NAMES), len(AXES)), np.nan)
+    return ImuReadings(
+        set_c=np.array([visit.set_c for visit in found]),
+        accelerometer_pps=np.concatenate([empty, *(part.accelerometer_pps for part in parts)]),
+        gyro_pps=np.concatenate([empty, *(part.gyro_pps for part in parts)]),
+        accelerometer_c=np.concatenate([empty, *(part.accelerometer_c for part in parts)]),
+        gyro_c=np.concatenate([empty, *(part.gyro_c for part in parts)]),
+        rates=tuple(rates for part in parts for rates in part.rates),
+        excluded=dict(excluded),
+        visit=np.arange(1, len(found) + 1),
+    )
+
+
+def _arranged(visit: Visit, unit: UnitUnderTest, rate_tolerance: float) -> ImuReadings:
+    """One visit as the readings of one set point, by a number of its own."""
+    resting = [each.acquisition for each in visit.at_rest]
+    turned = [each.acquisition for each in visit.turning]
+    at_rest, turning = _counted(resting, unit), _counted(turned, unit)
+    positions = PositionRecord(
+        set_c=np.zeros(len(resting)),
+        attitude=np.array([each.attitude for each in visit.at_rest], dtype=np.int_),
+        dwell_s=at_rest.span_s,
+        accelerometer_counts=at_rest.accelerometers,
+        gyro_counts=at_rest.gyros,
+        accelerometer_c=at_rest.accelerometer_c,
+        gyro_c=at_rest.gyro_c,
+    )
+    rates = RateRecord(
+        set_c=np.zeros(len(turned)),
+        axis=np.array([each.axis for each in visit.turning], dtype=np.int_),
+        command_dps=np.array([each.command_dps for each in visit.turning]),
+        rate_dps=np.array([each.rate_dps for each in visit.turning]),
+        dwell_s=turning.span_s,
+        gyro_counts=turning.gyros,
+        accelerometer_c=turning.accelerometer_c,
+        gyro_c=turning.gyro_c,
+    )
+    arranged = arrange(positions, rates, rate_tolerance=rate_tolerance)
+    if len(arranged.set_c):
+        return arranged
+    nothing = np.full((1, len(NAMES), len(AXES)), np.nan)
+    none = _no_rates()
+    return ImuReadings(np.zeros(1), nothing, nothing, nothing, nothing, none, arranged.excluded, np.ones(1, np.int_))
+
+
+@dataclass(frozen=True, slots=True)
+class _Counted:
+    """Windows as counts, or as what mean codes add up to: `span_s` (n,), all others (n, 3)."""
+
+    span_s: Array
+    accelerometers: Array
+    gyros: Array
+    accelerometer_c: Array
+    gyro_c: Array
+
+
+def _counted(acquisitions: Sequence[Acquisition], unit: UnitUnderTest) -> _Counted:
+    empty = (len(acquisitions), len(AXES))
+    span_s = np.array([_span_s(each, unit) for each in acquisitions])
+
+    def net(channels: Sequence[str], harmless: frozenset[str]) -> Array:
+        means = [[_mean(each, unit.channels[name], harmless) for name in channels] for each in acquisitions]
+        return np.asarray(np.array(means).reshape(empty) * span_s[:, np.newaxis])
+
+    def celsius(name: str) -> Array:
+        means = [_mean_c(each.temperatures_c.get(name, np.empty(0))) for each in acquisitions]
+        return np.repeat(np.array(means, np.float64)[:, np.newaxis], len(AXES), axis=1)
+
+    return _Counted(
+        span_s=span_s,
+        accelerometers=net(ACCELEROMETERS, frozenset()),
+        gyros=net(GYROS, frozenset({"dead_band"})),  # a gyro at rest may well give no pulse for long
+        accelerometer_c=celsius(unit.temperature),
+        gyro_c=celsius(unit.gyro_temperature),
+    )
+
+
+def _span_s(acquisition: Acquisition, unit: UnitUnderTest) -> float:
+    return max((acquisition.windows[channel].span_s for channel in unit.channels.values()), default=0.0)
+
+
+def _mean(acquisition: Acquisition, channel: str, harmless: frozenset[str]) -> float:
+    """The mean output of a channel in its window; NaN when it cannot be used."""
+    window = acquisition.windows[channel]
+    return np.nan if set(window.problems) - harmless else window.mean
+
+
+def _mean_c(values: Array) -> float:
+    good = values[np.isfinite(values)]
+    return float(good.mean()) if len(good) and len(good) >= LEAST_SHARE * len(values) else np.nan
+
+
+def _no_rates() -> tuple[tuple[RateReadings, ...], ...]:
+    """The rates of a set point without any."""
+    nothing = RateReadings(*(np.empty(0) for _ in range(5)))
+    return ((nothing,) * len(AXES),)

@@ -1,0 +1,1 @@
+"""Start-up of a compensated inertial unit after power-on."""

@@ -1,0 +1,127 @@
+"""How a compensated channel settles after power-on: its zero and its scale as courses of time, and when they stay.
+
+Readings v at times t since power-on, each at a known drive d (what the channel should read), are fitted by
+
+    v = zero(t) + d · scale(t),   zero and scale each a constant and terms exp(-t / τ) with given time constants τ
+
+so that what changes between a reading and the next at the other drive is in neither. Time constants a factor of three
+apart follow everything between them, to some percent of its size at power-on; of the terms only the sum has a meaning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.special import ndtri
+
+from bench.metrology.least_squares import Array, LinearFit, least_squares
+from bench.metrology.results.finding import CONFIDENCE, Interval
+
+Part = Literal["zero", "scale"]
+GRID_S = 1.0  # how closely the courses are looked at
+DRAWS = 40  # of how far a course is off
+CONDITION_LIMIT = 1e6  # terms that are hardly told apart do no harm, for only their sum is used
+
+
+@dataclass(frozen=True, slots=True)
+class Courses:
+    """The fit of the readings of one channel; `at_s` (n,) are their times since power-on, `drive` (n,) their drives."""
+
+    at_s: Array
+    drive: Array
+    time_constants_s: tuple[float, ...]
+    fit: LinearFit
+
+    @property
+    def grid_s(self) -> Array:
+        """From power-on to the last reading."""
+        return np.append(np.arange(0.0, float(self.at_s.max()), GRID_S), float(self.at_s.max()))
+
+    def of(self, part: Part, at_s: Array) -> Array:
+        """A course at times (m,)."""
+        return self._terms(at_s) @ self._rows(part, self.fit.coefficients)
+
+    def weights(self, part: Part, at_s: Array) -> Array:
+        """What one unit of each reading adds to a course at times (m,): (m, n)."""
+        return np.asarray(self._terms(at_s) @ self._rows(part, self.fit.gain))
+
+    def points(self, part: Part) -> Array:
+        """Each reading as a value of a course, the other one taken as fitted, (n,)."""
+        own = self.of(part, self.at_s)
+        return np.asarray(own + self.fit.residuals / (self.drive if part == "scale" else 1.0))
+
+    def _terms(self, at_s: Array) -> Array:
+        return _terms(at_s, self.time_constants_s)
+
+    def _rows(self, part: Part, values: Array) -> Array:
+        count = 1 + len(self.time_constants_s)
+        return values[:count] if part == "zero" else values[count:]
+
+
+def fit_courses(at_s: Array, values: Array, drive: Array, time_constants_s: Sequence[float]) -> Courses:
+    """The courses of readings (n,); raises NotDetermined when they are too few, too soon over, or all at one drive."""
+    terms = _terms(at_s, time_constants_s)
+    design = np.hstack([terms, terms * drive[:, np.newaxis]])
+    fit = least_squares(design, values, condition_limit=CONDITION_LIMIT)
+    return Courses(at_s, drive, tuple(time_constants_s), fit)
+
+
+def _terms(at_s: Array, time_constants_s: Sequence[float]) -> Array:
+    return np.stack([np.ones_like(at_s), *(np.exp(-at_s / tau_s) for tau_s in time_constants_s)], axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class Settling:
+    """From which time on a course stays within its limit, in s since power-on.
+
+    `u_s` is how far it moves, in the root mean square, when the course is off by what its standard uncertainties make
+    likely. It is no linear function of the course, least of all of a flat one, so that there is a range beside.
+    `to_the_end` says that the course is outside at its end: it takes longer than the readings go; `perhaps_to_the_end`
+    that it may be, so that the range ends with the readings alone; `from_the_start` that it never is outside.
+    """
+
+    at_s: float
+    u_s: float
+    interval_s: Interval
+    to_the_end: bool
+    perhaps_to_the_end: bool
+    from_the_start: bool
+
+
+def settling(grid_s: Array, off: Array, u: Array, limit: float) -> Settling:
+    """Of a course that is `off` what it should be, with its standard uncertainties `u`; all (m,).
+
+    Its distribution is propagated (JCGM 101), the course off everywhere by the same multiple of `u`. The range goes
+    from where the lower edge of the band about the size of the course stays within the limit to where the upper does.
+    """
+    size, wide = np.abs(off), float(ndtri((1 + CONFIDENCE) / 2))
+    at_s = _last_exit_s(grid_s, size, limit)
+    draws = _normal_draws()
+    moved_s = np.array([_last_exit_s(grid_s, np.abs(off + draw * u), limit) for draw in draws])
+    u_s = float(np.sqrt(np.mean((moved_s - at_s) ** 2)))
+    soonest_s, latest_s = (_last_exit_s(grid_s, size + sign * wide * u, limit) for sign in (-1, 1))
+    of_scatter_s = np.mean([_last_exit_s(grid_s, np.abs(draw) * u, limit) for draw in draws])
+    interval_s = Interval(soonest_s, latest_s, float(of_scatter_s))
+    ends_outside, may_end_outside = bool(size[-1] > limit), bool(size[-1] + wide * u[-1] > limit)
+    return Settling(at_s, u_s, interval_s, ends_outside, may_end_outside, at_s == 0)
+
+
+def _normal_draws() -> Array:
+    """Values that are each equally likely of a standard normal distribution, (n,), with a standard deviation of 1."""
+    draws = ndtri((np.arange(DRAWS) + 0.5) / DRAWS)
+    return np.asarray(draws / np.std(draws))
+
+
+def _last_exit_s(grid_s: Array, size: Array, limit: float) -> float:
+    """When a size falls to its limit for good; 0 where it is never above, the end where it is above to the end."""
+    outside = np.flatnonzero(size > limit)
+    if not len(outside):
+        return 0.0
+    last = int(outside[-1])
+    if last == len(size) - 1:
+        return float(grid_s[-1])
+    part = (size[last] - limit) / (size[last] - size[last + 1])
+    return float(grid_s[last] + part * (grid_s[last + 1] - grid_s[last]))

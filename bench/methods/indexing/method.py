@@ -1,0 +1,101 @@
+"""The static calibration on an indexing table as a sequence sees it (method M1), and the step that compares ends."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from bench.sequence.custom import StepDescription
+from bench.sequence.method import OUTPUT, MethodDescription
+from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
+from drivers.schema.fields import InUnit, Name, Number, Ratio, StrictModel
+from drivers.schema.wording import telling
+
+
+class IndexingStaticSettings(BiasPerDegree, ScalePerDegree):
+    """Settings of the static calibration on an indexing table.
+
+    The scale factors of both ends are taken for equal when they differ by no more than `scale_tolerance` or than `k`
+    standard uncertainties, whichever is more.
+    """
+
+    scale_tolerance: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the scale factor")
+    k: Annotated[Number, Field(ge=0)] = Field(2.0, description="standard uncertainties of the difference of both ends")
+    output_limit_g: Annotated[float, InUnit("g", above=0)] | None = Field(
+        None, alias="output_limit", description="an output beyond it, by the nominal scale factor, is never fitted"
+    )
+    outlier_k: Annotated[Number, Field(gt=0)] = Field(
+        6.0, description="robust standard deviations beyond which a reading is left out"
+    )
+    platform_rad: Annotated[float, InUnit("rad")] | None = Field(
+        None,
+        alias="platform",
+        description="the angle by which the platform raises the input axis, from a coordinate measuring machine",
+    )
+    platform_u_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
+        0.0, alias="platform_u", description="its standard uncertainty"
+    )
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        if self.platform_rad is None and self.platform_u_rad:
+            raise telling("platform_u is of platform, which is not given")
+        return self
+
+
+INDEXING_STATIC = MethodDescription(
+    name="indexing_static",
+    title="Static calibration on an indexing table (method M1)",
+    target="bench.methods.indexing.reduction.run:reduce",
+    settings=IndexingStaticSettings,
+    quantities={
+        "K0": "g",
+        "K1": f"{OUTPUT}/g",
+        "K1_si": f"{OUTPUT}/(m/s²)",
+        "misalignment": "rad",
+        "Kip": "g/g²",
+        "K2": "g/g²",
+        "K3": "g/g³",
+        "scale_difference": "1",
+        "bias": OUTPUT,
+        "bias_corrected": OUTPUT,
+        "bias_total": OUTPUT,
+        "b3": OUTPUT,
+        "b4": OUTPUT,
+        "b5": OUTPUT,
+        "seat_tilt": "rad",
+        "linearity": "1",
+        "hysteresis": "g",
+        "verification/largest": "g",
+        "verification/rms": "g",
+    },
+    counts_at="records",
+    drawn_by="bench.methods.indexing.shown:indexing_shown",
+    meaning=(
+        "The unit is measured together with its converter, or with the resistor that its current flows through. K0 and "
+        "K1 are means of both ends, so that they are free of the misalignment of the input axis and of its cross "
+        "coupling; by the clocking K0 is free of the tilt of the seat too. K1 contains K3 as far as the angles go."
+    ),
+    rules="bench.methods.indexing.rules:RULES",
+    spans="bench.methods.indexing.shown:ends",
+    offline="bench.methods.indexing.offline:REDUCTIONS",
+)
+
+
+class CompareEndsSettings(StrictModel):
+    """What is compared: the acquisitions under a label, as the `indexing_static` of the sequence's results does."""
+
+    data: Name = Field(description="the label of the acquisitions")
+    max_repeats: Annotated[float, InUnit("", at_least=0)] = Field(
+        3, description="how often both ends may be measured again"
+    )
+
+
+COMPARE_ENDS = StepDescription(
+    name="compare_ends",
+    title="Whether both ends of a unit on an indexing table agree: accept, repeat, or marginal after all repeats",
+    target="bench.app.indexing:compare_ends",
+    settings=CompareEndsSettings,
+    example="repeat",
+)

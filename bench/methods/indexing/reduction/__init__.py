@@ -1,0 +1,1 @@
+"""From sweeps to scale factor, bias, misalignment and cross coupling."""

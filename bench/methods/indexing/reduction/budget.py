@@ -1,0 +1,109 @@
+"""What makes results of an indexing table uncertain, by how each depends on every reading (methods.md 1.9).
+
+A result is an `Estimate` over the readings of both sweeps and of the clocking. The errors of the head turn the input
+axis at every reading, whichever way it then lies: so an error that all positions share leaves what the clocking takes
+out of the bias again. How well the head comes back to an angle is one error of all readings between two moves. Where
+each reading of the sweeps has a move of its own before it, their scatter holds that; readings repeated while the head
+stands scatter without it. Readings to which the head came from above are off by its backlash, all by the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.methods.indexing.reduction.readings import IndexingReading
+from bench.metrology.bench_uncertainty import BenchRecord
+from bench.metrology.instrument import STEPS, instrument_u, shared_as
+from bench.metrology.least_squares import Array
+from bench.metrology.propagation import Estimate
+from bench.metrology.results.finding import BudgetLine, combined
+from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.sampled_codes import by_position
+from bench.metrology.thermometer_drift import source_of
+
+SCATTER = "readings: scatter"
+REPEATABILITY = "head: repeatability"
+BACKLASH = "head: backlash"
+LEVEL = "fixture: level"
+
+
+@dataclass(frozen=True)
+class IndexingBudget:
+    """The budgets of one unit: its `readings` (n,), the scatter of each, and its degrees of freedom.
+
+    `moves_scatter` tells that the scatter of the sweeps holds how well the head comes back.
+    """
+
+    unit: UnitUnderTest
+    bench: BenchRecord
+    readings: Sequence[IndexingReading]
+    sd: Array
+    dof: int
+    scale: float
+    moves_scatter: bool
+
+    def sources(self, gain: Array) -> Mapping[str, Array]:
+        """The standard uncertainties that each source gives to what depends on the readings by `gain` (n,).
+
+        Several of one source are independent of each other. They have signs, which tell results that go together.
+        """
+        head_rad = np.array([each.head_rad for each in self.readings])
+        turned = gain * np.array([each.turn for each in self.readings]) * self.scale
+        head, values = self.bench.head, np.array([each.output for each in self.readings])
+        harmonics = [
+            float(turned @ shape(order * head_rad)) * np.radians(u_deg)
+            for order, u_deg in enumerate(head.harmonics_u_deg, start=1)
+            for shape in (np.cos, np.sin)
+        ]
+        together = float(turned.sum())
+        from_above = np.array([each.came_from != "below" for each in self.readings])
+        return {
+            SCATTER: gain * self.sd,
+            "head: zero": np.array([together * np.radians(head.zero_u_deg)]),
+            "head: harmonics": np.array(harmonics),
+            REPEATABILITY: self._by_stand(turned) * np.radians(head.repeatability_u_deg),
+            BACKLASH: np.array([float(turned[from_above].sum()) * np.radians(head.backlash_u_deg or 0.0)]),
+            LEVEL: np.array([together * np.radians(self.bench.level_u_deg)]),
+            source_of(LEVEL, self.bench.level_drift): np.array(
+                [float(turned @ [each.run_share for each in self.readings]) * np.radians(self.bench.level_drift.u)]
+            ),
+            **self._instrument(gain, values, head_rad),
+        }
+
+    def _by_stand(self, turned: Array) -> Array:
+        """Sums over the readings between two moves, of those whose scatter does not hold how the head comes back."""
+        stand = np.array([each.stand for each in self.readings], dtype=np.int_)
+        scattered = np.array([self.moves_scatter and each.kind == "sweep" for each in self.readings], dtype=np.bool_)
+        return np.asarray(np.bincount(stand[~scattered], turned[~scattered], minlength=1), np.float64)
+
+    def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[str, Array]:
+        if self.unit.telemetry is not None:
+            step_u = np.array([each.step_u for each in self.readings])
+            return {f"{self.unit.telemetry}{STEPS}": by_position(gain, step_u, head_rad)}
+        found = instrument_u(self.unit, self.bench, float(gain @ values), float(gain.sum()))
+        return {source: np.array([u]) for source, u in found.items()}
+
+    def lines(self, result: Estimate, without: Sequence[str] = ()) -> tuple[BudgetLine, ...]:
+        """The budget of a result; `without` the sources that make what it is of, not an error of it."""
+        return combined([
+            self._line(source, float(np.linalg.norm(parts)))
+            for source, parts in self.sources(result.gain).items()
+            if source not in without
+        ])  # fmt: skip
+
+    def _line(self, source: str, u: float) -> BudgetLine:
+        if source == SCATTER:
+            return BudgetLine(source, "A", u, self.dof or None)
+        alone = source == REPEATABILITY or source.endswith(STEPS)
+        shared = None if alone else shared_as(source)
+        return BudgetLine(source, "B", u, None, shared)
+
+    def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:
+        """How results go together, by all their sources."""
+        rows = np.array([np.concatenate([*self.sources(result.gain).values()]) for result in results])
+        sizes = np.linalg.norm(rows, axis=1)
+        matrix = rows @ rows.T / np.outer(sizes, sizes) if np.all(sizes) else np.eye(len(rows))
+        return tuple(tuple(float(value) for value in row) for row in matrix)

@@ -1,0 +1,186 @@
+"""Static calibration of an accelerometer on an indexing table, with the unit on both of its ends (methods.md 3).
+
+The sweep of each end gives a line; both lines give the unit's bias and scale factor, free of misalignment and cross
+coupling; all dwells together give the model with the terms asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from bench.methods.indexing.reduction.model import SweepModel, fit_sweeps
+from bench.methods.indexing.reduction.sweep import EndSweep, SweepRecord, bias_drifts, joined, reduce_end, usable_rows
+from bench.methods.indexing.reduction.two_ends import (
+    Agreement,
+    Clocking,
+    Decision,
+    Mounting,
+    TwoEnds,
+    combine,
+    fit_clocking,
+)
+from bench.metrology.least_squares import CONDITION_LIMIT, OUTLIER_SIGMAS, Array, NotDetermined
+from bench.metrology.propagation import Measured
+
+ENDS = ("up", "down")
+LARGEST_CHANGE_C = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationSettings:
+    """How to reduce: outputs at `output_limit_v` or beyond are never fitted; the angles are φ3 and φ4 of `Mounting`."""
+
+    terms: tuple[str, ...] = ("c0", "c1", "cxz", "delta")
+    agreement: Agreement = field(default_factory=Agreement)
+    outlier_k: float = OUTLIER_SIGMAS
+    output_limit_v: float = np.inf
+    condition_limit: float = CONDITION_LIMIT
+    installation_rad: Measured | None = None
+    platform_rad: Measured | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StaticCalibration:
+    """`ends` has None for an end that was not swept; `both` is None unless both ends have a line.
+
+    `decision` is None when an end was not swept. `excluded` counts dwells by reason; `notes` say in words what a reader
+    should know beside the flags.
+    """
+
+    ends: Mapping[str, EndSweep | None]
+    both: TwoEnds | None
+    decision: Decision | Literal["invalid"] | None
+    model: SweepModel
+    excluded: Mapping[str, int]
+    flags: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def calibrate(
+    record: SweepRecord, settings: CalibrationSettings, clocking: tuple[Array, Array] | None = None
+) -> StaticCalibration:
+    """Reduces the sweeps of both ends; `clocking` are angles ψ (m,) in rad of the unit on its seat, and its outputs."""
+    usable, excluded = usable_rows(record, settings.output_limit_v)
+    first = float(np.min(usable.sequence, initial=np.inf))
+    ends = _ends(record, usable, settings.outlier_k, first)
+    model = _model(ends, settings, first)
+    excluded["outlier"] = sum(end.outliers for end in ends.values() if end)
+    seat, problem = _seat(clocking, settings.output_limit_v)
+    both = _both(ends, Mounting(settings.installation_rad, settings.platform_rad, seat))
+    invalid = any(end is not None and end.fit is None for end in ends.values())
+    warmed_c = {name: end.dwells.temperature_change_c for name, end in ends.items() if end}
+    warmed_c = {name: change_c for name, change_c in warmed_c.items() if change_c > LARGEST_CHANGE_C}
+    decision = _decision(
+        both, settings.agreement, invalid=invalid, missing=None in ends.values(), warmed=bool(warmed_c)
+    )
+    flags = {
+        **{f"end_{name}_missing": end is None for name, end in ends.items()},
+        "invalid": invalid,
+        "ill_conditioned": model.doubt is not None or problem != "",
+        "hysteresis:equal_histories": _equal_histories(ends),
+        "marginal": decision == "marginal" or bool(warmed_c),
+    }
+    return StaticCalibration(
+        ends=ends,
+        both=both,
+        decision=decision,
+        model=model,
+        excluded=excluded,
+        flags=tuple(flag for flag, raised in flags.items() if raised),
+        notes=(
+            *_notes_on_rows(excluded),
+            *(f"end {name}: none of its dwells can be used" for name in _swept(record) if ends[name] is None),
+            *(note for name, end in ends.items() if end for note in _notes_on_end(f"end {name}: ", end)),
+            *(f"end {name}: the temperature changed by {change_c:.2f} °C" for name, change_c in warmed_c.items()),
+            *(f"model: {found}" for found in dict.fromkeys([str(model.doubt or ""), model.problem]) if found),
+            *([f"clock: {problem}"] if problem else []),
+        ),
+    )
+
+
+def _ends(record: SweepRecord, usable: SweepRecord, outlier_k: float, first: float) -> dict[str, EndSweep | None]:
+    """The line of each end. When the bias of one drifts, both are fitted with a drift, from the dwell `first`.
+
+    An end none of whose dwells is usable is missing, unless that is so of both.
+    """
+    swept = [name for name in ENDS if np.any(usable.end == name)] or list(_swept(record))
+    ends = {name: reduce_end(usable.rows(usable.end == name), outlier_k=outlier_k) for name in swept}
+    if any(end.fit and bias_drifts(end.fit) for end in ends.values()):
+        ends = {name: end.with_drift(first) for name, end in ends.items()}
+    return {name: ends.get(name) for name in ENDS}
+
+
+def _swept(record: SweepRecord) -> Iterator[str]:
+    return (name for name in ENDS if np.any(record.end == name))
+
+
+def _model(ends: Mapping[str, EndSweep | None], settings: CalibrationSettings, first: float) -> SweepModel:
+    """The model of all dwells that the lines of the ends have kept, with a drift when one of them has it."""
+    swept = [end for end in ends.values() if end]
+    dwells = joined([end.dwells for end in swept])
+    drifts = any(end.fit and end.fit.drift_v is not None for end in swept)
+    return fit_sweeps(
+        dwells.angle_rad,
+        np.where(dwells.end == "up", 1.0, -1.0),
+        dwells.output_v,
+        settings.terms,
+        since_first=dwells.sequence - first if drifts else None,
+        condition_limit=settings.condition_limit,
+    )
+
+
+def _seat(clocking: tuple[Array, Array] | None, output_limit_v: float) -> tuple[Clocking | None, str]:
+    """The fit over the clocking, or why there is none."""
+    if clocking is None:
+        return None, ""
+    psi_rad, output_v = clocking
+    good = np.isfinite(psi_rad) & np.isfinite(output_v) & (np.abs(output_v) < output_limit_v)
+    try:
+        return fit_clocking(psi_rad[good], output_v[good]), ""
+    except NotDetermined as problem:
+        return None, str(problem)
+
+
+def _both(ends: Mapping[str, EndSweep | None], mounting: Mounting) -> TwoEnds | None:
+    up, down = (end.fit if end else None for end in (ends["up"], ends["down"]))
+    return combine(up, down, mounting) if up and down else None
+
+
+def _decision(
+    both: TwoEnds | None, agreement: Agreement, *, invalid: bool, missing: bool, warmed: bool
+) -> Decision | Literal["invalid"] | None:
+    if missing or both is None or invalid:
+        return None if missing else "invalid"
+    decision = agreement.judge(both.scale_difference_v_per_g, both.scale_v_per_g.value)
+    return "marginal" if warmed and decision == "accept" else decision
+
+
+def _equal_histories(ends: Mapping[str, EndSweep | None]) -> bool:
+    """Whether there is a reverse pass, and yet no angle to which the input came from both sides."""
+    fits = [end.fit for end in ends.values() if end is not None and end.fit is not None]
+    both_ways = any(len(np.unique(fit.dwells.direction)) > 1 for fit in fits)
+    return both_ways and not any(len(fit.loop_v) for fit in fits)
+
+
+def _notes_on_rows(excluded: Mapping[str, int]) -> Iterator[str]:
+    if excluded["missing"]:
+        yield f"rows left out because something is missing in them: {excluded['missing']}"
+    if excluded["duplicate"]:
+        yield f"rows left out because they are there twice: {excluded['duplicate']}"
+
+
+def _notes_on_end(where: str, end: EndSweep) -> Iterator[str]:
+    if end.fit is None:
+        yield where + end.why
+        return
+    if end.fit.drift_v is not None:
+        yield f"{where}the bias drifts by {end.fit.drift_v:.3g} V per dwell; b_V is the bias at the first dwell of all"
+    if end.fit.pattern is not None:
+        yield (
+            f"{where}the residuals repeat themselves {end.fit.pattern.periods} times over the angles; see whether the "
+            "output beats with the sampling, or resonates"
+        )

@@ -1,0 +1,312 @@
+"""The findings of a calibration on an indexing table, each with its budget, and its equations.
+
+With both ends the results are the unit's; with one of them only its equation is found, for tests in that orientation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.methods.indexing.reduction.budget import BACKLASH, SCATTER
+from bench.methods.indexing.reduction.calibrate import StaticCalibration
+from bench.methods.indexing.reduction.estimates import IndexingEstimates
+from bench.methods.indexing.reduction.model import SweepModel
+from bench.methods.indexing.reduction.readings import IndexingReading
+from bench.methods.indexing.reduction.sweep import EndFit
+from bench.methods.indexing.reduction.two_ends import BothEnds
+from bench.metrology.extremes import interval_of_largest, largest_u
+from bench.metrology.least_squares import Array
+from bench.metrology.nonlinear import NonlinearFit
+from bench.metrology.propagation import Estimate, Measured
+from bench.metrology.results.curves import Constant, Equation
+from bench.metrology.results.finding import BudgetLine, Finding, Interval
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+SELECTION = "readings: scatter makes the largest of many larger"
+TILT_SOURCES = {"b3": "fixture: level", "b4": "platform: angle"}
+TILT_NAMES = {"b3": "tilt by the level of the fixture", "b4": "tilt of the platform"}
+TILTS = ("head: zero", "head: harmonics", "fixture: level")  # of which the tilt of the seat consists
+ORBIT = "a = (U - b) / K1, U the output, a along the input axis in g"
+MODEL = "U = c0 + c1·a + cxz·a·a_z, a = sin(θ + s·δ), a_z = s·cos(θ + s·δ), s = +1 with +Z up, -1 with it down"
+
+
+@dataclass(frozen=True)
+class IndexingFindings:
+    """The results of one unit, out of the last time that both ends were measured: `found`.
+
+    All is at one temperature: what the bias in g and the scale factor, relative, may change by with 1 °C is stated.
+    """
+
+    data: RunData
+    unit: UnitUnderTest
+    found: StaticCalibration
+    estimates: IndexingEstimates
+    verified: Sequence[IndexingReading]
+    bias_per_c_u: float
+    scale_per_c_u: float
+
+    # Findings
+
+    def findings(self) -> Iterator[Finding]:
+        """Everything that a limit may name."""
+        both = self.estimates.both
+        if both is not None:
+            yield from self._of_the_unit(both)
+            yield from self._of_the_mounting(both)
+        for name, fit in self.estimates.fits.items():
+            yield self._linearity(name, fit)
+        yield from self._hysteresis()
+        yield from self._verification()
+
+    def _of_the_unit(self, both: BothEnds) -> Iterator[Finding]:
+        output, at, scale = self.unit.output_unit, self._at, both.scale
+        known = (*self._unknown_tilt(both, 1 / abs(scale.value)), *self._thermometer(self.bias_per_c_u))
+        of_scale = tuple(self._thermometer(scale.value * self.scale_per_c_u))
+        yield self._finding("K0", "bias of the equation for use in orbit", both.corrected / scale, "g", at, known)
+        yield (
+            k1 := self._finding("K1", "scale factor of the channel, per local g", scale, f"{output}/g", at, of_scale)
+        )
+        yield self._per_mps2(k1)
+        if both.tilted is not None:
+            yield self._finding("misalignment", "of the input axis towards +Z", both.tilted / scale, "rad", at)
+        if both.coupling is not None:
+            name = "cross coupling of the input axis and Z"
+            yield self._finding("Kip", name, both.coupling / scale, "g/g²", at)
+        yield from self._higher_orders()
+        (_, up), (_, down) = self.estimates.line("up"), self.estimates.line("down")
+        flags = ("ends_differ",) if self.found.decision == "repeat" else ()
+        name = "scale factor with +Z up minus with +Z down, relative"
+        yield self._finding("scale_difference", name, (up - down) / scale, "1", at, flags=flags)
+
+    def _higher_orders(self) -> Iterator[Finding]:
+        """K2 and K3, where the angles are large enough to tell them."""
+        model, c1 = self.found.model, self.found.model.value("c1")
+        if model.fit is None or not c1:
+            return
+        for quantity, term, unit in (("K2", "c2", "g/g²"), ("K3", "c3", "g/g³")):
+            value = model.value(term)
+            if value is not None:
+                u = float(model.fit.u[model.terms.index(term)] / abs(c1))
+                lines = (BudgetLine(SCATTER, "A", u, self.estimates.budget.dof or None),)
+                yield self._of(quantity, "of the model of all readings", value / c1, unit, lines, self._at)
+
+    def _per_mps2(self, k1: Finding) -> Finding:
+        bench, unit = self.data.bench, f"{self.unit.output_unit}/(m/s²)"
+        value = k1.value / bench.gravity_mps2
+        gravity = abs(value) * bench.gravity_u_mps2 / bench.gravity_mps2
+        lines = [
+            BudgetLine("K1", "B", k1.u / bench.gravity_mps2, None, k1.id),
+            BudgetLine("site: gravity", "B", gravity, None, "site.gravity"),
+        ]
+        return self._of("K1_si", "scale factor of the channel, per m/s²", value, unit, lines, self._at)
+
+    def _of_the_mounting(self, both: BothEnds) -> Iterator[Finding]:
+        """The bias as it was measured, what the mounting adds to it, and what is left."""
+        output, at, scale = self.unit.output_unit, self._at, both.scale
+        warm = tuple(self._thermometer(scale.value * self.bias_per_c_u))
+        known = (*self._unknown_tilt(both), *warm)
+        yield self._finding("bias", "mean of both ends, tilt of the seat in it", both.bias, output, at, warm)
+        yield self._finding("bias_corrected", "without the tilt of the seat", both.corrected, output, at, known)
+        yield self._finding("bias_total", "b + b3 + b4 + b5, kept for comparison", both.total, output, at, known)
+        for quantity, tilt in self.estimates.tilts.items():
+            value, line = scale.value * float(np.sin(tilt.value)), _tilt_line(quantity, tilt, scale.value)
+            yield self._of(quantity, TILT_NAMES[quantity], value, output, (line,), at)
+        if both.beyond is not None:
+            known = tuple(_tilt_line(*each, scale.value) for each in self.estimates.tilts.items())
+            name = "tilt of the seat beyond b3 and b4, by clocking"
+            yield self._finding("b5", name, both.beyond, output, at, known, without=TILTS)
+            yield from self._seat_tilt(scale.value)
+
+    def _unknown_tilt(self, both: BothEnds, factor: float = 1.0) -> tuple[BudgetLine, ...]:
+        """What is not known of the platform where no clocking has seen it; the level is among the sources already."""
+        platform = self.estimates.tilts.get("b4")
+        if both.seat is not None or platform is None:
+            return ()
+        return (_tilt_line("b4", platform, both.scale.value * factor),)
+
+    def _seat_tilt(self, scale: float) -> Iterator[Finding]:
+        clocking, budget = self.estimates.clocking, self.estimates.budget
+        if clocking is None or clocking.q_v is None:
+            return
+        tilt_rad = float(np.hypot(clocking.p_v, clocking.q_v) / abs(scale))
+        u_rad = clocking.u_per_reading * self.estimates.reading_sd_g
+        lines = (BudgetLine(SCATTER, "A", u_rad, budget.dof or None),)
+        yield self._of("seat_tilt", "of the seat against the horizontal", tilt_rad, "rad", lines, self._at)
+
+    def _linearity(self, end: str, fit: EndFit) -> Finding:
+        span = abs(fit.scale_v_per_g) * float(np.ptp(np.sin(fit.dwells.angle_rad)))
+        sd = self.estimates.reading_sd_g * abs(self.estimates.budget.scale)
+        by_scatter, by_selection = largest_u(fit.residuals, sd)
+        lines = [
+            BudgetLine(SCATTER, "A", by_scatter / span, self.estimates.budget.dof or None),
+            BudgetLine(SELECTION, "A", by_selection / span),
+        ]
+        name = "largest residual as a part of the span of the output"
+        interval = interval_of_largest(fit.residuals, sd).times(1 / span)
+        at = {"end": end}
+        return self._of("linearity", name, fit.linearity, "1", lines, at, tail=f"/{end}", interval=interval)
+
+    def _hysteresis(self) -> Iterator[Finding]:
+        """The largest difference between readings from below and from above over both ends, of the same angle.
+
+        Of noise alone it would be what its budget says. Nothing where each angle was come to from one side only.
+        """
+        loops = {name: fit for name, fit in self.estimates.fits.items() if len(fit.loop_v)}
+        if not loops:
+            return
+        worst = max(loops, key=lambda name: loops[name].hysteresis_v or 0.0)
+        every_g = np.concatenate([fit.loop_v for fit in loops.values()]) / self.estimates.budget.scale
+        sd_g = self.estimates.reading_sd_g * float(np.sqrt(2.0))
+        by_scatter, by_selection = largest_u(every_g, sd_g)
+        lines = [
+            BudgetLine(SCATTER, "A", by_scatter, self.estimates.budget.dof or None),
+            BudgetLine(SELECTION, "A", by_selection),
+            BudgetLine(BACKLASH, "B", np.radians(self.data.bench.head.backlash_u_deg or 0.0), None, "head.backlash"),
+        ]
+        value = float(np.max(np.abs(every_g)))
+        name = "largest difference between readings at one angle, come to from below and from above"
+        interval = interval_of_largest(every_g, sd_g)
+        yield self._of("hysteresis", name, value, "g", lines, {"end": worst}, interval=interval)
+
+    def verification_residuals_g(self) -> Array:
+        """What the equations of the ends leave of the readings of the verification, in g."""
+        known = [each for each in self.verified if each.end in self.estimates.fits]
+        fits = [self.estimates.fits[each.end] for each in known]
+        found = [(each.output - fit.bias_v) / fit.scale_v_per_g for each, fit in zip(known, fits, strict=True)]
+        return np.array(found) - np.sin([each.angle_rad for each in known])
+
+    def _verification(self) -> Iterator[Finding]:
+        residuals_g = self.verification_residuals_g()
+        if not len(residuals_g):
+            return
+        sd_g = self.estimates.reading_sd_g
+        by_scatter, by_selection = largest_u(residuals_g, float(sd_g))
+        dof = self.estimates.budget.dof or None
+        lines = [BudgetLine(SCATTER, "A", by_scatter, dof), BudgetLine(SELECTION, "A", by_selection)]
+        largest = float(np.max(np.abs(residuals_g)))
+        name = "largest residual of readings that were not fitted"
+        at, interval = {"end": "up"}, interval_of_largest(residuals_g, float(sd_g))
+        yield self._of("verification/largest", name, largest, "g", lines, at, kind="verification", interval=interval)
+        rms = float(np.sqrt(np.mean(residuals_g**2)))
+        line = BudgetLine(SCATTER, "A", float(sd_g) / np.sqrt(2 * len(residuals_g)), dof)
+        name = "root mean square of them"
+        yield self._of("verification/rms", name, rms, "g", (line,), {"end": "up"}, kind="verification")
+
+    # Equations
+
+    def models(self) -> Iterator[Equation]:
+        """For use in orbit, for each end on the ground, and the model of all readings."""
+        output = self.unit.output_unit
+        both = self.estimates.both
+        if both is not None:
+            known = self._unknown_tilt(both)
+            yield self._equation("orbit", "acceleration", ORBIT, both.corrected, both.scale, known)
+        for name in self.estimates.fits:
+            bias, scale = self.estimates.line(name)
+            form = f"{ORBIT}, on the ground with +Z {name}"
+            yield self._equation(f"end_{name}", f"acceleration_{name}", form, bias, scale)
+        model = self.found.model
+        if model.fit is not None and both is not None:
+            units = {"c0": output, "delta": "rad", "cxz": f"{output}/g²", "c2": f"{output}/g²", "c3": f"{output}/g³"}
+            yield Equation(
+                id=self._id("equation/all"),
+                uut=self.unit.serial,
+                quantity="output",
+                form=MODEL if "c2" not in model.terms else MODEL.replace(" + cxz", " + c2·a² + c3·a³ + cxz"),
+                constants=_constants(model, model.fit, units, f"{output}/g"),
+                valid=self._valid,
+                correlation=tuple(tuple(float(value) for value in row) for row in _correlation(model.fit.covariance)),
+            )
+
+    def _equation(
+        self, name: str, quantity: str, form: str, bias: Estimate, scale: Estimate, known: tuple[BudgetLine, ...] = ()
+    ) -> Equation:
+        output, budget = self.unit.output_unit, self.estimates.budget
+        u_bias, u_scale = (
+            float(np.sqrt(sum(line.u**2 for line in (*budget.lines(each), *more))))
+            for each, more in ((bias, known), (scale, ()))
+        )
+        return Equation(
+            id=self._id(f"equation/{name}"),
+            uut=self.unit.serial,
+            quantity=quantity,
+            form=form,
+            constants={"b": Constant(bias.value, output, u_bias), "K1": Constant(scale.value, f"{output}/g", u_scale)},
+            valid=self._valid,
+            correlation=budget.correlation([bias, scale]),
+        )
+
+    @property
+    def _valid(self) -> Mapping[str, tuple[float, float]]:
+        sines = np.sin([each.angle_rad for each in self.estimates.rows if each.kind == "sweep"])
+        warm_c = [each.temperature_c for each in self.estimates.rows if np.isfinite(each.temperature_c)]
+        valid = {"input_g": (float(sines.min()), float(sines.max()))}
+        return valid | ({"temperature_c": (min(warm_c), max(warm_c))} if warm_c else {})
+
+    # Forms
+
+    @property
+    def _at(self) -> Mapping[str, Any]:
+        warm_c = [each.temperature_c for each in self.estimates.rows if np.isfinite(each.temperature_c)]
+        return {"at_c": float(np.mean(warm_c))} if warm_c else {}
+
+    def _thermometer(self, per_c: float) -> Iterator[BudgetLine]:
+        """The line of the temperature that a result names, which changes by so much with 1 °C."""
+        thermometer, at_c = self.unit.temperature, self._at.get("at_c")
+        if at_c is not None:
+            u_c = self.data.bench.temperature_u_c(thermometer, at_c)
+            yield BudgetLine(f"{thermometer}: offset, gain", "B", abs(per_c) * u_c, None, thermometer)
+
+    def _id(self, quantity: str) -> str:
+        return self.data.subject(self.unit).id(quantity)
+
+    def _finding(
+        self,
+        quantity: str,
+        name: str,
+        result: Estimate,
+        unit: str,
+        at: Mapping[str, Any],
+        known: tuple[BudgetLine, ...] = (),
+        without: Sequence[str] = (),
+        flags: tuple[str, ...] = (),
+    ) -> Finding:
+        lines = [*self.estimates.budget.lines(result, without), *known]
+        return self._of(quantity, name, result.value, unit, lines, at, flags=flags)
+
+    def _of(
+        self,
+        quantity: str,
+        name: str,
+        value: float,
+        unit: str,
+        lines: Sequence[BudgetLine],
+        at: Mapping[str, Any],
+        tail: str = "",
+        kind: str = "sweep",
+        flags: tuple[str, ...] = (),
+        interval: Interval | None = None,
+    ) -> Finding:
+        rows = self.verified if kind == "verification" else self.estimates.rows
+        steps = tuple(dict.fromkeys(each.step.rsplit("/", 2)[0] for each in rows))
+        subject = self.data.subject(self.unit)
+        return subject.finding(quantity, name, value, unit, lines, at, steps, tail, flags, interval)
+
+
+def _tilt_line(quantity: str, tilt: Measured, scale: float) -> BudgetLine:
+    source = TILT_SOURCES[quantity]
+    return BudgetLine(source, "B", abs(scale) * tilt.u, None, source.replace(": ", "."))
+
+
+def _constants(model: SweepModel, fit: NonlinearFit, units: Mapping[str, str], otherwise: str) -> dict[str, Constant]:
+    values = zip(model.terms, fit.parameters.tolist(), fit.u.tolist(), strict=True)
+    return {term: Constant(value, units.get(term, otherwise), u) for term, value, u in values}
+
+
+def _correlation(covariance: Array) -> Array:
+    sizes = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / np.outer(sizes, sizes)) if np.all(sizes > 0) else np.eye(len(sizes))

@@ -1,0 +1,152 @@
+"""From the acquisitions of a run to the readings of a calibration on an indexing table (methods.md 3.2).
+
+The end that a unit stands on, its angle and how it is clocked follow from the geometry of the bench. Readings in a
+group `clocking` are those of the clocking, those in a group `verification` are not fitted, all others are the sweeps;
+`reverse` among the loops around one tells the pass that it is of, `pass` how often both ends were measured before. From
+which side the input came to an angle is in the record of the moves, not in a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from bench.methods.indexing.reduction.sweep import SweepRecord
+from bench.metrology.acquisition import Acquisition, Counts
+from bench.metrology.bench_uncertainty import BenchRecord
+from bench.metrology.least_squares import Array
+from bench.metrology.orientation import unit_axes
+from bench.metrology.outputs import STABLE_PART_S, Output, mean_output, measured, steadiness
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+CLOCKING, VERIFICATION = "clocking", "verification"
+OTHER_SIDE = {"below": "above", "above": "below", "": ""}
+TURN_DEG = 1e-3  # by which the head is turned in thought, to see what that does
+
+Kind = Literal["sweep", "clocking", "verification"]
+
+
+@dataclass(frozen=True, slots=True)
+class IndexingReading:
+    """One reading: its output in the unit of the channel, NaN where it is unusable.
+
+    `angle_rad` is that of the input axis above the horizontal, by the angles of the table alone, `head_rad` that of the
+    head; `turn` is by how much sin(angle) changes when the head turns by 1 rad. `end` is up or down. `number` counts
+    all readings of the run, `stand` the moves before it. `came_from` is the side from which the head came there, `side`
+    that from which the input did, "below" or "above", empty where nobody knows it. `alone_u` is what one alone tells of
+    its standard uncertainty, `step_u` what the steps of codes hide from it. `run_share` is where it is
+    in the run, from -½ to ½.
+    """
+
+    number: int
+    step: str
+    kind: Kind
+    attempt: int
+    end: str
+    direction: str
+    angle_rad: float
+    head_rad: float
+    turn: float
+    clock_rad: float
+    output: float
+    stable: bool
+    temperature_c: float
+    alone_u: float = 0.0
+    step_u: float = 0.0
+    came_from: str = ""
+    side: str = ""
+    stand: int = 0
+    run_share: float = 0.0
+
+
+def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReading], list[str]]:
+    """All readings of a unit in the order of the run, and flags for those that cannot be used."""
+    flat = replace(data.bench, level_deg=0.0)
+    found, flags = [], []
+    for number, acquisition in enumerate(data.acquisitions):
+        output = mean_output(acquisition, unit)
+        flags += [f"{acquisition.step}: {problem}" for problem in output.problems]
+        usable = not set(output.problems) - {"unstable"}
+        axes, turned = (unit_axes(each, unit, flat)[:, 2] for each in (acquisition, _turned(acquisition, flat)))
+        temperature_c = acquisition.temperatures_c[unit.temperature]
+        turn = float((turned[0] - axes[0]) / np.radians(TURN_DEG))
+        came_from = acquisition.came_from.get(next(iter(data.bench.axes), ""), "")
+        reading = IndexingReading(
+            number=number,
+            step=acquisition.step,
+            kind=kind_of(acquisition.step),
+            attempt=int(acquisition.loops.get("pass", 1)),
+            end="up" if axes[2] > 0 else "down",
+            direction="rev" if "reverse" in acquisition.loops else "fwd",
+            angle_rad=float(np.arcsin(np.clip(axes[0], -1, 1))),
+            head_rad=float(np.radians(acquisition.angle_deg)),
+            turn=turn,
+            clock_rad=float(np.radians(acquisition.mount.clock_deg)),
+            output=output.value if usable else float("nan"),
+            stable="unstable" not in output.problems,
+            temperature_c=float(np.mean(temperature_c)) if len(temperature_c) else float("nan"),
+            alone_u=_alone_u(acquisition, unit, output) if usable else 0.0,
+            step_u=output.step_u if usable else 0.0,
+            came_from=came_from,
+            side=came_from if turn > 0 else OTHER_SIDE[came_from],
+            stand=acquisition.stand,
+            run_share=float(data.run_share(np.array([(acquisition.begin_s + acquisition.end_s) / 2]))[0]),
+        )
+        found.append(reading)
+    return found, flags
+
+
+def _alone_u(acquisition: Acquisition, unit: UnitUnderTest, output: Output) -> float:
+    """What a reading alone tells of its standard uncertainty, also by the scatter of its parts of 10 s.
+
+    A zero that wanders within seconds scatters these more than samples would that were independent. Parts of a count
+    share what the count does not resolve, so that it tells its resolution only.
+    """
+    found, over_s = measured(acquisition, unit), acquisition.over_s
+    steady = None if over_s is None or isinstance(found, Counts) else steadiness(found, over_s)
+    if over_s is None or steady is None:
+        return output.alone_u
+    return float(max(output.alone_u, steady[0] / np.sqrt(round(over_s / STABLE_PART_S))))
+
+
+def _turned(acquisition: Acquisition, bench: BenchRecord) -> Acquisition:
+    """The same with the head a little farther."""
+    head = next(iter(bench.axes), "")
+    angles_deg: Mapping[str, float] = {**acquisition.angles_deg, head: acquisition.angle_deg + TURN_DEG}
+    return replace(acquisition, angles_deg=angles_deg)
+
+
+def kind_of(step: str) -> Kind:
+    """What a reading is for, by the id of its step."""
+    parts = step.split("/")
+    return "clocking" if CLOCKING in parts else "verification" if VERIFICATION in parts else "sweep"
+
+
+def sweep_record(readings: Sequence[IndexingReading]) -> SweepRecord:
+    """Readings as the record of sweeps; what its columns call V is in the unit of the output."""
+    return SweepRecord(
+        end=np.array([each.end for each in readings], dtype=np.str_),
+        direction=np.array([each.direction for each in readings], dtype=np.str_),
+        sequence=np.array([each.number for each in readings], dtype=np.float64),
+        angle_deg=np.degrees([each.angle_rad for each in readings]),
+        output_v=np.array([each.output for each in readings], dtype=np.float64),
+        stable=np.array([each.stable for each in readings], dtype=np.bool_),
+        temperature_c=np.array([each.temperature_c for each in readings], dtype=np.float64),
+        side=np.array([each.side for each in readings], dtype=np.str_),
+        stand=np.array([each.stand for each in readings], dtype=np.int_),
+    )
+
+
+def usable_clocking(readings: Sequence[IndexingReading], output_limit: float) -> list[IndexingReading]:
+    """The readings of a clocking that can be fitted."""
+    return [each for each in readings if each.stable and np.isfinite(each.output) and abs(each.output) < output_limit]
+
+
+def clocking_arrays(readings: Sequence[IndexingReading]) -> tuple[Array, Array] | None:
+    """Angles in rad and outputs; None without any."""
+    if not readings:
+        return None
+    return np.array([each.clock_rad for each in readings]), np.array([each.output for each in readings])

@@ -1,0 +1,151 @@
+"""Method M1: scale factor, bias, misalignment and cross coupling from small angles on both ends (methods.md 3).
+
+What the arithmetic calls V is in the unit of the output, V or pulse/s. The clocking sees the whole tilt of the seat,
+that of the head's zero, of the fixture and of the platform in it: b5 is what it finds beyond b3 and b4, and b - b3 - b4
+- b5 is the bias without any tilt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.methods.indexing.reduction.calibrate import CalibrationSettings, StaticCalibration, calibrate
+from bench.methods.indexing.reduction.estimates import IndexingEstimates
+from bench.methods.indexing.reduction.findings import IndexingFindings
+from bench.methods.indexing.reduction.readings import (
+    IndexingReading,
+    clocking_arrays,
+    readings_of,
+    sweep_record,
+    usable_clocking,
+)
+from bench.methods.indexing.reduction.two_ends import Agreement, BothEnds
+from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.propagation import Measured
+from bench.metrology.results.curves import Constant
+from bench.metrology.results.finding import UnitResult
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+LEAST_FOR_K2_RAD = np.radians(30.0) * 0.999  # smaller angles do not tell K2 and K3: methods.md 3.4
+SMALL_TERMS = ("c0", "c1", "cxz", "delta")
+ALL_TERMS = ("c0", "c1", "c2", "c3", "cxz", "delta")
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """Both ends measured once; `agrees` is whether their scale factors are taken for equal."""
+
+    readings: tuple[IndexingReading, ...]
+    found: StaticCalibration
+
+    @property
+    def agrees(self) -> bool:
+        """Whether nothing asks for another attempt."""
+        return self.found.decision in ("accept", "marginal")
+
+
+@dataclass(frozen=True, slots=True)
+class IndexingDetail:
+    """What a report draws: every attempt, the readings of the clocking and of the verification."""
+
+    unit: str
+    attempts: tuple[Attempt, ...]
+    clocking: tuple[IndexingReading, ...]
+    verification: tuple[IndexingReading, ...]
+    residuals_g: tuple[float, ...]
+
+
+def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """The findings and equations of every unit, by the settings of the method."""
+    return [_reduced(data, unit, settings) for unit in data.units]
+
+
+def attempts_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> list[Attempt]:
+    """Every time that both ends were measured; the last one counts."""
+    readings, _ = readings_of(data, unit)
+    return _attempts(readings, unit, settings)
+
+
+def _attempts(readings: Sequence[IndexingReading], unit: UnitUnderTest, settings: Mapping[str, Any]) -> list[Attempt]:
+    numbers = sorted({each.attempt for each in readings if each.kind == "sweep"})
+    clocked = usable_clocking([each for each in readings if each.kind == "clocking"], _limit(unit, settings))
+    attempts = []
+    for number in numbers:
+        swept = [each for each in readings if each.kind == "sweep" and each.attempt == number]
+        found = calibrate(sweep_record(swept), _settings(swept, unit, settings), clocking_arrays(clocked))
+        attempts.append(Attempt(tuple(swept), found))
+    return attempts
+
+
+def _settings(
+    swept: Sequence[IndexingReading], unit: UnitUnderTest, settings: Mapping[str, Any]
+) -> CalibrationSettings:
+    widest_rad = max((abs(each.angle_rad) for each in swept), default=0.0)
+    return CalibrationSettings(
+        terms=ALL_TERMS if widest_rad >= LEAST_FOR_K2_RAD else SMALL_TERMS,
+        agreement=Agreement(settings["scale_tolerance"], settings["k"]),
+        outlier_k=settings["outlier_k"],
+        output_limit_v=_limit(unit, settings),
+    )
+
+
+def _limit(unit: UnitUnderTest, settings: Mapping[str, Any]) -> float:
+    """The output from which on nothing is fitted."""
+    limit_g, per_g = settings["output_limit_g"], unit.nominal_per_g
+    return np.inf if limit_g is None or per_g is None else float(limit_g * abs(per_g))
+
+
+def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    readings, flags = readings_of(data, unit)
+    attempts = _attempts(readings, unit, settings)
+    if not attempts:
+        return UnitResult(unit.place, unit.serial, (), (), ("both ends",), (*flags, "no_sweep"))
+    last = attempts[-1]
+    limit = _limit(unit, settings)
+    clocked = usable_clocking([each for each in readings if each.kind == "clocking"], limit)
+    verified = usable_clocking([each for each in readings if each.kind == "verification"], limit)
+    platform = settings["platform_rad"]
+    known = None if platform is None else Measured(platform, settings["platform_u_rad"])
+    estimates = IndexingEstimates(data, unit, last.readings, last.found, clocked, known)
+    findings = IndexingFindings(
+        data, unit, last.found, estimates, verified, settings["bias_per_c_u"], settings["scale_per_c_u"]
+    )
+    residuals_g = tuple(findings.verification_residuals_g().tolist())
+    detail = IndexingDetail(unit.output_unit, tuple(attempts), tuple(clocked), tuple(verified), residuals_g)
+    left_out = [f"+Z {name}" for name, end in last.found.ends.items() if end is None or end.fit is None]
+    return UnitResult(
+        place=unit.place,
+        uut=unit.serial,
+        findings=tuple(findings.findings()),
+        models=tuple(findings.models()),
+        left_out=tuple(left_out),
+        flags=(*flags, *_flags(attempts, clocked)),
+        detail=detail,
+        compensations=_compensations(estimates.both, unit),
+    )
+
+
+def _flags(attempts: Sequence[Attempt], clocked: Sequence[IndexingReading]) -> list[str]:
+    """What a reader must know of the calibration as a whole."""
+    found = attempts[-1].found
+    flags = [flag for flag in found.flags if flag != "ill_conditioned" or None not in found.ends.values()]
+    flags += [f"{count} readings: {why}" for why, count in found.excluded.items() if count and why != "unstable"]
+    if found.decision == "repeat":
+        flags.append(f"ends_differ_after:{len(attempts)}")
+    if not clocked:
+        flags.append("no_clocking")
+    if found.both is not None and "c2" not in found.model.terms:
+        flags.append("K2_K3:range_too_small")
+    return [*flags, *found.notes]
+
+
+def _compensations(both: BothEnds | None, unit: UnitUnderTest) -> tuple[Compensation, ...]:
+    if both is None:
+        return ()
+    scale = Constant(both.scale.value, f"{unit.output_unit}/g")
+    offset = Constant(both.corrected.value, unit.output_unit)
+    return (Compensation(unit.measured_by, unit.output_unit, "g", scale=scale, offset=offset),)

@@ -1,0 +1,81 @@
+"""Rules on whether a calibration on an indexing table measures what its method needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from bench.config.models import BenchFile
+from bench.sequence.measuring import Acquire
+from bench.sequence.model import ResultEntry
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Found, Rule
+from bench.sequence.stimulus import Move
+from bench.sequence.talk import Prompt
+from bench.sequence.travel import angles_before
+
+METHOD = "indexing_static"
+LEAST_ANGLES = 3  # of a line, so that something is left that tells how good it is
+NOT_SWEPT = {"clocking", "verification"}  # the groups whose readings are not fitted
+SAME_ANGLE_DIGITS = 4  # of an angle in °
+
+Angles = dict[str, set[float]]
+
+
+def one_end(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A calibration in one orientation only, which cannot separate bias and misalignment."""
+    for index, entry in _calibrations(plan):
+        ends = _swept(plan, bench, entry.data)
+        for end in ("up", "down"):
+            angles = len(ends.get(end, ()))
+            if angles < LEAST_ANGLES:
+                yield (
+                    ("results", index, "data"),
+                    f"'{entry.data}' has {angles} angles with the unit's +Z {end}, so that bias and "
+                    "misalignment cannot be separated",
+                    f"Acquire at {LEAST_ANGLES} angles or more in both orientations, each after a prompt for its mount",
+                )
+
+
+def beyond_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """Angles at which the output exceeds the limit up to which it is fitted."""
+    for index, entry in _calibrations(plan):
+        from bench.methods.indexing.method import IndexingStaticSettings  # loaded if a sequence uses the method
+
+        limit_g = IndexingStaticSettings.model_validate(entry.settings).output_limit_g
+        widest_deg = max((abs(each) for ends in _swept(plan, bench, entry.data).values() for each in ends), default=0.0)
+        if limit_g is not None and math.sin(math.radians(min(widest_deg, 90.0))) >= limit_g:
+            most_deg = math.degrees(math.asin(min(limit_g, 1.0)))
+            yield (
+                ("results", index, "settings", "output_limit"),
+                f"{widest_deg:g}° is {math.sin(math.radians(widest_deg)) * 1e3:.3g} mg, and an output beyond "
+                f"{limit_g * 1e3:g} mg is never fitted",
+                f"Stay within {most_deg:.3g}°, or raise output_limit if the unit goes so far",
+            )
+
+
+def _calibrations(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method == METHOD:
+            yield index, entry
+
+
+def _swept(plan: Plan, bench: BenchFile, label: str) -> Angles:
+    """The angles of the head at which the sweeps of each end are acquired."""
+    mount, angle_deg, ends = bench.fixture.mount(), 0.0, Angles()
+    for planned, from_deg in angles_before(plan):
+        match planned.step:
+            case Prompt() if planned.step.expect is not None and planned.step.expect.mount in bench.fixture.mounts:
+                mount = bench.fixture.mount(planned.step.expect.mount)
+            case Move():
+                angle_deg = planned.step.target_deg(from_deg)
+            case Acquire() if planned.step.label == label and not NOT_SWEPT & set(planned.id.split("/")):
+                upright = math.cos(math.radians(mount.angle)) * math.cos(math.radians(mount.roll))
+                ends.setdefault("up" if upright > 0 else "down", set()).add(round(angle_deg, SAME_ANGLE_DIGITS))
+    return ends
+
+
+RULES = (
+    Rule("one-end", "warning", "a calibration on an indexing table has both orientations", one_end),
+    Rule("beyond-range", "warning", "an indexing table stays within the unit's output limit", beyond_range),
+)

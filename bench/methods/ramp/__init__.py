@@ -1,0 +1,1 @@
+"""Method M4b: the bias on temperature ramps."""

@@ -1,0 +1,54 @@
+"""Method M4b, the dynamic temperature test, as a sequence sees it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from bench.sequence.method import MethodDescription
+from drivers.schema.fields import InUnit, StrictModel, WholeNumber
+
+
+class TemperatureRampSettings(StrictModel):
+    """Settings of the dynamic temperature test."""
+
+    sample_s: Annotated[float, InUnit("s", at_least=5)] = Field(
+        10.0, alias="sample", description="the length of a sample; a longer one resolves more"
+    )
+    jump_threshold_g: Annotated[float, InUnit("g", above=0)] = Field(
+        60e-6, alias="jump_threshold", description="a larger step is a jump"
+    )
+    jump_window: Annotated[WholeNumber, Field(ge=2, le=1000)] = Field(
+        8, description="samples on either side between which a step is looked for"
+    )
+    misalignment_u_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
+        1e-3,
+        alias="misalignment_u",
+        description="standard uncertainty of the input axis's misalignment, which is in K1",
+    )
+
+
+TEMPERATURE_RAMP = MethodDescription(
+    name="temperature_ramp",
+    title="Dynamic temperature test (method M4b)",
+    target="bench.methods.ramp.reduction.run:reduce",
+    spans="bench.methods.ramp.shown:legs",
+    offline="bench.methods.ramp.offline:REDUCTIONS",
+    settings=TemperatureRampSettings,
+    quantities={
+        "K0/temperature_coefficient": "g/°C",
+        "K0/model_residual": "g",
+        "K0/model_residual_rms": "g",
+        "K0/hysteresis": "g",
+        "K0/repeatability": "g",
+        "K0/jumps": "1",
+        "K0/largest_jump": "g",
+        "K1/temperature_coefficient": "1/°C",
+        "tilt/uncompensated": "°",
+        "tilt/compensated": "°",
+    },
+    counts_at="ramps",
+    drawn_by="bench.methods.ramp.shown:ramp_plots",
+    after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),
+)

@@ -1,0 +1,1 @@
+"""From legs to the dynamic characteristic."""

@@ -1,0 +1,105 @@
+"""A temperature ramp of one unit reduced: its scale factor, and what its legs at 0 g do (methods.md 6.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from bench.methods.ramp.reduction.characteristic import Differences, DynamicCharacteristic, RampLimits, reduce_ramp
+from bench.methods.ramp.reduction.legs import RampRecord
+from bench.methods.ramp.reduction.samples import RampLeg
+from bench.methods.ramp.reduction.scale import RampScale, over_temperature, scale_over_temperature
+from bench.metrology.least_squares import Array
+from bench.metrology.thermometer_drift import DriftInRun
+
+
+@dataclass(frozen=True, slots=True)
+class ReducedRamp:
+    """The legs of a unit at 0 g and at 1 g, its scale factor over temperature, and what the legs at 0 g do.
+
+    The slope of the scale factor is of `whole` legs at 0 g and of those at 1 g, and so are `changes`; `level` and
+    `found` are without turn-rounds.
+    """
+
+    level: Sequence[RampLeg]
+    whole: Sequence[RampLeg]
+    upright: Sequence[RampLeg]
+    scale: RampScale
+    found: DynamicCharacteristic
+    changes: Sequence[Differences]
+    limits: RampLimits
+
+    @classmethod
+    def of(cls, level: Sequence[RampLeg], upright: Sequence[RampLeg], limits: RampLimits) -> Self:
+        """From the legs at 0 g and at 1 g; NotDetermined when they have no direction or too few temperatures."""
+        whole = scale_over_temperature(level, upright)
+        at_0g, at_1g = ([leg.without_turns() for leg in part] for part in (level, upright))
+        scale = replace(scale_over_temperature(at_0g, at_1g), line=whole.line)
+        changes = reduce_ramp(_record(level, whole), limits, turns=True).changes
+        found = reduce_ramp(_record(at_0g, scale), limits)
+        return cls(at_0g, level, upright, scale, found, changes, limits)
+
+    def drifted(self, drift: DriftInRun) -> ReducedRamp:
+        """The same with a thermometer that drifts by one standard uncertainty more.
+
+        Loops and changes between cycles are by the same samples at each whole degree, whose outputs change as the
+        drift changes their temperatures: with other samples they would differ by the scatter of these.
+        """
+        warmer, moved = (
+            self.of(change(self.whole, drift), change(self.upright, drift), self.limits) for change in (_warmer, _moved)
+        )
+        return replace(warmer, found=replace(warmer.found, loops=moved.found.loops, changes=moved.found.changes))
+
+    def tilted(self, level_rad: Callable[[Array], Array]) -> ReducedRamp:
+        """The same where the base is tilted by so much more at bench times (n,)."""
+        k1 = float(self.scale.line.coefficients[0])
+        level, upright = (
+            [replace(leg, output=leg.output - k1 * np.cos(leg.angle_rad) * level_rad(leg.time_s)) for leg in part]
+            for part in (self.whole, self.upright)
+        )
+        return self.of(level, upright, self.limits)
+
+    @property
+    def per_g(self) -> float:
+        """The g that are one unit of the output."""
+        return 1 / abs(float(self.scale.line.coefficients[0]))
+
+    @property
+    def bias_slope(self) -> float:
+        """Slope of the straight line of the bias, in g/°C."""
+        return float(self.found.line.coefficients[1]) / self.found.line.scale
+
+    @property
+    def scale_slope(self) -> float:
+        """Slope of the straight line of the scale factor, relative to its value at the centre, in 1/°C."""
+        line = self.scale.line
+        return float(line.coefficients[1] / line.coefficients[0]) / line.scale
+
+
+def _warmer(legs: Sequence[RampLeg], drift: DriftInRun) -> list[RampLeg]:
+    return [replace(leg, temperature_c=leg.temperature_c + drift.error_c(leg.time_s)) for leg in legs]
+
+
+def _moved(legs: Sequence[RampLeg], drift: DriftInRun) -> list[RampLeg]:
+    ways = {leg.direction for leg in legs}
+    models = {way: over_temperature([leg for leg in legs if leg.direction == way]) for way in ways}
+    moved = [models[leg.direction].slope(leg.temperature_c) * drift.error_c(leg.time_s) for leg in legs]
+    return [replace(leg, output=leg.output - by) for leg, by in zip(legs, moved, strict=True)]
+
+
+def _record(legs: Sequence[RampLeg], scale: RampScale) -> RampRecord:
+    """The 0 g part as one record."""
+    return RampRecord(
+        cycle=_joined([np.full(len(leg.time_s), leg.cycle) for leg in legs]),
+        leg=np.concatenate([np.full(len(leg.time_s), leg.name) for leg in legs]),
+        time_s=_joined([leg.time_s for leg in legs]),
+        temperature_c=_joined([leg.temperature_c for leg in legs]),
+        output_g=_joined([scale.output_g(leg) for leg in legs]),
+    )
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return np.concatenate(parts).astype(np.float64)

@@ -1,0 +1,106 @@
+"""How well the samples of a ramp tell the slope of a straight line over the temperature.
+
+Samples side by side share a latch: what one has counted too much, the next has too little, and in a slope little more
+than the ends of the legs is left of it. So what the counts leave is worked out from the latches. The rest is looked for
+in slow waves, as for the line of a channel (`channel_scatter`), of what one cycle has and the next has not: what comes
+again in every cycle, such as the lag after the ramp has turned, is no scatter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.methods.ramp.reduction.samples import RampLeg
+from bench.metrology.gate_scatter import (
+    LEAST_GATES,
+    SMOOTH_DEGREE,
+    WAVES_DEGREE,
+    excess_pps,
+    own_scatter_pps,
+    unresolved_pps,
+)
+from bench.metrology.gates import Gates
+from bench.metrology.least_squares import Array, fit_polynomial
+
+TURN_SHARE = 0.2  # of a leg: the ramp has just turned, and the first has begun from rest
+
+
+class SlopeScatter(NamedTuple):
+    """Standard uncertainties of a slope, in the unit of the output per °C: of the counts, and of what scatters beside.
+
+    The latter has `dof` degrees of freedom.
+    """
+
+    counted: float
+    own: float
+    dof: int
+
+    def together(self, other: SlopeScatter) -> SlopeScatter:
+        """Those of a slope from which another one is taken away."""
+        own = float(np.hypot(self.own, other.own))
+        return SlopeScatter(float(np.hypot(self.counted, other.counted)), own, min(self.dof, other.dof))
+
+
+def slope_scatter(legs: Sequence[RampLeg]) -> SlopeScatter | None:
+    """Those of the slope of one line through the samples of all legs; None where these are too short to tell."""
+    temperatures_c = [leg.temperature_c[_usable(leg)] for leg in legs]
+    if not legs:
+        return None
+    centre_c = float(np.mean(np.concatenate(temperatures_c)))
+    spread = sum(float(np.sum((each - centre_c) ** 2)) for each in temperatures_c)
+    return sum_scatter(legs, [(each - centre_c) / spread for each in temperatures_c])
+
+
+def sum_scatter(legs: Sequence[RampLeg], gains: Sequence[Array]) -> SlopeScatter | None:
+    """Those of the sum of the usable samples of all legs, each times its gain, (n,) by leg; None as above."""
+    parts = [_gates(leg) for leg in legs]
+    if not parts or min(len(part.seconds) for part in parts) < LEAST_GATES:
+        return None
+    counted = [unresolved_pps(gain[np.newaxis], part) for gain, part in zip(gains, parts, strict=True)]
+    own = list(_between_cycles(legs, parts)) or [own_scatter_pps(_departures(part), part) for part in parts]
+    return SlopeScatter(
+        counted=float(np.sqrt(sum(float(np.sum(each**2)) for each in counted))),
+        own=float(np.sqrt(np.mean(np.square(own)) * sum(float(np.sum(gain**2)) for gain in gains))),
+        dof=(WAVES_DEGREE - SMOOTH_DEGREE) * len(own),
+    )
+
+
+def _between_cycles(legs: Sequence[RampLeg], parts: Sequence[Gates]) -> Iterator[float]:
+    """The standard deviation of a sample by which each leg, with its part, differs from that of the cycle before."""
+    in_order = sorted(zip(legs, parts, strict=True), key=lambda pair: pair[0].cycle)
+    for direction in (1, -1):
+        for before, after in pairwise(part for leg, part in in_order if leg.direction == direction):
+            samples = min(len(before.seconds), len(after.seconds))
+            rows = np.arange(int(TURN_SHARE * samples), samples)
+            change = _departures(after.rows(rows)) - _departures(before.rows(rows))
+            yield excess_pps(change / np.sqrt(2), after.rows(rows))
+
+
+def _departures(part: Gates) -> Array:
+    """What the outputs of a leg are away from a smooth curve over the temperature."""
+    return fit_polynomial(part.converter_c, part.rate_pps, SMOOTH_DEGREE).residuals
+
+
+def _usable(leg: RampLeg) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(leg.output) & np.isfinite(leg.temperature_c))
+
+
+def _gates(leg: RampLeg) -> Gates:
+    """The usable samples of a leg, with their temperature in the place of the converter's."""
+    usable = _usable(leg)
+    seconds, temperature_c = leg.seconds[usable], leg.temperature_c[usable]
+    nothing = np.zeros(len(seconds))
+    return Gates(
+        time_s=leg.time_s[usable],
+        seconds=seconds,
+        positive=leg.output[usable] * seconds,
+        negative=nothing,
+        converter_c=temperature_c,
+        accelerometer_c=np.full(len(seconds), np.nan),
+        step_u=None if leg.counted else nothing,
+    )

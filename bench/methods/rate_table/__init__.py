@@ -1,0 +1,1 @@
+"""Method M3: range and frequency response on a rate table."""

@@ -1,0 +1,232 @@
+"""The methods on a rate table as a sequence sees them: range and frequency response (method M3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from bench.sequence.method import OUTPUT_UNITS, MethodDescription
+from bench.sequence.per_degree import ScalePerDegree
+from drivers.quantity.quantities import as_quantity, parse
+from drivers.quantity.units import QuantityError, parse_unit
+from drivers.schema.fields import Celsius, Hertz, InUnit, Ratio, StrictModel
+from drivers.schema.wording import telling
+
+Tolerance = Annotated[Ratio, InUnit("", at_least=0, at_most=0.5)]
+Basis = Literal["reading", "full_scale"]
+PositiveG = Annotated[float, InUnit("g", above=0)]
+PositiveRate = Annotated[float, InUnit("°/s", above=0)]
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleOf:
+    """Validates scale factors, one or a list of one for each kind of output, into numbers by the unit of the output.
+
+    They are in that unit over `per`, such as 4000 pulse/°, which is 4000 pulse/s for 1 °/s.
+    """
+
+    per: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"oneOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
+
+    def _validate(self, raw: object) -> dict[str, float]:
+        units = {output: f"{output}/({self.per})" for output in (*OUTPUT_UNITS, self.per)}
+        found: dict[str, float] = {}
+        for given in raw if isinstance(raw, list | tuple) and raw else [raw]:
+            try:
+                scale = parse(given) if isinstance(given, str) else as_quantity(given)
+            except QuantityError as problem:
+                raise telling(str(problem)) from None
+            output = next((each for each, unit in units.items() if parse_unit(unit).dimension == scale.dimension), None)
+            if output is None:
+                wanted = ", ".join(units[each] for each in OUTPUT_UNITS)
+                raise telling(f"is {scale}, expected a quantity in one of {wanted}")
+            if scale.base_value == 0:
+                raise telling(f"is {scale}, expected a quantity other than 0")
+            if output in found:
+                raise telling(f"has two scale factors of an output in {output}")
+            found[output] = scale.to(units[output])
+        return found
+
+
+class GyroScale(StrictModel):
+    """What turns the output of a gyro into a rate."""
+
+    scale: Annotated[dict[str, float], ScaleOf("°/s")] = Field(
+        description="scale factor as stated, against which errors and gains are; a quantity such as 4000 pulse/°, "
+        "16000 code/(°/s) or 10 mV/(°/s), or a list of one for each kind of output"
+    )
+
+
+class AccelerometerScale(ScalePerDegree):
+    """What turns the output of an accelerometer into an acceleration."""
+
+    scale: Annotated[dict[str, float], ScaleOf("g")] = Field(
+        description="scale factor as it was calibrated; a quantity such as 11300 pulse/s/g, 45200 code/g or 226 mV/g, "
+        "or a list of one for each kind of output"
+    )
+    scale_u: Tolerance = Field(
+        1e-4,
+        description="its standard uncertainty, relative, with what nonlinearity and asymmetry change at the "
+        "accelerations from which a radius or a lever arm is found",
+    )
+    scale_c: Celsius = Field(20.0, alias="scale_at", description="the temperature of the unit at which it is so")
+
+
+class RangeSettings(StrictModel):
+    """How errors over a range are judged."""
+
+    linearity_basis: Basis = Field("reading", description="what errors are relative to")
+    rate_tolerance: Tolerance = Field(1e-3, description="maximum relative deviation of the table from its rate")
+
+
+class GyroRangeSettings(GyroScale, ScalePerDegree, RangeSettings):
+    """Settings of the range of a gyro."""
+
+    full_scale_dps: PositiveRate = Field(alias="full_scale", description="the end of the range")
+    clip_dps: PositiveRate = Field(alias="clip", description="the output at which it saturates")
+
+
+class AccelerometerRangeSettings(AccelerometerScale, RangeSettings):
+    """Settings of the range of an accelerometer."""
+
+    linearity_basis: Basis = Field("full_scale", description="what errors are relative to")
+    full_scale_g: PositiveG = Field(alias="full_scale", description="the end of the range")
+    clip_g: PositiveG = Field(alias="clip", description="the output at which it saturates")
+    radius_up_to_g: PositiveG = Field(
+        1.0, alias="radius_up_to", description="the radius is found at rates that give no more than this"
+    )
+
+
+class ResponseSettings(StrictModel):
+    """How counts of a swing are read."""
+
+    play_pulses: Annotated[float, InUnit("pulse", at_least=0)] = Field(
+        1.0, alias="play", description="charge that a converter needs at a reversal, beyond that of a pulse"
+    )
+
+
+class GyroResponseSettings(GyroScale, ResponseSettings):
+    """Settings of the frequency response of a gyro."""
+
+    gain_reference: Literal["absolute", "lowest"] = Field(
+        "absolute", description="gains against the stated scale factor, or over that at the lowest frequency"
+    )
+
+
+class AccelerometerResponseSettings(AccelerometerScale, ResponseSettings):
+    """Settings of the frequency response of an accelerometer."""
+
+    lever_hz: Hertz = Field(
+        0.5,
+        alias="lever_frequency",
+        description="of the swing that determines the lever arms; gains are relative to it",
+    )
+
+
+OF_A_GYRO = (
+    "The gyro is measured together with its converter, against the encoder of the table, with which it has one clock. "
+)
+OF_AN_ACCELEROMETER = (
+    "The accelerometer is measured together with its converter, in units of local g by the scale factor stated in the "
+    "sequence. "
+)
+
+GYRO_RANGE = MethodDescription(
+    name="gyro_range",
+    title="Range of a gyro (method M3a)",
+    target="bench.methods.rate_table.reduction.range:reduce_gyro",
+    rules="bench.methods.rate_table.rules:RULES",
+    words="bench.methods.rate_table.words:WORDS",
+    spans="bench.methods.rate_table.shown_range:motions",
+    offline="bench.methods.rate_table.offline:REDUCTIONS",
+    settings=GyroRangeSettings,
+    quantities={
+        "rest_rate": "°/s",
+        "rate_error": "°/s",
+        "rate_error/relative": "1",
+        "saturated_points": "1",
+        "scale_error": "1",
+        "asymmetry": "1",
+        "nonlinearity/cubic": "1",
+    },
+    counts_at="table",
+    drawn_by="bench.methods.rate_table.shown_range:range_plots",
+    after=("IEEE Std 952", "IEEE Std 292", "IEEE Std 1554"),
+    meaning=OF_A_GYRO
+    + (
+        "The rate at rest contains the part of earth's rate along the axis of the table. Errors are against the scale "
+        "factor stated in the sequence; the bias is taken off, and with it earth's rate."
+    ),
+)
+GYRO_RESPONSE = MethodDescription(
+    name="gyro_response",
+    title="Frequency response of a gyro (method M3b)",
+    target="bench.methods.rate_table.reduction.response:reduce_gyro",
+    rules="bench.methods.rate_table.rules:RULES",
+    words="bench.methods.rate_table.words:WORDS",
+    spans="bench.methods.rate_table.shown_range:motions",
+    offline="bench.methods.rate_table.offline:REDUCTIONS",
+    settings=GyroResponseSettings,
+    quantities={"gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°"},
+    counts_at="table",
+    drawn_by="bench.methods.rate_table.shown_response:response_plots",
+    after=("IEEE Std 292", "IEEE Std 1057", "IEEE Std 1554"),
+    meaning=OF_A_GYRO
+    + (
+        "Gains are amplitudes over those of the table, phases are negative where the gyro lags. The play of the "
+        "converter at each reversal is taken out. A sample that the gyro sends itself is a mean over its period, and "
+        "the half of that by which it is late is taken out."
+    ),
+)
+ACCELEROMETER_RANGE = MethodDescription(
+    name="accelerometer_range",
+    title="Range of an accelerometer on a centrifuge (method M3c)",
+    target="bench.methods.rate_table.reduction.range:reduce_accelerometer",
+    rules="bench.methods.rate_table.rules:RULES",
+    words="bench.methods.rate_table.words:WORDS",
+    spans="bench.methods.rate_table.shown_range:motions",
+    offline="bench.methods.rate_table.offline:REDUCTIONS",
+    settings=AccelerometerRangeSettings,
+    quantities={
+        "rest_output": "g", "radius": "m", "acceleration_error": "g", "acceleration_error/relative": "1",
+        "saturated_points": "1", "scale_error": "1", "nonlinearity/quadratic": "1",
+    },
+    counts_at="table",
+    drawn_by="bench.methods.rate_table.shown_range:range_plots",
+    after=("IEEE Std 836", "IEEE Std 1554"),
+    meaning=OF_AN_ACCELEROMETER
+    + (
+        "What is wrong with the scale factor is in the radius, as the accelerometer finds it at low rates: the errors "
+        "over the range are those of linearity. A stretch of the arm is in them."
+    ),
+)  # fmt: skip
+ACCELEROMETER_RESPONSE = MethodDescription(
+    name="accelerometer_response",
+    title="Frequency response of an accelerometer (method M3d)",
+    target="bench.methods.rate_table.reduction.response:reduce_accelerometer",
+    rules="bench.methods.rate_table.rules:RULES",
+    words="bench.methods.rate_table.words:WORDS",
+    spans="bench.methods.rate_table.shown_range:motions",
+    offline="bench.methods.rate_table.offline:REDUCTIONS",
+    settings=AccelerometerResponseSettings,
+    quantities={
+        "gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°", "lever_arm/x": "m", "lever_arm/y": "m",
+    },
+    counts_at="table",
+    drawn_by="bench.methods.rate_table.shown_response:response_plots",
+    after=("IEEE Std 836", "IEEE Std 1057", "IEEE Std 1554"),
+    meaning=OF_AN_ACCELEROMETER
+    + (
+        "Gains are over that of the slow swing at which the accelerometer found its arms, phases are against the table "
+        "and negative where it lags. The play of the converter at each reversal is taken out. The arms contain the "
+        "misalignment of the input axis."
+    ),
+)  # fmt: skip

@@ -1,0 +1,1 @@
+"""From rates and swings to errors over the range, gain and phase."""

@@ -1,0 +1,174 @@
+"""From what was acquired on a rate table to its samples: the output of a unit and the table's encoder on one clock.
+
+Pulses are latched with the encoder by the counter, and so are the ends of the samples that a unit sends where its
+telemetry has the encoder. What a voltmeter reads, or a unit sends without the encoder, has only the host's clock in
+common with it: that is good for means over turns, to some ms, and for no phase.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from bench.methods.rate_table.reduction.samples import TableSamples
+from bench.methods.rate_table.reduction.sampling import at_once, averaged_over
+from bench.methods.rate_table.reduction.temperatures import MeanTemperature
+from bench.methods.rate_table.reduction.turning_readings import TurningReadings
+from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Integers, Positions, Voltages
+from bench.metrology.outputs import NO_CODES, mean_output, measured
+from bench.metrology.pulse_counts import mean_rate
+from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.sampled_codes import on_the_host_clock, sampled_at_s
+
+LEAST_LATCHES = 20
+LEAST_READINGS = 3  # whose mean has a scatter
+NOTHING: Integers = np.empty(0, np.int64)
+
+
+def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:
+    """The samples of a unit in one acquisition.
+
+    Problems are those of `mean_output` but a dead band, which a swing goes through, no_encoder, and no_common_clock of
+    a swing whose output has no clock in common with the encoder.
+    """
+    if unit.is_counted:
+        return _counted(acquisition, unit)
+    encoder, problems = _encoder(acquisition)
+    if unit.telemetry is not None and encoder.channel == unit.telemetry:
+        return _sent(acquisition, unit, encoder, problems)
+    return _beside(acquisition, unit, encoder, problems)
+
+
+def _encoder(acquisition: Acquisition) -> tuple[Positions, list[str]]:
+    """That of the axis that moved; one that has read nothing, and the problem, where there is none."""
+    motion = acquisition.motion
+    encoder = acquisition.positions.get(motion.device if motion else next(iter(acquisition.positions), ""))
+    if encoder is not None:
+        return encoder, []
+    return Positions(NOTHING, NOTHING, NOTHING, 32, 32, 1.0, 0.0), ["no_encoder"]
+
+
+def _counted(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:
+    counts = acquisition.counts[unit.channel]
+    encoder, missing = _encoder(acquisition)
+    problems = [problem for problem in mean_rate(counts).problems if problem != "dead_band"] + missing
+    latch, of_counts, of_encoder = np.intersect1d(
+        counts.sequence, encoder.sequence, assume_unique=True, return_indices=True
+    )
+    if len(latch) < LEAST_LATCHES and "too_few_latches" not in problems:
+        problems.append("too_few_latches")
+    positive = _since_first(counts.positive[of_counts], counts.counter_bits)
+    negative = _since_first(counts.negative[of_counts], counts.counter_bits)
+    time_s = np.asarray(_since_first(counts.tick[of_counts], counts.tick_bits) * counts.tick_period_s, np.float64)
+    total = counts.shift.times * (positive - negative) + counts.shift.more * time_s
+    return _samples(acquisition, unit, encoder, (latch, of_encoder, time_s), total, problems)
+
+
+def _sent(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, problems: list[str]) -> TableSamples:
+    """Of samples at whose ends the encoder was latched."""
+    codes, mean = acquisition.codes.get(encoder.channel, NO_CODES), mean_output(acquisition, unit)
+    latch, of_codes, of_encoder = np.intersect1d(
+        codes.sequence, encoder.sequence, assume_unique=True, return_indices=True
+    )
+    problems = [*mean.problems, *problems]
+    if len(latch) < LEAST_LATCHES:
+        problems = list(dict.fromkeys([*problems, "too_few_codes"]))
+    time_s = np.asarray(_since_first(codes.tick[of_codes], codes.tick_bits) * codes.tick_period_s, np.float64)
+    total = _summed(codes.values[of_codes], latch, time_s)
+    sampled = averaged_over(_interval_s(time_s, latch)) if codes.averaged else at_once
+    return _samples(
+        acquisition, unit, encoder, (latch, of_encoder, time_s), total, problems,
+        step_of_codes=codes.step, sampled=sampled, hidden_u=mean.step_u,
+    )  # fmt: skip
+
+
+def _summed(values: Array, latch: Integers, time_s: Array) -> Array:
+    """What samples (n,) of these numbers sum up to; those that did not come lie on a line between their neighbours."""
+    if not len(latch):
+        return values
+    filled = np.cumsum(np.interp(np.arange(latch[0], latch[-1] + 1), latch, values))[latch - latch[0]]
+    return np.concatenate(([0.0], np.cumsum(np.diff(filled) / np.diff(latch) * np.diff(time_s))))
+
+
+def _beside(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, problems: list[str]) -> TableSamples:
+    """Of readings whose times are the host's: between them the output goes on a line, over the encoder's clock."""
+    found, mean, motion = _readings(acquisition, unit), mean_output(acquisition, unit), acquisition.motion
+    problems = [*mean.problems, *problems]
+    if motion is not None and motion.frequency_hz is not None:
+        problems.append("no_common_clock")
+    clock_s = np.asarray(_since_first(encoder.tick, encoder.tick_bits) * encoder.tick_period_s, np.float64)
+    at_s, values = (found.at_s, found.values_v) if isinstance(found, Voltages) else (sampled_at_s(found), found.values)
+    rows, total, readings = NOTHING, np.empty(0), None
+    if len(at_s) > 1 and len(clock_s) >= LEAST_LATCHES:
+        host_s = on_the_host_clock(clock_s, encoder.host_s)
+        read_s = clock_s[0] + (at_s - host_s[0]) * (clock_s[-1] - clock_s[0]) / (host_s[-1] - host_s[0])
+        rows = np.flatnonzero((clock_s >= read_s[0]) & (clock_s <= read_s[-1]))
+        area = np.concatenate(([0.0], np.cumsum(np.diff(read_s) * (values[1:] + values[:-1]) / 2)))
+        total = np.interp(clock_s[rows], read_s, area)
+        readings = _turning(read_s, values, clock_s, _turned_deg(encoder))
+    few = "too_few_voltages" if isinstance(found, Voltages) else "too_few_codes"
+    if (readings is None or len(readings.output) < LEAST_READINGS) and few not in problems:
+        problems.append(few)
+    if len(rows) < LEAST_LATCHES:
+        problems.append("too_few_latches")
+    latches = encoder.sequence[rows], rows, clock_s[rows]
+    return _samples(acquisition, unit, encoder, latches, total, problems, hidden_u=mean.step_u, readings=readings)
+
+
+def _turning(read_s: Array, values: Array, clock_s: Array, angle_deg: Array) -> TurningReadings:
+    """Readings at times of the encoder's clock, and the table around them; one before or after its latches is none."""
+    reach_s = float(np.median(np.diff(read_s))) / 4
+    seen = (read_s - reach_s >= clock_s[0]) & (read_s + reach_s <= clock_s[-1])
+    before_deg, at_deg, after_deg = (
+        np.interp(read_s[seen] + away_s, clock_s, angle_deg) for away_s in (-reach_s, 0.0, reach_s)
+    )
+    return TurningReadings(values[seen], at_deg, (after_deg - before_deg) / (2 * reach_s))
+
+
+def _readings(acquisition: Acquisition, unit: UnitUnderTest) -> Voltages | Codes:
+    found = measured(acquisition, unit)
+    if isinstance(found, Counts):
+        raise TypeError(f"the unit in place {unit.place} is counted")
+    return found
+
+
+def _samples(
+    acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, latches: tuple[Integers, Integers, Array],
+    total: Array | Integers, problems: list[str], **more: Any,
+) -> TableSamples:  # fmt: skip
+    """At `latches`: their numbers, their rows of the encoder, and their times."""
+    latch, of_encoder, time_s = latches
+    return TableSamples(
+        step=acquisition.step,
+        motion=acquisition.motion,
+        temperature=MeanTemperature.of(acquisition.temperatures_c[unit.temperature]),
+        time_s=time_s - time_s[:1],
+        total=np.asarray(total - total[:1], np.float64),
+        angle_deg=_turned_deg(encoder, of_encoder),
+        latch=latch,
+        interval_s=_interval_s(time_s, latch),
+        resolution_deg=encoder.resolution_deg,
+        problems=tuple(problems),
+        **more,
+    )
+
+
+def _turned_deg(encoder: Positions, rows: Integers | slice = slice(None)) -> Array:
+    """How far the table has turned at rows of an encoder, since the first."""
+    steps = _since_first(encoder.position[rows], encoder.position_bits, either_way=True)
+    return np.asarray(steps * encoder.resolution_deg, np.float64)
+
+
+def _interval_s(time_s: Array, latch: Integers) -> float:
+    """From latch to latch."""
+    return float(np.median(np.diff(time_s) / np.diff(latch))) if len(latch) > 1 else np.nan
+
+
+def _since_first(cumulative: Integers, bits: int, *, either_way: bool = False) -> Integers:
+    """What a counter that wraps has gone since the first row; one that goes either way goes the shorter."""
+    steps = np.diff(cumulative) % (1 << bits)
+    if either_way:
+        half = 1 << (bits - 1)
+        steps = (steps + half) % (1 << bits) - half
+    return np.concatenate(([0], np.cumsum(steps)))[: len(cumulative)]

@@ -1,0 +1,145 @@
+"""Methods M3a and M3c: errors of a gyro and of an accelerometer over their range (methods.md 5.2 and 5.4).
+
+A gyro is held against the rate of the table, an accelerometer against ω²r with the radius that it finds itself at low
+rates. The counter's clock is in the rate of pulses and in the table's alike, and cancels; in codes and volts is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from bench.methods.rate_table.reduction.radius import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
+from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeForm, noise_of
+from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning, range_blocks
+from bench.metrology.orientation import turned_axes
+from bench.metrology.results.finding import BudgetLine, Finding, UnitResult
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+RESOLUTION = "encoder: resolution"
+HARMONICS = "encoder: errors over part of a turn"
+ARM_U = 3.0  # by so many standard uncertainties a radius may differ from what the bench file says
+TOUCH_G = 1.02  # of the highest acceleration that the radius is found at: a rate meant for it may turn a little fast
+
+
+def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """Bias and errors of every gyro; rates in °/s by the stated scale factor."""
+    return [_gyro(data, unit, settings) for unit in data.units]
+
+
+def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """Bias, radius and errors of every accelerometer; accelerations in local g by the stated scale factor."""
+    return [_accelerometer(data, unit, settings) for unit in data.units]
+
+
+def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    blocks = range_blocks(data, unit, 1 / settings["scale"][unit.output_unit], settings["clip_dps"])
+    form = RangeForm(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
+    if blocks.rest is None:
+        return form.result(blocks, [], None)
+    rest = form.at_rest(blocks, "rest_rate", "mean rate at rest, earth's part included")
+    findings, points = [rest], []
+    read: list[CurvePoint] = []
+    for number, turning in enumerate(blocks.turning):
+        error = turning.steady.output - blocks.bias.output - turning.steady.rate_dps
+        lines = [
+            form.noise(turning),
+            form.of_rest(blocks, 1.0),
+            BudgetLine(RESOLUTION, "B", turning.steady.u_rate_dps),
+            BudgetLine(HARMONICS, "B", turning.u_harmonics_dps, None, "table.harmonics"),
+            *form.of_the_voltmeter(turning.steady.rate_dps),
+            *form.of_the_clock(turning.steady.rate_dps),
+        ]
+        at = {"point": number, "rate_dps": turning.command_dps}
+        findings += form.errors(turning, at, turning.steady.rate_dps, error, lines)
+        points.append(form.curve_point(turning, turning.steady.rate_dps, error, lines))
+        read += form.for_the_curve(turning, turning.steady.rate_dps, error, lines)
+    findings.append(form.saturated(blocks))
+    return form.with_curve(blocks, findings, "rate", points, read, ("scale_error", "asymmetry", "cubic"))
+
+
+def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    per_pulse = 1 / settings["scale"][unit.output_unit]
+    blocks = range_blocks(data, unit, per_pulse, settings["clip_g"], feels_gravity=True)
+    form = RangeForm(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
+    if blocks.rest is None:
+        return form.result(blocks, [], None)
+    rest = form.at_rest(blocks, "rest_output", "mean output at rest")
+    findings = [rest]
+    read: list[CurvePoint] = []
+    highest_g = settings["radius_up_to_g"] * TOUCH_G
+    low = [each for each in blocks.turning if abs(each.steady.output - blocks.bias.output) <= highest_g]
+    runs = [each for each in blocks.turning if all(each is not used for used in low)]
+    usable = [each for each in low if form.stable(each)]
+    if len({round(abs(each.command_dps), 3) for each in usable}) < LEAST_LOW_RATES:
+        blocks.flags.append("too_few_low_rates")
+        blocks.left_out.append("radius")
+        return form.result(blocks, findings, None)
+    arm = Arm(blocks.bias, [each.steady for each in usable], data.bench.gravity_mps2)
+    radius = _radius(form, blocks, usable, arm)
+    findings.append(radius)
+    if _unlike(radius, usable[0], unit, data):
+        blocks.flags.append("radius_unlike_bench_file")
+    if arm.u_radius_m >= LARGEST_U_RADIUS * abs(arm.radius_m):
+        blocks.flags.append("radius_not_determined")
+        blocks.left_out.append("radius")
+        return form.result(blocks, findings, None)
+    points = []
+    for number, turning in enumerate(runs):
+        true_g, error_g = arm.acceleration_g(turning.steady), arm.error_g(turning.steady)
+        _, by_bias, by_radius, by_rate = arm.u_parts_g(turning.steady)
+        lines = [
+            form.noise(turning),
+            form.of_rest(blocks, by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
+            BudgetLine(BY_RADIUS, "A", by_radius, None, form.subject.id("radius")),
+            BudgetLine(RESOLUTION, "B", by_rate),
+            BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
+            form.warmer(abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
+            *form.of_the_voltmeter(error_g),
+            BudgetLine("stretch of the arm: contained", "alias", 0.0),
+        ]
+        at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": true_g}
+        findings += form.errors(turning, at, true_g, error_g, lines)
+        points.append(form.curve_point(turning, true_g, error_g, lines))
+        read += form.for_the_curve(turning, true_g, error_g, lines)
+    findings.append(form.saturated(blocks))
+    return form.with_curve(blocks, findings, "acceleration", points, read, ("scale_error", "quadratic"))
+
+
+def _warmer_c(turning: Turning, low: Sequence[Turning]) -> float:
+    """How much the unit's temperature differs from that at the low rates; 0 where it is not known."""
+    difference_c = abs(turning.temperature_c - float(np.mean([each.temperature_c for each in low])))
+    return float(np.nan_to_num(difference_c))
+
+
+def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -> bool:
+    """Whether the radius is not that of the bench file: another scale factor than is stated, or another place."""
+    if unit.arm_m is None:
+        return False
+    mount = next(each.mount for each in data.acquisitions if each.step == low.step)
+    input_axis = turned_axes((), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), mount, unit.mount_angle_deg)[0]
+    stated_m = -float(input_axis @ np.array(unit.arm_m))
+    return abs(radius.value - stated_m) > ARM_U * float(np.hypot(radius.u, unit.arm_u_m))
+
+
+def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
+    """The arm as the sensor itself measures it; its scale factor is in it as it stands."""
+    bench, radius_m = form.data.bench, arm.radius_m
+    weights = np.array([each.steady.rate_dps**4 for each in low])
+    harmonics = weights / weights.sum() * [2 * each.u_harmonics_dps / each.steady.rate_dps for each in low]
+    lines = [
+        BudgetLine(noise_of(form.unit).replace("sensor", "low rates", 1), "A", arm.u_own_m),
+        form.of_rest(blocks, arm.u_bias_m / blocks.bias.u_output if blocks.bias.u_output else 0.0),
+        BudgetLine(HARMONICS, "B", abs(radius_m) * float(np.linalg.norm(harmonics))),
+        *form.as_stated(radius_m, float(np.mean([each.temperature_c for each in low]))),
+        BudgetLine(
+            "site: gravity", "B", abs(radius_m) * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
+        ),
+        form.time_base(radius_m if form.unit.is_counted else 2 * radius_m),  # pulses are counted by the same clock
+        *form.of_the_voltmeter(radius_m),
+        BudgetLine("second-order nonlinearity of the sensor at low rates: contained", "alias", 0.0),
+    ]
+    name = "from the axis to the sensor, positive where its input axis points at the axis"
+    return form.subject.finding("radius", name, radius_m, "m", lines, {}, tuple(each.step for each in low))

@@ -1,0 +1,289 @@
+"""How the errors of a sensor over its range are told: the points, the curve through them, and how they are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning
+from bench.methods.rate_table.reduction.samples import mean_c
+from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, shared_per_degree, stated_scale
+from bench.metrology.calibration.linearity import Linearity, LinearityPoint, fit_linearity
+from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.results.curves import Constant, Equation
+from bench.metrology.results.finding import BudgetLine, Finding, Subject, UnitResult, Verdict
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+BIAS = "readings at rest"
+TILT = "axis: level, in readings at rest at one angle"
+WOBBLE = "axis: wobble"
+WARMER = "scale factor: temperature against that at the low rates"
+BY_RADIUS = "low rates: by way of the radius"
+OTHERWISE_WARM = "scale factor: temperature against that of the curve"
+COMMON = frozenset({BIAS, BY_RADIUS, WARMER, OTHERWISE_WARM})  # one error at all points
+TERMS = {
+    "scale_error": "scale error", "asymmetry": "asymmetry · sign v", "quadratic": "quadratic · v/F",
+    "cubic": "cubic · (v/F)²",
+}  # fmt: skip
+OF_THE_CURVE = {
+    "scale_error": ("scale_error", "of the curve through the points, against the stated scale factor"),
+    "asymmetry": ("asymmetry", "of the curve: half of what the scale factors of both senses differ by"),
+    "quadratic": ("nonlinearity/quadratic", "of the curve, at the full scale"),
+    "cubic": ("nonlinearity/cubic", "of the curve, at the full scale"),
+}
+
+CurvePoint = tuple[Turning, LinearityPoint]
+
+
+@dataclass(frozen=True, slots=True)
+class RangeCurvePoint:
+    """One point for a report to draw: what is true, the error, its expanded uncertainty, whether it is saturated."""
+
+    true: float
+    error: float
+    expanded: float
+    saturated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class RangeCurve:
+    """The errors over the range, and the curve through them, where they tell one.
+
+    `quantity` is what is true, `full_scale` what errors are relative to, None for each reading itself.
+    """
+
+    quantity: str
+    points: tuple[RangeCurvePoint, ...]
+    full_scale: float | None
+    linearity: Linearity | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RangeForm:
+    """What the two methods have in common: how errors are judged and told."""
+
+    data: RunData
+    unit: UnitUnderTest
+    settings: Mapping[str, Any]
+    quantity: str
+    symbol: str
+    full_scale: float
+
+    @property
+    def over(self) -> float | None:
+        """What an error is relative to: the full scale, or None for each reading."""
+        return self.full_scale if self.settings["linearity_basis"] == "full_scale" else None
+
+    @property
+    def subject(self) -> Subject:
+        """Whom the findings are of."""
+        return self.data.subject(self.unit)
+
+    def stable(self, turning: Turning) -> bool:
+        """Whether the table did what it was told."""
+        off_dps = abs(turning.steady.rate_dps - turning.command_dps)
+        return bool(off_dps <= self.settings["rate_tolerance"] * abs(turning.command_dps))
+
+    def noise(self, turning: Turning) -> BudgetLine:
+        """Of one reading."""
+        return BudgetLine(noise_of(self.unit), "A", turning.steady.u_output, turning.steady.dof)
+
+    def of_the_voltmeter(self, value: float) -> Iterator[BudgetLine]:
+        """Its gain; its offset is in the readings at rest alike."""
+        if self.unit.voltmeter is not None:
+            gain_u, _ = self.data.bench.voltmeters_u.get(self.unit.voltmeter, (0.0, 0.0))
+            yield BudgetLine("voltmeter: gain", "B", abs(value) * gain_u, None, f"{self.unit.voltmeter}.gain")
+
+    def of_the_clock(self, value: float) -> Iterator[BudgetLine]:
+        """The clock of the table's rate, which pulses have in their rate alike."""
+        if not self.unit.is_counted:
+            yield self.time_base(value)
+
+    def time_base(self, value: float) -> BudgetLine:
+        """The clock that the table is measured with, in what goes with it by `value`."""
+        clock = self.data.bench.clock(sent=self.unit.telemetry is not None)
+        return BudgetLine(
+            f"{clock.name}: time base", "B", abs(value) * clock.time_base_u, None, f"{clock.name}.time_base"
+        )
+
+    def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
+        """Of the bias, which is one for all readings."""
+        return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, _dof(blocks), self.subject.id("rest"))
+
+    def warmer(self, u: float) -> BudgetLine:
+        """Of a scale factor that the same change for 1 °C makes another at all points that are warmer."""
+        return BudgetLine(WARMER, "B", u, None, self._shared_per_degree)
+
+    def as_stated(self, value: float, at_c: float) -> list[BudgetLine]:
+        """What the stated scale factor gives to what goes with it by `value`, of a unit at a temperature."""
+        return [line.times(value) for line in of_stated_scale(at_c, self.settings, self.data, self.unit)]
+
+    def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
+        """The bias."""
+        lines = [BudgetLine(BIAS, "A", blocks.bias.u_output, _dof(blocks))]
+        if self.symbol == "g" and blocks.rest is not None:
+            lines += self._tilted(at_one_angle=blocks.rest.of_one_angle)
+        if self.unit.voltmeter is not None:
+            _, offset_u_v = self.data.bench.voltmeters_u.get(self.unit.voltmeter, (0.0, 0.0))
+            offset_u = offset_u_v / self._scale.value
+            lines.append(BudgetLine("voltmeter: offset", "B", offset_u, None, f"{self.unit.voltmeter}.offset"))
+            lines += self.of_the_voltmeter(blocks.bias.output)
+        return self.subject.finding(
+            quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps)
+        )
+
+    def _tilted(self, *, at_one_angle: bool) -> Iterator[BudgetLine]:
+        """What gravity is in readings at rest.
+
+        An axis that tilts with a turn lets half of it in wherever the sensor points, as a sine times a sine has a mean.
+        """
+        bench = self.data.bench
+        share = 1.0 if at_one_angle else 0.5
+        if at_one_angle:
+            yield BudgetLine(TILT, "B", float(np.radians(bench.level_u_deg)), None, "fixture.level")
+        yield BudgetLine(WOBBLE, "B", share * float(np.radians(bench.head.wobble_u_deg)), None, "table.wobble")
+
+    def errors(
+        self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]
+    ) -> Iterator[Finding]:
+        """The error of a point, and what part it is of the reading or of the full scale."""
+        flags = tuple(
+            flag for flag, holds in (("clipped", turning.steady.saturated), ("off_rate", not self.stable(turning)))
+            if holds
+        )  # fmt: skip
+        step, tail = (turning.step,), f"@{at['point']}"
+        name = "measured less the bias and what is true"
+        found = self.subject.finding(self.quantity, name, error, self.symbol, lines, at, step, tail)
+        over = self.full_scale if self.over is not None else abs(true)
+        relative = [line.times(1 / over) for line in lines]
+        part = "of the full scale" if self.over is not None else "of what is true"
+        judged = self.subject.finding(f"{self.quantity}/relative", part, error / over, "1", relative, at, step, tail)
+        verdict: Verdict | None = "INVALID" if "off_rate" in flags else None
+        yield replace(found, flags=flags, verdict=verdict)
+        yield replace(judged, flags=flags, verdict=verdict)
+
+    def curve_point(self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]) -> RangeCurvePoint:
+        """For the plot."""
+        return RangeCurvePoint(
+            true, error, 2 * float(np.linalg.norm([line.u for line in lines])), turning.steady.saturated
+        )
+
+    def saturated(self, blocks: RangeBlocks) -> Finding:
+        """At how many points the sensor was at the end of its range."""
+        count = sum(turning.steady.saturated for turning in blocks.turning)
+        name = "points at which more than 1 % of the samples are at the clip level"
+        return self.subject.finding("saturated_points", name, float(count), "1", [], {}, ())
+
+    # The curve through the points
+
+    def for_the_curve(
+        self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]
+    ) -> Iterator[CurvePoint]:
+        """A point that the curve goes through; one that tells nothing of the sensor's own is none."""
+        if self.stable(turning) and not turning.steady.saturated:
+            yield turning, LinearityPoint(true + error, true, lines)
+
+    def with_curve(
+        self, blocks: RangeBlocks, findings: Sequence[Finding], quantity: str, points: Sequence[RangeCurvePoint],
+        read: Sequence[CurvePoint], terms: Sequence[str],
+    ) -> UnitResult:  # fmt: skip
+        """All of the unit, with the curve through the points that were read, at their mean temperature."""
+        found_at_c = mean_c([turning.temperature_c for turning, _ in read])
+        of_curve_points = [
+            replace(point, lines=[*point.lines, *self._to_one_temperature(turning, point.true, found_at_c)])
+            for turning, point in read
+        ]
+        found = fit_linearity(of_curve_points, terms, self.full_scale, COMMON, self._in_proportion)
+        if found is None:
+            return self.result(blocks, findings, RangeCurve(quantity, tuple(points), self.over))
+        linearity, lines = found
+        at, steps = {} if found_at_c is None else {"at_c": found_at_c}, tuple(turning.step for turning, _ in read)
+        of_curve = [
+            self.subject.finding(*OF_THE_CURVE[name], value, "1", lines[name], at, steps)
+            for name, value in linearity.coefficients.items()
+        ]
+        scale, bias = self._scale, findings[0]
+        result = self.result(blocks, [*findings, *of_curve], RangeCurve(quantity, tuple(points), self.over, linearity))
+        offset = Constant(bias.value * scale.value, self.unit.output_unit, bias.u * abs(scale.value))
+        compensation = Compensation(
+            self.unit.measured_by, self.unit.output_unit, self.symbol, scale=scale, offset=offset, linearity=linearity,
+            found_at_c=found_at_c,
+        )  # fmt: skip
+        model = self._model(quantity, linearity, bias, of_curve)
+        return replace(result, models=(model,), compensations=(compensation,))
+
+    def _to_one_temperature(self, turning: Turning, true: float, at_c: float | None) -> Iterator[BudgetLine]:
+        """What a scale factor that changes with temperature makes of a point, in a curve that names one temperature.
+
+        The unit was not as warm at each point, and its thermometer is uncertain. An accelerometer is held against
+        itself at low rates, which has these already, or is so without the thermometer.
+        """
+        if self.symbol == "g" or at_c is None:
+            return
+        per_c = true * float(self.settings["scale_per_c_u"])
+        yield BudgetLine(OTHERWISE_WARM, "B", per_c * (turning.temperature_c - at_c), None, self._shared_per_degree)
+        u_c = self.data.bench.temperature_u_c(self.unit.temperature, at_c)
+        yield BudgetLine(self._thermometer, "B", abs(per_c) * u_c, None, self.unit.temperature)
+
+    @property
+    def _thermometer(self) -> str:
+        return f"{self.unit.temperature}: offset, gain"
+
+    @property
+    def _shared_per_degree(self) -> str:
+        return shared_per_degree(self.data, self.unit)
+
+    def _model(self, quantity: str, linearity: Linearity, bias: Finding, of_curve: Sequence[Finding]) -> Equation:
+        constants = {"S": self._scale, "bias": Constant(bias.value, bias.unit, bias.u)}
+        constants |= {
+            name.replace("_", " "): Constant(each.value, "1", each.u)
+            for name, each in zip(linearity.coefficients, of_curve, strict=True)
+        }
+        constants["F"] = Constant(self.full_scale, self.symbol, 0.0)
+        key = {"rate": "rate_dps", "acceleration": "acceleration_g"}[quantity]
+        terms = " + ".join(TERMS[name] for name in linearity.coefficients)
+        form = f"output / S - bias = v · (1 + {terms})"
+        return Equation(
+            self.subject.id("range/model"), self.unit.serial, "range", form, constants, {key: linearity.valid}
+        )
+
+    @property
+    def _in_proportion(self) -> frozenset[str]:
+        """What makes one part of every rate: a voltmeter's gain, a clock that the output has not, a thermometer."""
+        certified = (line.source for line in (*self.of_the_voltmeter(1.0), *self.of_the_clock(1.0)))
+        return frozenset((*certified, self._thermometer))
+
+    @property
+    def _scale(self) -> Constant:
+        """As stated; against it errors are."""
+        return stated_scale(self.unit, self.settings, self.symbol)
+
+    def result(self, blocks: RangeBlocks, findings: Sequence[Finding], curve: RangeCurve | None) -> UnitResult:
+        """All of the unit."""
+        flags = list(blocks.flags)
+        for each in blocks.turning:
+            if not self.stable(each):
+                flags.append(f"{each.step}: off_rate")
+            if each.steady.saturated:
+                flags.append(f"{each.step}: clipped")
+        if blocks.rest is not None and blocks.rest.of_one_angle:
+            flags.append("rest_of_one_angle")
+        return UnitResult(
+            place=self.unit.place, uut=self.unit.serial, findings=tuple(findings), models=(),
+            left_out=tuple(blocks.left_out), flags=tuple(dict.fromkeys(flags)), detail=curve,
+        )  # fmt: skip
+
+
+def noise_of(unit: UnitUnderTest) -> str:
+    """What the scatter of an output is called in a budget."""
+    if unit.is_counted:
+        return "sensor: noise and steps of counting"
+    return "sensor: noise and steps of codes" if unit.telemetry is not None else "sensor and voltmeter: noise"
+
+
+def _dof(blocks: RangeBlocks) -> int | None:
+    """Those of the readings at rest, of which there are few beside what is fitted to them."""
+    return blocks.rest.dof if blocks.rest is not None else None

@@ -1,0 +1,122 @@
+"""The acquisitions of a range test: those at rest, those at a rate, and what cannot be used of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from bench.methods.rate_table.reduction.bias_at_rest import Rest, RestReading, fit_rest
+from bench.methods.rate_table.reduction.intake import table_samples
+from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
+from bench.methods.rate_table.reduction.steady_rate import Steady
+from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c
+from bench.metrology.acquisition import Counts
+from bench.metrology.bench_uncertainty import AxisRecord
+from bench.metrology.pooled_scatter import Scatter, alike
+from bench.metrology.pulse_counts import mean_rate
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.thermometer_drift import DriftInRun
+
+AT_REST_DPS = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """One rate: what the table was told, what it and the unit did, the change of the bias since its middle taken off.
+
+    `u_harmonics_dps` is what the encoder's errors over a turn do to the table's rate. `temperature_c` is that of the
+    unit, without the noise of its thermometer where the run allows that.
+    """
+
+    step: str
+    command_dps: float
+    steady: Steady
+    u_harmonics_dps: float
+    temperature_c: float
+
+
+@dataclass(slots=True)
+class RangeBlocks:
+    """What a unit read in a range test. `left_out` are the paths of what cannot be used, `flags` say why."""
+
+    rest: Rest | None = None
+    rest_steps: list[str] = field(default_factory=list)
+    turning: list[Turning] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    flags: list[str] = field(default_factory=list)
+
+    @property
+    def bias(self) -> Steady:
+        """The reading at rest."""
+        if self.rest is None:
+            raise ValueError("nothing was read at rest")
+        return Steady(self.rest.value, self.rest.u, 0.0, 0.0, saturated=False, dof=self.rest.dof)
+
+    def leave_out(self, step: str, problems: Sequence[str]) -> None:
+        """An acquisition that cannot be used."""
+        path = step.partition("/")[2]
+        self.left_out.append(path)
+        self.flags += [f"{step}: {problem}" for problem in problems]
+
+
+def range_blocks(
+    data: RunData, unit: UnitUnderTest, per_pulse: float, clip: float, *, feels_gravity: bool = False
+) -> RangeBlocks:
+    """The blocks of a unit in the order of the run; an output is what the unit says times `per_pulse`.
+
+    An accelerometer feels gravity: at rest the wobble of the axis, and its converter's dead band, where it is silent.
+    """
+    found = RangeBlocks()
+    at_rest: list[RestReading] = []
+    turning: list[tuple[float, Turning]] = []
+    warmth: dict[float, MeanTemperature] = {}  # by the time of each
+    for acquisition in data.acquisitions:
+        samples, motion = table_samples(acquisition, unit), acquisition.motion
+        problems = list(samples.problems)
+        if motion is None and feels_gravity and unit.is_counted and _is_silent(acquisition.counts[unit.channel]):
+            problems.append("dead_band")
+        if problems:
+            found.leave_out(acquisition.step, problems)
+            continue
+        read = steady(samples, per_pulse, clip)
+        middle_s = (acquisition.begin_s + acquisition.end_s) / 2
+        warmth[middle_s] = samples.temperature
+        if motion is not None and motion.rate_dps is not None:
+            u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
+            turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps, samples.temperature_c)))
+        elif motion is None and abs(read.rate_dps) < AT_REST_DPS:
+            at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, read.u_output, read.dof))
+            found.rest_steps.append(acquisition.step)
+        else:
+            found.leave_out(acquisition.step, ["not_at_rest"])
+    if at_rest:
+        found.rest = fit_rest(at_rest, axis_wobbles=feels_gravity)
+        drift_c = DriftInRun(data, unit.temperature).error_c(np.array(list(warmth)))
+        all_c = temperatures_c(list(warmth), list(warmth.values()), drift_c)
+        as_warm_c = dict(zip(warmth, all_c.tolist(), strict=True))
+        turning = [(at_s, replace(each, temperature_c=as_warm_c[at_s])) for at_s, each in turning]
+        found.turning = _of_one_scatter(list(_without_drift(turning, found.rest)))
+    else:
+        found.flags.append("rest_missing")
+        found.left_out += [each.step.partition("/")[2] for _, each in turning]
+    return found
+
+
+def _is_silent(counts: Counts) -> bool:
+    return "dead_band" in mean_rate(counts).problems
+
+
+def _without_drift(turning: Sequence[tuple[float, Turning]], rest: Rest) -> Iterator[Turning]:
+    for at_s, each in turning:
+        output = each.steady.output - rest.change(at_s)
+        yield replace(each, steady=replace(each.steady, output=output))
+
+
+def _of_one_scatter(turning: list[Turning]) -> list[Turning]:
+    """The same, each as uncertain as all together tell, where they scatter alike: one sensor does at all rates."""
+    together = alike([Scatter(each.steady.u_output, each.steady.dof) for each in turning])
+    if together is None:
+        return turning
+    return [replace(each, steady=replace(each.steady, u_output=together.sd, dof=together.dof)) for each in turning]

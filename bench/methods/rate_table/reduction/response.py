@@ -1,0 +1,208 @@
+"""Methods M3b and M3d: gain and phase of a gyro and of an accelerometer over frequency (methods.md 5.3, 5.5).
+
+Every frequency is an acquisition of its own, while the table swings. The encoder is latched with the pulses,
+or with the samples that a unit sends, so that the phase between them needs no clock but for the time that passes from
+the one latch to the other. A sample is a mean over its period: it is late by half of that, which is taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.methods.rate_table.reduction.converter_hysteresis import without_play
+from bench.methods.rate_table.reduction.intake import table_samples
+from bench.methods.rate_table.reduction.lever_arm import (
+    SHORT_ARM_M,
+    AccelerometerSweep,
+    LeverArm,
+    accelerometer_point,
+    lever_arm,
+)
+from bench.methods.rate_table.reduction.response_findings import ResponseFindings
+from bench.methods.rate_table.reduction.response_points import (
+    OFF_FREQUENCY,
+    FrequencyResponse,
+    Remarks,
+    SweepPoint,
+    frequency_response,
+    gyro_point,
+)
+from bench.methods.rate_table.reduction.samples import TableSamples, mean_c
+from bench.methods.rate_table.reduction.sampling import at_once
+from bench.methods.rate_table.reduction.second_order import response_model
+from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, stated_scale
+from bench.metrology.calibration.response import ResponseCompensation
+from bench.metrology.results.curves import Constant, Equation
+from bench.metrology.results.finding import BudgetLine, UnitResult
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+ARM_U = 3.0  # by so many standard uncertainties an arm may differ from what the bench file says
+PointOf = Callable[[TableSamples, float, Remarks], SweepPoint | None]
+
+
+def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """Gain, phase and bandwidth of every gyro against the rate of the table."""
+    return [_gyro(data, unit, settings) for unit in data.units]
+
+
+def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
+    """Arms, and gain, phase and bandwidth of every accelerometer against what the table makes it sense."""
+    return [_accelerometer(data, unit, settings) for unit in data.units]
+
+
+def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    scale = stated_scale(unit, settings, "°/s")
+
+    def point_of(samples: TableSamples, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
+        return gyro_point(samples.swing(1 / scale.value), nominal_hz, remarks)
+
+    sweep = _Sweep.of(data, unit, settings["play_pulses"])
+    points = sweep.points(sweep.swings, point_of)
+    to_lowest = settings["gain_reference"] == "lowest"
+    found = frequency_response(points, sweep.remarks, to_lowest=to_lowest)
+    findings = ResponseFindings(
+        data, unit, sweep.steps, points, found, to_lowest=to_lowest, averaged_s=sweep.averaged_s
+    )
+    return sweep.result(points, found, findings, "°/s", scale)
+
+
+def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    scale = stated_scale(unit, settings, "g")
+    sweep, per_pulse = _Sweep.of(data, unit, settings["play_pulses"]), 1 / scale.value
+    lever_hz = settings["lever_hz"]
+    what = AccelerometerSweep(data.bench.gravity_mps2, None, lever_hz)
+    levers = [hz for hz in sweep.swings if np.isclose(hz, lever_hz, rtol=1e-6)]
+    swings = {hz: samples for hz, samples in sweep.swings.items() if hz not in levers}
+    arm: LeverArm | None = None
+    of_scale: tuple[BudgetLine, ...] = ()
+    if levers:
+        samples = sweep.swings[levers[0]]
+        of_scale = of_stated_scale(samples.temperature_c, settings, data, unit)
+        arm = lever_arm(samples.swing(per_pulse), what, sweep.remarks)
+    if arm is None:
+        sweep.leave_out(lever_hz)
+    elif abs(arm.y_m) < SHORT_ARM_M:
+        sweep.remarks.flags.append("lever_arm_short")
+    elif _unlike(arm, unit, float(np.linalg.norm([line.u for line in of_scale]))):
+        sweep.remarks.flags.append("lever_arm_unlike_bench_file")
+    points: list[SweepPoint] = []
+    if arm is not None and max(abs(arm.x_m), abs(arm.y_m)) >= SHORT_ARM_M:
+        known = arm
+
+        def point_of(samples: TableSamples, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
+            return accelerometer_point(samples.swing(per_pulse), nominal_hz, known, what, remarks)
+
+        points = sweep.points(swings, point_of)
+    found = frequency_response(points, sweep.remarks)
+    findings = ResponseFindings(
+        data, unit, sweep.steps, points, found, arm=arm, of_scale=of_scale,
+        warmer=_warmer(sweep, levers, settings["scale_per_c_u"]), averaged_s=sweep.averaged_s,
+    )  # fmt: skip
+    return sweep.result(points, found, findings, "g", scale)
+
+
+def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, float]:
+    """By what part of itself the scale factor may differ from that at the lever frequency, as the unit has warmed."""
+    if not levers:
+        return {}
+    lever_c = sweep.swings[levers[0]].temperature_c
+    return {hz: float(np.nan_to_num(abs(each.temperature_c - lever_c))) * per_c for hz, each in sweep.swings.items()}
+
+
+def _unlike(arm: LeverArm, unit: UnitUnderTest, scale_u: float) -> bool:
+    """Whether an arm is not where the bench file says, as when the unit is not in its place or turned in it."""
+    if unit.arm_m is None:
+        return False
+    return any(
+        abs(found_m - stated_m) > ARM_U * np.hypot(np.hypot(u_m, unit.arm_u_m), scale_u * found_m)
+        for found_m, stated_m, u_m in ((arm.x_m, unit.arm_m[0], arm.u_x_m), (arm.y_m, unit.arm_m[1], arm.u_y_m))
+    )
+
+
+@dataclass(slots=True)
+class _Sweep:
+    """The swings of a unit by their frequencies, lowest first, and the steps that they were acquired in."""
+
+    unit: UnitUnderTest
+    swings: dict[float, TableSamples]
+    steps: dict[float, str]
+    remarks: Remarks
+    left_out: list[str]
+
+    @classmethod
+    def of(cls, data: RunData, unit: UnitUnderTest, play_pulses: float) -> _Sweep:
+        """Of a frequency that is there twice the last one is taken."""
+        sweep = cls(unit, {}, {}, Remarks(), [])
+        found: dict[float, TableSamples] = {}
+        for acquisition in data.acquisitions:
+            samples, motion = table_samples(acquisition, unit), acquisition.motion
+            problems = list(samples.problems)
+            if motion is None or motion.frequency_hz is None:
+                problems.append("not_swinging")
+            if problems or motion is None or motion.frequency_hz is None:
+                sweep.left_out.append(acquisition.step.partition("/")[2])
+                sweep.remarks.flags += [f"{acquisition.step}: {problem}" for problem in problems]
+            else:
+                play = play_pulses if unit.is_counted else 0.0
+                found[motion.frequency_hz] = without_play(samples, motion.frequency_hz, play)
+        sweep.swings = dict(sorted(found.items()))
+        sweep.steps = {hz: samples.step for hz, samples in sweep.swings.items()}
+        return sweep
+
+    @property
+    def averaged_s(self) -> float:
+        """What samples are means over; 0 for pulses and for samples that are instants."""
+        found = next(iter(self.swings.values()), None)
+        return found.interval_s if found is not None and found.sampled not in (None, at_once) else 0.0
+
+    def leave_out(self, frequency_hz: float) -> None:
+        """A frequency that tells nothing."""
+        self.remarks.flags.append(f"{frequency_hz:g} Hz invalid")
+        self.left_out.append(f"{frequency_hz:g} Hz")
+
+    def points(self, swings: Mapping[float, TableSamples], point_of: PointOf) -> list[SweepPoint]:
+        """The responses at the frequencies that tell one."""
+        found = []
+        for nominal_hz, samples in swings.items():
+            point = point_of(samples, nominal_hz, self.remarks)
+            if point is None:
+                self.leave_out(nominal_hz)
+                continue
+            found.append(point)
+            if point.swing.few_phases:
+                self.remarks.flags.append(f"{nominal_hz:g} Hz few_phases")
+            if abs(point.swing.frequency_hz / nominal_hz - 1) > OFF_FREQUENCY:
+                self.remarks.flags.append(f"{nominal_hz:g} Hz off_frequency")
+        return found
+
+    def result(
+        self, points: list[SweepPoint], found: FrequencyResponse, findings: ResponseFindings, symbol: str,
+        scale: Constant,
+    ) -> UnitResult:  # fmt: skip
+        """All of the unit; `scale` is as stated, of what is in the unit `symbol`."""
+        flags = ["no_response" if flag == "invalid" else flag for flag in self.remarks.flags]
+        if found.bandwidth.status in ("not_reached", "below_at_start"):
+            flags.append(f"bandwidth_{found.bandwidth.status}")
+        if not points:
+            self.left_out.append("response")
+        held = {point.frequency_hz for point in found.points}
+        model = response_model(
+            [point for point in points if point.nominal_hz in held], findings.model_id, findings.skew
+        )
+        return UnitResult(
+            place=self.unit.place, uut=self.unit.serial, findings=tuple(findings.findings()),
+            models=(model,) if model is not None else (), left_out=tuple(self.left_out),
+            flags=tuple(dict.fromkeys(flags)), detail=found,
+            compensations=self._compensations(model, symbol, scale),
+        )  # fmt: skip
+
+    def _compensations(self, model: Equation | None, symbol: str, scale: Constant) -> tuple[ResponseCompensation, ...]:
+        if model is None:
+            return ()
+        channel = f"{self.unit.measured_by}@response"
+        found_at_c = mean_c([samples.temperature_c for samples in self.swings.values()])
+        return (ResponseCompensation.of_model(model, channel, (self.unit.output_unit, symbol), scale, found_at_c),)

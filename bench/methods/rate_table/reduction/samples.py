@@ -1,0 +1,184 @@
+"""Samples of an acquisition on a rate table: what the output of a unit and the table's encoder say at the same latches.
+
+Pulses, or the ends of what a unit samples itself, and encoder are latched together, so that both have one clock. A
+sample is the mean over the interval before its time, and what both did in that interval is known without a model of
+either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bench.methods.rate_table.reduction.blocks import Block
+from bench.methods.rate_table.reduction.sampling import Kept, integration
+from bench.methods.rate_table.reduction.steady_rate import Steady
+from bench.methods.rate_table.reduction.temperatures import MeanTemperature
+from bench.methods.rate_table.reduction.turning_readings import HARMONICS, TurningReadings, owed_to_the_table
+from bench.metrology.acquisition import Array, Integers, Motion
+from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
+from bench.metrology.pulse_counts import RESOLUTION_COUNTS
+
+PARTS = 40  # of a block, whose rates tell how certain that of the block is
+PARTS_DOF = PARTS - 3 - 2 * HARMONICS
+BETWEEN_PARTS = 1.5  # variance of a rate over a part, over that of a rate between the means of two
+SATURATED = 0.01  # of the samples
+AT_CLIP = (1 - 2e-3, 1 + 1e-2)  # of the clip level, which is not known well; beyond is a glitch
+TURN_DEG = 360.0
+
+
+@dataclass(frozen=True, slots=True)
+class TableSamples:
+    """Latches of one acquisition, (n,) by time since the first, and what is cumulative at each.
+
+    `temperature` is the mean of the thermometer at the unit, not-a-number where it said nothing. `total` is what its
+    output has summed up to: net pulses, or code·s or V·s. `angle_deg` is that of the encoder over whole turns;
+    `interval_s` is the time between two latches, `problems` make the acquisition unusable. `behind` is by how
+    much the converter's pulses stood behind for its play, which is no longer in `total`. Of samples that came at the
+    latches `sampled` is what they leave of a sine, None of what was counted up; `step_of_codes` is how far two codes
+    are apart, and `hidden_u` what that hides from a mean. `readings` are those that were taken at other times.
+    """
+
+    step: str
+    motion: Motion | None
+    temperature: MeanTemperature
+    time_s: Array
+    total: Array
+    angle_deg: Array
+    latch: Integers
+    interval_s: float
+    resolution_deg: float
+    problems: tuple[str, ...]
+    behind: Array | None = None
+    sampled: Kept | None = None
+    step_of_codes: float = 0.0
+    hidden_u: float = 0.0
+    readings: TurningReadings | None = None
+
+    def block(self, per_pulse: float) -> Block:
+        """Sample by sample: time, the encoder's angle then, and the mean output before; a pulse is so much of it.
+
+        What follows a lost latch is left out, since it is a mean over another interval.
+        """
+        whole = np.diff(self.latch) == 1
+        output = np.diff(self.total) / np.diff(self.time_s) * per_pulse
+        return Block(self.time_s[1:][whole], self.angle_deg[1:][whole], output[whole], int(np.ptp(self.latch)))
+
+    def swing(self, per_pulse: float) -> Block:
+        """What tells most of a sine: the samples themselves, or what was counted up to each latch."""
+        if self.sampled is None:
+            return self.summed(per_pulse)
+        return replace(self.block(per_pulse), rounding=self.step_of_codes * abs(per_pulse), kept=self.sampled)
+
+    def summed(self, per_pulse: float) -> Block:
+        """Latch by latch: time, angle, and what the output has summed up to; a lost latch is no loss."""
+        scheduled = int(np.ptp(self.latch)) + 1
+        behind = None if self.behind is None else self.behind * per_pulse
+        return Block(
+            self.time_s, self.angle_deg, self.total * per_pulse, scheduled, per_pulse, behind, kept=integration
+        )
+
+    @property
+    def temperature_c(self) -> float:
+        """Mean of the thermometer at the unit."""
+        return self.temperature.value_c
+
+
+def steady(samples: TableSamples, per_pulse: float, clip: float | None = None) -> Steady:
+    """Mean output and table rate over whole turns, or over all of it where there is none (methods.md 1.7).
+
+    Both are between the same two latches, so that an unevenness of the table is the same in both. Readings at other
+    times tell what the output is at that rate.
+    """
+    last = _whole_turns(samples.angle_deg)
+    span_s = float(samples.time_s[last])
+    rate_dps = float(samples.angle_deg[last]) / span_s
+    if samples.readings is not None:
+        mean, scatter, dof = samples.readings.at_rate(rate_dps)
+        u = float(np.hypot(scatter, samples.hidden_u))
+    else:
+        mean, u, dof = float(samples.total[last]) / span_s, _u_mean(samples, last), PARTS_DOF
+    return Steady(
+        output=mean * per_pulse,
+        u_output=u * abs(per_pulse),
+        rate_dps=rate_dps,
+        u_rate_dps=RESOLUTION_COUNTS * samples.resolution_deg / span_s,
+        saturated=clip is not None and _share_at(clip, samples.block(per_pulse).output) > SATURATED,
+        dof=dof,
+    )
+
+
+def _u_mean(samples: TableSamples, last: int) -> float:
+    """Of the mean up to a latch: the steps of counting at both ends, or of codes, and what its parts scatter by.
+
+    What the parts owe to the table, which turns a little unevenly and takes the sensor through gravity, is no scatter.
+    """
+    edges = np.linspace(0, last, PARTS + 1).astype(np.int64)
+    fit = _fitted(_between_parts(samples.total, samples, edges), _owed_to_the_table(samples, edges))
+    scatter = fit.residual_sd * np.sqrt(BETWEEN_PARTS / PARTS)
+    steps = RESOLUTION_COUNTS / samples.time_s[last] if samples.sampled is None else samples.hidden_u
+    return float(np.hypot(scatter, steps))
+
+
+def _between_parts(cumulative: Array, samples: TableSamples, edges: Integers) -> Array:
+    """The rate of something cumulative (n,) from the mean over each part to that over the next.
+
+    The steps of counting average out in the means. Of white noise such a rate has 2/3 of the variance that the rate
+    over a part has.
+    """
+    centre_s, centre = (
+        np.add.reduceat(values[: edges[-1]], edges[:-1]) / np.diff(edges) for values in (samples.time_s, cumulative)
+    )
+    return np.asarray(np.diff(centre) / np.diff(centre_s))
+
+
+def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[Array]]:
+    """Of the same parts: the table's rate, and harmonics of the angle."""
+    angle = np.radians(samples.angle_deg)
+    table_dps = _between_parts(samples.angle_deg, samples, edges)
+    waves = [
+        _between_parts(np.cumsum(wave(order * angle)), samples, edges)
+        for order in range(1, HARMONICS + 1)
+        for wave in (np.cos, np.sin)
+    ]
+    return owed_to_the_table(table_dps - np.mean(table_dps), waves)
+
+
+def _fitted(values: Array, designs: Iterable[list[Array]]) -> LinearFit:
+    """The fit of the first design whose coefficients the values (n,) determine."""
+    for columns in designs:
+        with suppress(NotDetermined):
+            return least_squares(np.column_stack(columns), values)
+    raise ValueError("a mean is always determined")
+
+
+def harmonics_u_dps(samples: TableSamples, harmonics_u_deg: tuple[float, ...]) -> float:
+    """What the errors of the encoder over a turn do to the rate of `steady`: nothing over whole turns, all but that.
+
+    Harmonic n differs between angles θ apart by up to 2 sin(nθ/2) of its amplitude.
+    """
+    last = _whole_turns(samples.angle_deg)
+    turned = np.radians(samples.angle_deg[last])
+    parts = [2 * np.sin(order * turned / 2) * u for order, u in enumerate(harmonics_u_deg, start=1)]
+    return float(np.linalg.norm(parts) / samples.time_s[last])
+
+
+def _whole_turns(angle_deg: Array) -> int:
+    """The latch nearest to the most whole turns after the first; the last where there is no whole turn."""
+    turned = np.abs(angle_deg - angle_deg[0])
+    turns = np.floor(turned[-1] / TURN_DEG)
+    return int(np.argmin(np.abs(turned - turns * TURN_DEG))) if turns else len(angle_deg) - 1
+
+
+def _share_at(clip: float, output: Array) -> float:
+    low, high = AT_CLIP
+    return float(np.mean((np.abs(output) >= low * clip) & (np.abs(output) <= high * clip)))
+
+
+def mean_c(temperatures_c: Sequence[float]) -> float | None:
+    """The mean of those that are known; None without one."""
+    known = [each for each in temperatures_c if np.isfinite(each)]
+    return float(np.mean(known)) if known else None

@@ -1,0 +1,35 @@
+"""What is left of a sine in what was recorded of it, as a factor on its phasor by frequency (methods.md 1.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.metrology.least_squares import Array
+
+Factors = NDArray[np.complex128]
+Kept = Callable[[Array], Factors]
+
+
+def at_once(frequency_hz: Array) -> Factors:
+    """What a sample that is an instant leaves of a phasor at each frequency (m,): all of it."""
+    return np.ones(len(frequency_hz), np.complex128)
+
+
+def integration(frequency_hz: Array) -> Factors:
+    """What an integral makes of a phasor at each frequency (m,)."""
+    return np.asarray(1 / (2j * np.pi * frequency_hz))
+
+
+def averaging(frequency_hz: Array, interval_s: float) -> Factors:
+    """What the mean over the preceding interval leaves of a phasor at each frequency (m,): it is half of it late."""
+    turns = frequency_hz * interval_s
+    return np.asarray(np.sinc(turns) * np.exp(-1j * np.pi * turns))
+
+
+def averaged_over(interval_s: float) -> Kept:
+    """`averaging` over one interval."""
+    return partial(averaging, interval_s=interval_s)

@@ -1,0 +1,272 @@
+"""Sines fitted to samples at known or nearly known frequency (IEEE 1057; methods.md 1.8).
+
+A sine is reported as its phasor Z, the complex number with signal = Re[Z exp(i 2π f (t - origin))]: |Z| is the
+amplitude, and two phasors of one origin divided give gain and phase between two signals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.methods.rate_table.reduction.blocks import coarseness
+from bench.methods.rate_table.reduction.count_quantisation import A_FEW, along_and_across, errors_of_counting, slowly
+from bench.metrology.least_squares import Array, GatedFit, LinearFit, NotDetermined, least_squares, reject_outliers
+from bench.metrology.sampled_codes import hidden_from_a_swing
+
+Phasors = NDArray[np.complex128]
+
+SAMPLES_PER_PERIOD = 2.05  # Shannon's two, and a little
+REACH = 0.02  # of the expected frequency: how far off it is looked for,
+REACH_PERIODS = (2, 50)  # but at least and at most so many periods more or less over the record
+NEIGHBOURS = 24  # frequencies around a line that tell the noise under it,
+NEIGHBOURS_REACH = 32  # among so many on either side
+GRID_PER_PERIOD = 3  # frequencies tried, per period more or less over the record
+HARMLESS = 1e-4  # of the amplitude; what deviates less moves it by less, and that is below any encoder's figure
+PHASE_BINS = 1009  # prime, so that phases at whole fractions of a turn do not fall on edges
+MANY_PHASES = 500
+TURNS = 20
+TURNS_OF_NOISE = 4  # its weights depend on it
+
+
+@dataclass(frozen=True, slots=True)
+class SineFit:
+    """Least squares offset + slope t + the sine and its harmonics; `phasors` (m,) are those of f, 2f, ....
+
+    `u_random` (m,) are the standard uncertainties of the amplitudes from the noise that stands around each line in the
+    spectrum of the residuals: the noise need not be white. `u_repeating` is that of any of them from errors that are
+    the same in every period, as those of a counting encoder are when few different phases are sampled; `u_counting`
+    (m,) are those from the steps of an output that was counted or rounded, which are not in `u_random`, and
+    `u_across_counting` (m,) those of what is moved at right angles to the phasors. `kept` (n,) marks the samples that
+    were used.
+    """
+
+    frequency_hz: float
+    phasors: Phasors
+    u_random: Array
+    u_repeating: float
+    u_counting: Array
+    u_across_counting: Array
+    kept: NDArray[np.bool_]
+    excessive: bool
+
+    @property
+    def dropped(self) -> int:
+        """How many samples were outliers."""
+        return int(np.sum(~self.kept))
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties (m,) of the amplitudes of independent readings."""
+        return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_counting)
+
+    @property
+    def u_across(self) -> Array:
+        """The same (m,) at right angles to the phasors: over an amplitude it is that of the phase, in rad."""
+        return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_across_counting)
+
+
+def fit_sine(
+    time_s: Array,
+    value: Array,
+    frequency_hz: float,
+    *,
+    harmonics: int = 1,
+    origin_s: float = 0.0,
+    step: float = 0.0,
+    behind: Array | None = None,
+    rounding: float = 0.0,
+) -> SineFit:
+    """Fits a sine of known frequency, and its harmonics up to `harmonics`, to samples (n,) by increasing time.
+
+    `step` is by what the samples go, where they were counted; `behind` (n,) is by how much the counts stood behind for
+    the play of the counter, where that has been taken out of them. `rounding` is by what samples go that are codes of
+    an output.
+
+    Outliers are left out; `excessive` tells that they were too many. Raises NotDetermined when the samples cannot tell
+    the columns apart: a small part of a period, or a harmonic with hardly two samples in its period.
+    """
+    if not resolved(time_s, harmonics * frequency_hz):
+        raise NotDetermined([f"harmonic {harmonics}"], rank=harmonics - 1, of=harmonics, condition=np.inf)
+    design = _design(time_s, frequency_hz, harmonics, origin_s)
+    gated = _without_outliers(design, value)
+    kept, fit = gated.kept, gated.fit
+    lines_hz: Array = frequency_hz * np.arange(1.0, harmonics + 1)
+    fitted = design[kept] @ fit.coefficients + slowly(fit.residuals, time_s[kept], 1 / frequency_hz)
+    errors = _errors_of_steps(fitted, step, None if behind is None else behind[kept])
+    moved = errors @ fit.gain.T
+    of_counting = (errors - moved @ design[kept].T)[A_FEW]  # enough for the mean of many lines
+    noise, counted = (
+        _variances(time_s[kept], each, fit.dof, lines_hz) for each in (fit.residuals[np.newaxis], of_counting)
+    )
+    pairs = fit.coefficients[2:].reshape(-1, 2)
+    along, across = along_and_across(pairs, moved[:, 2:].reshape(-1, harmonics, 2))
+    hidden = hidden_from_a_swing(np.linalg.norm(pairs, axis=1), fit.residual_sd, rounding)
+    return SineFit(
+        frequency_hz=frequency_hz,
+        phasors=pairs[:, 0] - 1j * pairs[:, 1],
+        u_random=_u_amplitudes(fit, np.sqrt(np.maximum(noise - counted, 0.0))),
+        u_repeating=_u_repeating(time_s[kept], fit.residuals, frequency_hz),
+        u_counting=np.hypot(hidden, along),
+        u_across_counting=np.hypot(hidden, across),
+        kept=kept,
+        excessive=gated.excessive,
+    )
+
+
+def find_frequency(time_s: Array, value: Array, near_hz: float) -> float:
+    """The frequency of a four-parameter fit to samples (n,) of a sine of nearly known frequency.
+
+    It is looked for where the spectrum is largest within 2 % of `near_hz`, and within 2 to 50 periods over the length
+    of the record; outliers of a sine of `near_hz` are left out. Raises NotDetermined when there is
+    none, or fewer than about two samples in a period: those of another frequency look the same.
+    """
+    if not resolved(time_s, near_hz):
+        raise NotDetermined(["frequency"], rank=0, of=1, condition=np.inf)
+    kept = _without_outliers(_design(time_s, near_hz, 1, 0.0), value).kept
+    time_s, value = time_s[kept], value[kept]
+    span_s = float(np.ptp(time_s))
+    least_hz, most_hz = (periods / span_s for periods in REACH_PERIODS)
+    reach_hz = min(max(least_hz, min(REACH * near_hz, most_hz)), near_hz / 2)
+    level = least_squares(_design(time_s, near_hz, 0, 0.0), value)
+    steps = int(GRID_PER_PERIOD * reach_hz * span_s)
+    grid_hz, sums = _spectrum(time_s, level.residuals[np.newaxis], near_hz, 1 / (GRID_PER_PERIOD * span_s), steps)
+    return _refined(time_s, value, float(grid_hz[np.argmax(np.abs(sums))]), within_hz=1 / span_s)
+
+
+def resolved(time_s: Array, frequency_hz: float) -> bool:
+    """Whether samples at increasing times (n,) are close enough to tell `frequency_hz` from all lower ones."""
+    return len(time_s) > 1 and float(np.median(np.diff(time_s))) * frequency_hz * SAMPLES_PER_PERIOD <= 1
+
+
+def _refined(time_s: Array, value: Array, start_hz: float, within_hz: float) -> float:
+    """Gauss-Newton from `start_hz`: the sine is linear but in its frequency, whose column is its derivative."""
+    frequency_hz = start_hz
+    middle_s = float(np.mean(time_s))
+    turn_s = 2 * np.pi * (time_s - middle_s)
+    cosine, sine = least_squares(_design(time_s, frequency_hz, 1, middle_s), value).coefficients[2:]
+    for _ in range(TURNS):
+        design = _design(time_s, frequency_hz, 1, middle_s)
+        by_hz = turn_s * (sine * design[:, 2] - cosine * design[:, 3])
+        fit = least_squares(
+            np.column_stack([design, by_hz]), value, names=["offset", "slope", "cosine", "sine", "frequency"]
+        )
+        cosine, sine = fit.coefficients[2:4]
+        step_hz, u_hz = float(fit.coefficients[4]), float(np.sqrt(fit.covariance[4, 4]))
+        frequency_hz += step_hz
+        if abs(frequency_hz - start_hz) > within_hz:
+            break
+        if abs(step_hz) <= 1e-9 * frequency_hz + 1e-6 * (u_hz if np.isfinite(u_hz) else 0.0):
+            return frequency_hz
+    raise NotDetermined(["frequency"], rank=4, of=5, condition=np.inf)
+
+
+def _design(time_s: Array, frequency_hz: float, harmonics: int, origin_s: float) -> Array:
+    """Columns of offset, slope, and cosine and sine of each harmonic."""
+    angle = 2 * np.pi * frequency_hz * (time_s - origin_s)
+    waves = [wave(k * angle) for k in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
+    return np.column_stack([np.ones_like(time_s), time_s - np.mean(time_s), *waves])
+
+
+def _without_outliers(design: Array, value: Array) -> GatedFit:
+    """The fit of a `_design` without the samples that are far from it."""
+    waves = np.array([0.0, 0.0, *np.ones(design.shape[1] - 2)])
+    return reject_outliers(design, value, resolution=coarseness(value), harmless=HARMLESS * waves)
+
+
+def _spectrum(time_s: Array, values: Array, middle_hz: float, step_hz: float, reach: int) -> tuple[Array, Phasors]:
+    """Frequencies (j,) `middle_hz` + i `step_hz` with i from -`reach` to `reach`, and Σ values exp(-i 2π f t), (j, k).
+
+    Values are (k, n), samples of k signals at the same times.
+    """
+    time_s = time_s - time_s[0]
+    frequency_hz = middle_hz + step_hz * np.arange(-reach, reach + 1.0)
+    sums = np.empty((len(frequency_hz), len(values)), dtype=np.complex128)
+    turned = np.exp(-2j * np.pi * frequency_hz[0] * time_s)
+    step = np.exp(-2j * np.pi * step_hz * time_s)
+    for i in range(len(frequency_hz)):
+        sums[i] = values @ turned.view(np.float64).reshape(-1, 2) @ (1, 1j)
+        turned *= step
+    return frequency_hz, sums
+
+
+def _errors_of_steps(fitted: Array, step: float, behind: Array | None) -> Array:
+    """What the steps of a counter may have made of samples (n,), (k, n); none of what was not counted."""
+    if not step:
+        return np.zeros((1, len(fitted)))
+    charge = fitted if behind is None else fitted + behind
+    return step * errors_of_counting(charge / step)
+
+
+def _u_amplitudes(fit: LinearFit, sd: Array) -> Array:
+    """Of the sines (m,) from the standard deviation of a sample for each: the part of the covariance along them."""
+    found = []
+    for column, each in zip(range(2, len(fit.coefficients), 2), sd, strict=True):
+        pair = slice(column, column + 2)
+        size = np.linalg.norm(fit.coefficients[pair])
+        direction = fit.coefficients[pair] / size if size else np.array([1.0, 0.0])
+        found.append(each * np.sqrt(direction @ fit.unscaled_covariance[pair, pair] @ direction))
+    return np.array(found)
+
+
+def _variances(time_s: Array, residuals: Array, dof: int, lines_hz: Array) -> Array:
+    """Variances (m,) of one sample if the noise were as strong at all frequencies as it is around each of `lines_hz`.
+
+    From the spectra of residuals (k, n) of fits with those lines, at whole numbers of periods over the record and
+    without the lines, as a mean over all k. Of few samples it is that of the residuals.
+    """
+    if not residuals.any():
+        return np.zeros(len(lines_hz))
+    if len(time_s) < 4 * NEIGHBOURS:
+        of_all = float(np.mean(np.sum(residuals**2, axis=1))) / dof if dof else np.nan
+        return np.full(len(lines_hz), of_all)
+    return np.array([_variance_around(line_hz, time_s, residuals, lines_hz) for line_hz in lines_hz])
+
+
+def _variance_around(line_hz: float, time_s: Array, residuals: Array, fitted_hz: Array) -> float:
+    step_hz = 1 / float(np.ptp(time_s))
+    around_hz, sums = _spectrum(time_s, residuals, line_hz, step_hz, NEIGHBOURS_REACH)
+    free = around_hz > 1.5 * step_hz
+    free &= np.all(np.abs(around_hz[:, np.newaxis] - fitted_hz) > 1.5 * step_hz, axis=1)
+    nearest = np.argsort(np.abs(around_hz[free] - line_hz), kind="stable")[:NEIGHBOURS]
+    power = np.mean(np.abs(sums[free][nearest]) ** 2, axis=1)
+    return _power_at(line_hz, around_hz[free][nearest], power) / len(time_s)
+
+
+def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:
+    """The power (n,) of noise at frequencies around a line, at the line.
+
+    Noise is a floor, as that of steps of counting, and what falls with the square of the frequency, as that of a rate
+    that was summed up: about a low frequency the mean of what is around is far from what is there. Both are fitted by
+    least squares, weighted by themselves because powers scatter by as much as they are.
+    """
+    from scipy.optimize import nnls  # and much with it, which most runs do not need
+
+    shapes = np.column_stack([np.ones_like(around_hz), (line_hz / around_hz) ** 2])
+    level = np.full(len(power), np.mean(power))
+    if not level.all():
+        return 0.0
+    for _ in range(TURNS_OF_NOISE):
+        parts, _ = nnls(shapes / level[:, np.newaxis], power / level)
+        level = shapes @ parts
+    return float(np.sum(parts))
+
+
+def _u_repeating(time_s: Array, residuals: Array, frequency_hz: float) -> float:
+    """Standard uncertainty of an amplitude from what repeats in the residuals of every period.
+
+    It is what the means at equal phase scatter beyond means of random errors; three of their degrees of freedom went
+    into the fit. Unknown (infinite) with three different phases or fewer, taken as 0 where there are many.
+    """
+    phase = np.round(PHASE_BINS * (frequency_hz * (time_s - time_s[0]) % 1)) % PHASE_BINS
+    _, which, count = np.unique(phase, return_inverse=True, return_counts=True)
+    if len(count) > min(MANY_PHASES, len(residuals) / 2):
+        return 0.0
+    if len(count) <= 3:
+        return np.inf
+    means = np.bincount(which, residuals) / count
+    between = float(np.sum(means**2)) / (len(count) - 3)
+    within = float(np.var(residuals)) * len(count) / len(residuals)
+    return float(np.sqrt(max(between - within, 0.0) * 2 / len(count)))

@@ -1,0 +1,222 @@
+"""Rules on whether tests on a rate table can give the results asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+
+from bench.config.models import BenchFile
+from bench.sequence.measuring import Acquire
+from bench.sequence.method import known_methods
+from bench.sequence.model import ResultEntry
+from bench.sequence.plan import Plan, PlannedStep
+from bench.sequence.remarks import Found, Rule
+from bench.sequence.stimulus import Oscillate, Rotate
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
+
+LEAST_STEPS = 30.0  # of a swing, pulses or codes: with fewer the steps are much of its uncertainty
+COUNT_SD = 0.29  # of a pulse, that what is left over in a converter varies by
+CODE_PART = 0.1  # of a sine of one code, that rounding changes it by
+FEW_PHASES = 100  # of a swing that the samples come back to; their number divides the errors of the encoder
+RANGE_METHODS, RESPONSE_METHODS = ("gyro_range", "accelerometer_range"), ("gyro_response", "accelerometer_response")
+Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition, and what turns the table meanwhile
+
+
+def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A test on a table whose angle is not latched together with the output."""
+    for index, entry in _on_a_table(plan):
+        found = (
+            misfit
+            for planned, motion in _acquired(plan, entry.data)
+            if motion is not None and isinstance(planned.step, Acquire)
+            for misfit in _without_encoder(bench, bench.acquired_from(planned.step.role), motion)
+        )
+        if (first := next(found, None)) is not None:
+            yield ("results", index, "method"), *first
+
+
+def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate | Rotate) -> Iterator[tuple[str, str]]:
+    """What is wrong, and what to do, of each unit whose output has no encoder as near as the motion needs it."""
+    options = [bench.devices[role].options for role in devices]
+    latching = [each for each in options if motion.role in getattr(each, "positions", {})]
+    swings = isinstance(motion, Oscillate)
+    for name, place in bench.places.items():
+        if place.is_counted:
+            if not any(isinstance(each, CounterOptions) for each in latching):
+                yield (
+                    f"it needs the encoder of '{motion.role}' latched with the pulses, and the counter latches no "
+                    "encoder",
+                    "Add the encoder to options.positions of the counter in the bench file, or run it on another bench",
+                )
+        elif swings and place.voltmeter is not None:
+            yield (
+                f"a swing needs the encoder of '{motion.role}' latched with the output; in place "
+                f"'{name}' the voltmeter '{place.voltmeter}' shares no clock with it, and integrates for longer than "
+                "a swing",
+                "Use a bench where a counter or telemetry records the unit together with the encoder",
+            )
+        elif swings and not any(_sampled(each, place.telemetry, motion.role) for each in latching):
+            yield (
+                f"a swing needs the encoder of '{motion.role}' latched with the samples of channel '{place.telemetry}'",
+                "Add the encoder to options.positions of the telemetry in the bench file, with that channel, or run it "
+                "on another bench",
+            )
+        elif not latching:
+            yield (
+                f"it needs the encoder of '{motion.role}', and nothing on the bench latches it",
+                "Add the encoder to options.positions of a counter or of the telemetry in the bench file",
+            )
+
+
+def _sampled(options: object, channel: str | None, device: str) -> bool:
+    """Whether the encoder of a device is latched with the samples of a channel."""
+    return isinstance(options, TelemetryOptions) and options.positions[device].channel == channel
+
+
+def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A test on a table without a scale factor that converts the output of a unit to a rate or an acceleration."""
+    for index, entry in _on_a_table(plan):
+        settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
+        for name, place in bench.places.items():
+            output = bench.output_unit(name)
+            told = entry.method in RESPONSE_METHODS and place.voltmeter is not None  # that no voltmeter will do
+            if output not in settings["scale"] and not told:
+                per = "°/s" if entry.method.startswith("gyro") else "g"
+                yield (
+                    ("results", index, "settings"),
+                    f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}",
+                    f"Add it to the setting scale, in {output}/({per}); a list has one scale factor for each kind of "
+                    "output",
+                )
+
+
+def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A range without a reading at rest, a response without a swing, or an accelerometer's without the slow swing."""
+    for index, entry in _on_a_table(plan):
+        motions = [motion for _, motion in _acquired(plan, entry.data)]
+        swings_hz = [motion.highest_hz for motion in motions if isinstance(motion, Oscillate)]
+        place = ("results", index, "data")
+        if entry.method in RANGE_METHODS and None not in motions:
+            yield (
+                place,
+                f"no acquisition of '{entry.data}' is at rest, so that the bias is unknown",
+                ("Acquire with that label while the table stands still, before or after the rates"),
+            )
+        elif entry.method in RESPONSE_METHODS and not swings_hz:
+            yield (
+                place,
+                f"no acquisition of '{entry.data}' is during a swing",
+                ("Acquire in 'during' of an oscillate step"),
+            )
+        elif entry.method == "accelerometer_response":
+            lever_hz = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()["lever_hz"]
+            if not any(math.isclose(hz, lever_hz, rel_tol=1e-6) for hz in swings_hz):
+                yield (
+                    place,
+                    f"no swing is at {lever_hz:g} Hz, from which the lever arms are determined",
+                    ("Add that swing, or set lever_frequency to the slowest one"),
+                )
+
+
+def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A swing of only a few pulses or codes, with the uncertainty that this causes."""
+    for _, entry in _on_a_table(plan):
+        if entry.method != "accelerometer_response":
+            continue
+        for planned, motion in _acquired(plan, entry.data):
+            for_s = planned.step.duration_s if isinstance(planned.step, Acquire) else None
+            found = _small_swings(bench, motion, for_s or 0.0) if isinstance(motion, Oscillate) else iter(())
+            if isinstance(motion, Oscillate) and (small := next(found, None)) is not None:
+                yield (*_place_of(plan, motion), "amplitude"), *small
+
+
+def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator[tuple[str, str]]:
+    """Of each unit whose output swings by little over a time: what that costs, and what to do.
+
+    A rate of amplitude A makes A·r·S/g pulses at an arm r, whatever the frequency f, and a sine of A·2πf·r·K/g codes.
+    Rounding changes a sine of n codes by about 0.1 n^-3/2 of it, without noise that would hide the steps: 6e-4 of 30.
+    A count is off by 0.29 of a pulse, and by another part after each of the 4 n f T pulses that come within T.
+    """
+    turn_hz = 2 * math.pi * motion.highest_hz
+    rate_dps = motion.amplitude_deg * turn_hz
+    for name, place in bench.places.items():
+        per_g = bench.nominal_per_g(name)
+        if place.arm is None or per_g is None or not place.arm.y or place.voltmeter is not None:
+            continue
+        per_rps = abs(place.arm.y * per_g) / bench.site.gravity.value * (1 if place.is_counted else turn_hz)
+        size = math.radians(rate_dps) * per_rps
+        if size < LEAST_STEPS:
+            does = f"give only {size:.3g} pulses per swing" if place.is_counted else f"send a sine of {size:.3g} codes"
+            pulses = max(4 * size * motion.highest_hz * for_s, 1.0)
+            cost = COUNT_SD * math.sqrt(2 / pulses) / size if place.is_counted else CODE_PART * size**-1.5
+            yield (
+                f"the swing by {rate_dps:.3g} °/s at {motion.highest_hz:.6g} Hz makes the unit in place "
+                f"'{name}' {does}: steps of the output make its gain uncertain by about {100 * cost:.2g} %, and by "
+                "more where they meet few phases of the swing",
+                f"Swing by at least {math.degrees(LEAST_STEPS / per_rps):.3g} °/s for {LEAST_STEPS:g}, use a longer "
+                "arm, or count for longer; the uncertainties of the results hold it",
+            )
+
+
+def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A swing sampled at only a few phases: the quantisation of the encoder does not average out."""
+    for planned, motion in _acquired(plan, None):
+        step = planned.step
+        if not isinstance(step, Acquire) or not isinstance(motion, Oscillate) or step.duration_s is None:
+            continue
+        for period_s in _periods_s(bench, step.role, motion.role):
+            turns = motion.highest_hz * period_s  # of the swing, from sample to sample
+            near = Fraction(turns).limit_denominator(FEW_PHASES)
+            drift = abs(turns - near) * step.duration_s / period_s
+            if drift * near.denominator < 1:
+                yield (
+                    (*_place_of(plan, motion), "frequency"),
+                    f"{motion.highest_hz:.6g} Hz and a sample every {period_s * 1e3:g} ms meet "
+                    f"at only {near.denominator} phases of the swing, at which the encoder has always the same errors",
+                    "Change the frequency by 0.1 to 0.3 Hz",
+                )
+
+
+def _periods_s(bench: BenchFile, role: str, device: str) -> Iterator[float]:
+    """From latch to latch of what latches the encoder of a device in an acquisition."""
+    for each in bench.acquired_from(role):
+        options = bench.devices[each].options
+        if isinstance(options, CounterOptions) and device in options.positions:
+            yield options.period
+        elif isinstance(options, TelemetryOptions) and device in options.positions:
+            yield options.channels[options.positions[device].channel].period
+
+
+def _on_a_table(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method in (*RANGE_METHODS, *RESPONSE_METHODS):
+            yield index, entry
+
+
+def _acquired(plan: Plan, label: str | None) -> Iterator[Inside]:
+    """The acquisitions under a label, or all, each with what turns the table while it is done."""
+    turning = {planned.id: planned.step for planned in plan if isinstance(planned.step, (Oscillate, Rotate))}
+    for planned in plan:
+        if isinstance(planned.step, Acquire) and label in (None, planned.step.label):
+            outer = (motion for step_id, motion in turning.items() if planned.id.startswith(f"{step_id}/"))
+            yield planned, next(outer, None)
+
+
+def _place_of(plan: Plan, motion: Oscillate) -> tuple[str | int, ...]:
+    return next(planned.place for planned in plan if planned.step is motion)
+
+
+RULES = (
+    Rule("no-encoder", "error", "a test on a table latches its encoder", no_encoder),
+    Rule("no-scale", "error", "a test on a table knows the scale factor of the output", no_scale),
+    Rule(
+        "incomplete-table-test",
+        "error",
+        "a test on a table has every acquisition that its method needs",
+        incomplete_table_test,
+    ),
+    Rule("too-few-pulses", "warning", "an accelerometer resolves the swing", too_few_pulses),
+    Rule("commensurate-swing", "warning", "the samples cover all phases of a swing", commensurate_swing),
+)

@@ -1,0 +1,1 @@
+"""Method M4d: threshold and resolution."""

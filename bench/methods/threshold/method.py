@@ -1,0 +1,32 @@
+"""The method of threshold and resolution as a sequence sees it (method M4d)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from bench.sequence.method import MethodDescription
+from drivers.schema.fields import InUnit, StrictModel
+
+
+class ThresholdSettings(StrictModel):
+    """Settings of a ladder of small steps."""
+
+    biased_above_g: Annotated[float, InUnit("g", above=0, at_most=1)] = Field(
+        0.1, alias="biased_above", description="a position with a larger input is biased: it gives the resolution"
+    )
+
+
+THRESHOLD = MethodDescription(
+    name="threshold",
+    title="Threshold and resolution (method M4d)",
+    target="bench.methods.threshold.reduction.run:reduce",
+    rules="bench.methods.threshold.rules:RULES",
+    spans="bench.methods.threshold.shown:ladders",
+    settings=ThresholdSettings,
+    quantities={"threshold": "g", "resolution": "g"},
+    counts_at="steps",
+    drawn_by="bench.methods.threshold.shown:ladder_plots",
+    after=("IEEE Std 1293", "IEEE Std 1554"),
+)

@@ -1,0 +1,1 @@
+"""From ladders of small steps to a threshold."""

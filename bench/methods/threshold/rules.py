@@ -1,0 +1,117 @@
+"""Rules on ladders of small steps, from which the method `threshold` finds what a unit follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from bench.config.document import Place
+from bench.config.models import BenchFile
+from bench.sequence.dwells import loop_values
+from bench.sequence.limits import limits_in
+from bench.sequence.measuring import Acquire
+from bench.sequence.model import ResultEntry
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Found, Rule
+from bench.sequence.stimulus import Move
+from bench.sequence.travel import angles_before
+
+ARCSEC_PER_DEG = 3600
+
+Ladders = dict[float, list[float]]
+
+
+def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A place without a nominal scale factor: the expected output of a step is unknown."""
+    for place, _ in _entries(plan):
+        for name, entry in bench.places.items():
+            if bench.nominal_per_g(name) is None:
+                yield (
+                    (*place, "method"),
+                    f"a step is judged by the nominal scale factor, which place '{name}' of the bench does not state",
+                    f"Give {' and '.join(f'nominal.{key}' for key in entry.makes_output_of_g)} of places.{name} in the "
+                    "bench file",
+                )
+
+
+def incomplete_ladder(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A ladder without steps in both directions, or with a step not enclosed by readings at the position."""
+    for place, entry in _entries(plan):
+        for position, offsets in _ladders(plan, entry.data).items():
+            if not {-1, 1} <= {math.copysign(1, offset) for offset in offsets if offset}:
+                yield (
+                    (*place, "data"),
+                    f"the ladder at position {position:g} lacks steps in both directions; the loop "
+                    "variable 'offset' marks the steps",
+                    "Acquire in a loop 'offset' over a step and 0°, with steps in both directions",
+                )
+            elif offsets[0] or offsets[-1]:
+                yield (
+                    (*place, "data"),
+                    f"the ladder at position {position:g} {'begins' if offsets[0] else 'ends'} with a step; without "
+                    "a reading at the position before and after it, a step cannot be separated from drift",
+                    "Acquire at the position before the first step and after each",
+                )
+
+
+def step_below_band(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A step smaller than the settling band: the head may not move and still count as settled."""
+    for place, entry in _entries(plan):
+        steps = [abs(offset) for offsets in _ladders(plan, entry.data).values() for offset in offsets if offset]
+        for role in _heads(plan):
+            settle = getattr(bench.devices[role].options, "settle", None) if role in bench.devices else None
+            smallest_arcsec = round(min(steps, default=math.inf) * ARCSEC_PER_DEG, 6)
+            if settle is not None and smallest_arcsec < settle.band:
+                yield (
+                    (*place, "data"),
+                    f"the smallest step is {smallest_arcsec:g} arcsec, and '{role}' has settled within "
+                    f"{settle.band:g} arcsec of its target: it may not move at all",
+                    f"Leave out the smallest steps, or lower options.settle.band of '{role}' in the bench file",
+                )
+
+
+def ladder_below_limit(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A limit above the largest step: a unit that follows no step could be neither passed nor failed."""
+    for place, entry in _entries(plan):
+        for name, written in entry.limits.items():
+            limits = limits_in(written, "g")
+            largest_g = [
+                math.cos(math.radians(position)) * math.sin(math.radians(max(map(abs, offsets))))
+                for position, offsets in _ladders(plan, entry.data).items()
+            ]
+            if largest_g and limits.high is not None and min(largest_g) < limits.high:
+                yield (
+                    (*place, "limits", name),
+                    f"the largest step is {min(largest_g) * 1e6:.3g} µg, below the limit of {limits.high * 1e6:.3g} "
+                    "µg: a unit that follows no step could be neither passed nor failed",
+                    "Add a larger step to the ladder",
+                )
+
+
+def _entries(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method == "threshold":
+            yield ("results", index), entry
+
+
+def _ladders(plan: Plan, label: str) -> Ladders:
+    """The loop variable `offset` of the acquisitions under a label, in °, by their loop variable `position`."""
+    ladders: Ladders = {}
+    for planned, _ in angles_before(plan):
+        if isinstance(planned.step, Acquire) and planned.step.label == label:
+            loops = loop_values(planned.id)
+            ladders.setdefault(loops.get("position", 0.0), []).append(loops.get("offset", 0.0))
+    return ladders
+
+
+def _heads(plan: Plan) -> list[str]:
+    """The heads that the plan moves."""
+    return list(dict.fromkeys(planned.step.role for planned in plan if isinstance(planned.step, Move)))
+
+
+RULES = (
+    Rule("no-nominal", "error", "the nominal scale factor is known", no_nominal),
+    Rule("incomplete-ladder", "error", "a ladder has steps in both directions, between readings", incomplete_ladder),
+    Rule("step-below-band", "warning", "the head can resolve the steps of a ladder", step_below_band),
+    Rule("ladder-below-limit", "warning", "a ladder reaches beyond its limits", ladder_below_limit),
+)

@@ -1,0 +1,77 @@
+"""Method M4a, the static temperature tumble, and the repeatability of a tumble, as a sequence sees them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from bench.sequence.method import OUTPUT, MethodDescription
+from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
+from drivers.schema.fields import Celsius, InUnit, WholeNumber
+
+
+class TemperatureTumbleSettings(BiasPerDegree, ScalePerDegree):
+    """Settings of the static temperature tumble."""
+
+    degree: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(4, description="of the polynomials over temperature")
+    reference_c: Celsius = Field(
+        20.0, alias="reference", description="the temperature about which K0T1, K0T2, K1T1 and K1T2 hold"
+    )
+    closure_limit_g: Annotated[float, InUnit("g", above=0)] = Field(
+        100e-6,
+        alias="closure_limit",
+        description="when the bias has moved further between the first dwell and the last, both at one set point, "
+        "every verdict is marginal",
+    )
+
+
+TEMPERATURE_TUMBLE = MethodDescription(
+    name="temperature_tumble",
+    title="Static temperature tumble (method M4a)",
+    target="bench.methods.tumble.reduction.run:reduce",
+    rules="bench.methods.tumble.rules:RULES",
+    offline="bench.methods.tumble.offline:REDUCTIONS",
+    settings=TemperatureTumbleSettings,
+    quantities={
+        "K0": "g",
+        "K1": f"{OUTPUT}/g",
+        "K1_si": f"{OUTPUT}/(m/s²)",
+        "K2": "g/g²",
+        "misalignment": "rad",
+        "K0/temperature_coefficient": "g/°C",
+        "K1/temperature_coefficient": "1/°C",
+        "K0T1": "g/°C",
+        "K0T2": "g/°C²",
+        "K1T1": "1/°C",
+        "K1T2": "1/°C²",
+        "K3": "g/g³",
+        "Kip": "g/g²",
+        "asymmetry": "1",
+        "K0/hysteresis": "g",
+        "K0/closure": "g",
+        "K1/hysteresis": "1",
+        "K0/model_residual": "g",
+        "K1/model_residual": "1",
+        "tilt/uncompensated": "°",
+        "tilt/compensated": "°",
+    },
+    drawn_by="bench.methods.tumble.shown:tumble_shown",
+    after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),
+)
+
+
+class RepeatabilitySettings(BiasPerDegree):
+    """What is known of the unit beforehand."""
+
+
+REPEATABILITY = MethodDescription(
+    name="repeatability",
+    title="Repeatability over remountings or power cycles",
+    target="bench.methods.tumble.reduction.repeatability:reduce",
+    rules="bench.methods.tumble.rules:RULES",
+    settings=RepeatabilitySettings,
+    quantities={"K0/sd": "g", "K1/sd": "1", "misalignment/sd": "rad", "K0/closure": "g"},
+    first_dwell=1,
+    drawn_by="bench.methods.tumble.shown_repeatability:repeated_shown",
+)

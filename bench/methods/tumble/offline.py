@@ -1,0 +1,123 @@
+"""Cases of method M4a, the static tumble, and of an accelerometer as a tilt meter (methods.md 6 and 9)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field
+
+from bench.methods.tumble import doubts
+from bench.methods.tumble.reduction.static import Characteristic, Dwell, TumbleRecord, reduce_static
+from bench.metrology import plausibility
+from bench.metrology.tilt import compare_tilt
+from bench.offline.case_file import LEGS, Case, Reduction, Reductions, Scale, Settings
+
+
+class StaticSettings(Settings):
+    """Of `static`; without a degree it is chosen by the data."""
+
+    degree: int | None = Field(None, ge=1, le=8)
+
+
+class TiltSettings(Settings):
+    """Of `tilt`."""
+
+    scale_v_per_g: Scale = Field(alias="K1_V_per_g")
+    bias_v: float = Field(alias="B0_V")
+    slope_v_per_c: float = Field(alias="B1_V_per_C")
+    nominal_bias_v: float = Field(alias="K0_nominal_V")
+
+
+def _static(case: Case) -> dict[str, Any]:
+    settings = case.settings(StaticSettings)
+    table = case.record("tumble", "cycle,leg,dwell,T_set_C,T_meas_C,pos_deg,rep,U_V,valid")
+    record = TumbleRecord(
+        cycle=table.whole_numbers("cycle"),
+        leg=table.words("leg", LEGS),
+        dwell=table.whole_numbers("dwell"),
+        set_c=table.numbers("T_set_C"),
+        measured_c=table.numbers("T_meas_C"),
+        position_deg=table.numbers("pos_deg"),
+        repetition=table.numbers("rep"),
+        output_v=table.numbers("U_V"),
+        valid=table.truths("valid"),
+    )
+    found = reduce_static(record, settings.degree)
+    return {
+        "points": [_point(dwell) for dwell in found.dwells],
+        "K0": _characteristic(found.bias),
+        "K1": _characteristic(found.scale),
+        "flags": found.flags,
+        "notes": [],
+        "rejected": found.excluded,
+        "doubts": doubts.tumble(
+            record.position_deg, record.output_v, record.measured_c, record.set_c,
+            found.dwells,
+        ),
+    }  # fmt: skip
+
+
+def _point(dwell: Dwell) -> dict[str, Any]:
+    return {
+        "T_C": dwell.temperature_c,
+        "T_set_C": dwell.set_c,
+        "leg": dwell.leg,
+        "cycle": dwell.cycle,
+        "dwell": dwell.number,
+        "K0_V": dwell.tumble.c0,
+        "K1_V_per_g": dwell.tumble.k1,
+        "K2_V_per_g2": dwell.tumble.c2,
+        "delta_rad": dwell.tumble.misalignment_rad,
+    }
+
+
+def _characteristic(found: Characteristic) -> dict[str, Any]:
+    polynomial, line, loop = found.polynomial, found.line, found.hysteresis
+    return {
+        "poly": polynomial.powers if polynomial else [],
+        "linear": line.powers if line else None,
+        "u_linear": line.u_powers if line else None,
+        "max_resid": polynomial.max_residual if polynomial else None,
+        "max_resid_linear": line.max_residual if line else None,
+        "hysteresis_max": loop.value if loop else None,
+        "hysteresis_at_C": loop.set_c if loop else None,
+    }
+
+
+def _tilt(case: Case) -> dict[str, Any]:
+    settings = case.settings(TiltSettings)
+    table, copies = case.record("tilt", "T_C,U_V").without_copies()  # no time tells a copy from an equal reading
+    found = compare_tilt(
+        table.numbers("T_C"),
+        table.numbers("U_V"),
+        scale_v_per_g=settings.scale_v_per_g,
+        nominal_bias_v=settings.nominal_bias_v,
+        bias_v=(settings.bias_v, settings.slope_v_per_c),
+    )
+    return {
+        "raw_span_deg": found.raw_span_deg,
+        "comp_span_deg": found.compensated_span_deg,
+        "raw_mean_deg": found.raw_mean_deg,
+        "comp_mean_deg": found.compensated_mean_deg,
+        "flags": [flag for flag in found.flags if flag != "out_of_range"],
+        "notes": [
+            *(["samples beyond ±90° are left out"] if "out_of_range" in found.flags else []),
+            *([f"rows left out because they are equal to another: {copies}"] if copies else []),
+        ],
+        "rejected": found.excluded | {"duplicate": copies},
+        "doubts": [
+            *plausibility.kelvin("T_C", table.numbers("T_C")),
+            *doubts.tilts(
+                table.numbers("U_V"),
+                found.excluded["out_of_range"],
+                settings.scale_v_per_g,
+                settings.slope_v_per_c,
+            ),
+        ],
+    }
+
+
+REDUCTIONS: Reductions = {
+    ("M4", "static"): Reduction(_static, ("tumble",)),
+    ("M4", "tilt"): Reduction(_tilt, ("tilt",)),
+}

@@ -1,0 +1,136 @@
+"""The constants of a unit at each dwell, with budgets by the derivatives of the solution (methods.md 6.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.methods.tumble.reduction.dwells import Dwell
+from bench.methods.tumble.reduction.unit import TumbleUnit, type_b
+from bench.metrology.acquisition import Array
+from bench.metrology.instrument import STEPS, instrument_u, shared_as
+from bench.metrology.results.finding import BudgetLine, Finding
+from bench.metrology.sampled_codes import by_position
+
+NAMES = {
+    "K0": "bias of the channel",
+    "K1": "scale factor of the channel, per local g",
+    "K1_si": "scale factor of the channel, per m/s²",
+    "K2": "K2 + asymmetry: second-order nonlinearity, and the asymmetry of what measures it",
+    "misalignment": "misalignment of the input axis in the plane of the tumble",
+    "K3": "third-order nonlinearity",
+    "Kip": "cross coupling of input and pendulous axis",
+    "asymmetry": "asymmetry of the converter: its scale for positive pulses less that for negative, relative",
+}
+CONTAINS = {"K1": ("K3",), "K1_si": ("K3",), "K2": ("asymmetry",)}  # unless these are found by themselves
+WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named as a finding's source
+
+
+@dataclass(frozen=True, slots=True)
+class TumbleConstants:
+    """`per_c` is what an error of 1 °C of the thermometer does to constants at the dwells (n,), None if not known.
+
+    Then it is by `per_c_u`, what K0 in g, and K1 relative to itself, may change by with 1 °C. `extra` are the further
+    terms that the angles separate.
+    """
+
+    of: TumbleUnit
+    per_c: Mapping[str, Array | None]
+    extra: tuple[str, ...]
+    per_c_u: Mapping[str, float]
+
+    def findings(self, index: int) -> Iterator[Finding]:
+        """All constants at the dwell of an index, the scale factor also per m/s²."""
+        dwell = self.of.dwells[index]
+        at = {
+            "cycle": dwell.cycle,
+            "dwell": dwell.number,
+            "leg": "up" if dwell.rising else "down",
+            "temperature_set_c": None if math.isnan(dwell.set_c) else dwell.set_c,
+            "temperature_c": dwell.temperature_c,
+            "temperature_u_c": self.of.temperature_u_c(dwell.temperature_c),
+        }
+        for quantity in ("K0", "K1", "K2", "misalignment", *self.extra):
+            gain = dwell.gain_of(quantity)
+            weights = np.abs(gain) / np.max(np.abs(gain))
+            steps = tuple(s for s, weight in zip(dwell.steps, weights, strict=True) if weight > WEIGHT_SHOWN)
+            finding = self.of.subject.finding(
+                quantity, self._name(quantity), dwell.values[quantity], self.of.units[quantity],
+                self._budget(quantity, gain, index), at, steps, _tail(dwell), self._contains(quantity),
+            )  # fmt: skip
+            yield finding
+            if quantity == "K1":
+                yield self._per_mps2(finding, dwell)
+
+    def _contains(self, quantity: str) -> tuple[str, ...]:
+        """What is in a value because these angles do not separate it."""
+        return tuple(f"contains:{name}" for name in CONTAINS.get(quantity, ()) if name not in self.extra)
+
+    def _name(self, quantity: str) -> str:
+        if quantity == "K2" and "asymmetry" in self.extra:
+            return "second-order nonlinearity"
+        return NAMES[quantity]
+
+    def _per_mps2(self, k1: Finding, dwell: Dwell) -> Finding:
+        g = self.of.bench.gravity_mps2
+        lines = [
+            BudgetLine("K1", "B", k1.u / g, k1.dof, k1.id),
+            BudgetLine("site: gravity", "B", k1.value / g * self.of.bench.gravity_u_mps2 / g, None, "site.gravity"),
+        ]
+        return self.of.subject.finding(
+            "K1_si", NAMES["K1_si"], k1.value / g, self.of.units["K1_si"], lines, k1.at, (dwell.group,), _tail(dwell),
+            self._contains("K1_si"),
+        )  # fmt: skip
+
+    def _budget(self, quantity: str, gain: Array, index: int) -> list[BudgetLine]:
+        """Each source by its derivative; the head's errors turn the input axis at every reading."""
+        bench, dwell = self.of.bench, self.of.dwells[index]
+        turned = gain * dwell.turn
+        together = abs(float(turned.sum()))  # all positions turned alike
+        harmonics = [
+            float(turned @ shape(order * dwell.head_rad)) * np.radians(u_deg)
+            for order, u_deg in enumerate(bench.head.harmonics_u_deg, start=1)
+            for shape in (np.cos, np.sin)
+        ]
+        lines = [
+            *self.of.own(quantity, [(dwell, 1.0)]),
+            type_b("head: zero", together * np.radians(bench.head.zero_u_deg), "head.zero"),
+            type_b("head: harmonics", np.linalg.norm(harmonics), "head.harmonics"),
+            type_b("fixture: level", together * np.radians(bench.level_u_deg), "fixture.level"),
+            *self._of_the_instrument(gain, dwell),
+        ]
+        if quantity in self.per_c:
+            thermometer, u_c = self.of.unit.temperature, self.of.temperature_u_c(dwell.temperature_c)
+            lines.append(type_b(f"{thermometer}: offset, gain", self._per_c(quantity, index) * u_c, thermometer))
+        if quantity == "K2" and "asymmetry" not in self.extra:
+            instrument = "converter" if self.of.unit.voltmeter is None else "voltmeter"
+            contained = f"asymmetry of the {instrument}: contained, inseparable at these angles"
+            lines.append(BudgetLine(contained, "alias", 0))
+        return lines
+
+    def _per_c(self, quantity: str, index: int) -> float:
+        """By how much a constant changes with 1 °C, without its sign."""
+        per_c = self.per_c[quantity]
+        if per_c is not None:
+            return abs(float(per_c[index]))
+        return self.per_c_u[quantity] * (abs(self.of.dwells[index].values["K1"]) if quantity == "K1" else 1.0)
+
+    def _of_the_instrument(self, gain: Array, dwell: Dwell) -> list[BudgetLine]:
+        """What the certificate of the counter or of the voltmeter gives; an error of the gain is as the output is.
+
+        A unit that sends its output has no instrument but itself, only the steps of its codes.
+        """
+        unit = self.of.unit
+        if unit.telemetry is not None:
+            hidden = np.linalg.norm(by_position(gain, dwell.step_u, dwell.head_rad))
+            return [type_b(f"{unit.telemetry}{STEPS}", hidden, None)]
+        found = instrument_u(unit, self.of.bench, abs(float(gain @ dwell.readings)), abs(float(gain.sum())))
+        return [type_b(source, u, shared_as(source)) for source, u in found.items()]
+
+
+def _tail(dwell: Dwell) -> str:
+    """What an id ends with at a dwell."""
+    return f"@{dwell.path}" if dwell.path else ""

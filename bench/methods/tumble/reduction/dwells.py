@@ -1,0 +1,162 @@
+"""A dwell of a temperature tumble: the acquisitions at one temperature, solved as a tumble (methods.md 6.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.methods.tumble.reduction.solution import IncompleteTumble, Tumble, further_terms, solve_tumble
+from bench.metrology.acquisition import Acquisition, Array
+from bench.metrology.bench_uncertainty import BenchRecord
+from bench.metrology.orientation import elevation_rad
+from bench.metrology.outputs import Output, mean_output
+from bench.metrology.run_data import RunData, UnitUnderTest
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """One temperature of one unit: the readings used, and their solution.
+
+    `readings` (n,) of the output, in its unit, were taken at the head's angles `head_rad` (n,). `gain` turns errors
+    of the readings into errors of the constants, a row (n,) for each in the order of `values`; `turn` (n,) is the
+    derivative of a reading to its angle, per rad. `middle_s` is the mean bench time of the readings. `alone_u` is what
+    a reading alone tells of its standard uncertainty, `step_u` (n,) what the steps of codes hide from each. It is
+    `interrupted` where the unit was without power between two of its readings.
+    """
+
+    number: int
+    group: str
+    cycle: int
+    rising: bool
+    set_c: float
+    temperature_c: float
+    middle_s: float
+    tumble: Tumble
+    readings: Array
+    head_rad: Array
+    gain: Array
+    turn: Array
+    alone_u: float
+    steps: tuple[str, ...]
+    step_u: Array
+    interrupted: bool = False
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """The constants of the tumble."""
+        return self.tumble.values
+
+    def gain_of(self, quantity: str) -> Array:
+        """What errors of the readings (n,) in pulse/s add to a constant: (n,)."""
+        return np.asarray(self.gain[list(self.tumble.values).index(quantity)])
+
+    @property
+    def path(self) -> str:
+        """The loops around it: `cycle=1/temperature=20`."""
+        return self.group.partition("/")[2]
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedDwells:
+    """The dwells of one unit; `left_out` are the paths of those that could not be solved, `flags` say why.
+
+    `extra` are the further terms that the angles of all dwells together separate, and `angles` how many these are.
+    """
+
+    dwells: tuple[Dwell, ...]
+    left_out: tuple[str, ...]
+    flags: tuple[str, ...]
+    extra: tuple[str, ...]
+    angles: int
+
+
+def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
+    """Solves every group of acquisitions of a run for one unit, in order of measurement."""
+    groups = data.groups()
+    angle_rad = axis_rad(data.acquisitions, unit, data.bench)
+    extra = further_terms(angle_rad)
+    rising = _rising([acquisitions[0].set_c for acquisitions in groups.values()])
+    dwells: list[Dwell] = []
+    left_out: list[str] = []
+    flags: list[str] = []
+    for number, (group, acquisitions) in enumerate(groups.items()):
+        used, outputs = _usable(acquisitions, unit, flags)
+        try:
+            dwells.append(_solved(number, rising[number], used, outputs, unit, data.bench, extra))
+        except IncompleteTumble as problem:
+            missing = ", ".join(f"{position:g}" for position in problem.missing_deg) or "ill_conditioned"
+            flags.append(f"dwell {number} incomplete: {missing}")
+            left_out.append(group.partition("/")[2])
+    angles = len(np.unique(np.degrees(angle_rad).round(1) % 360))
+    return SolvedDwells(tuple(dwells), tuple(left_out), tuple(flags), extra, angles)
+
+
+def axis_rad(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> Array:
+    """The nominal angles (n,) of the input axis above the horizontal."""
+    return np.array([elevation_rad(acquisition, unit, bench) for acquisition in acquisitions])
+
+
+def _usable(
+    acquisitions: Sequence[Acquisition], unit: UnitUnderTest, flags: list[str]
+) -> tuple[list[Acquisition], list[Output]]:
+    """The acquisitions whose output and temperature can be used, and their outputs; the others are flagged."""
+    used, outputs = [], []
+    for acquisition in acquisitions:
+        output = mean_output(acquisition, unit)
+        problems = list(output.problems)
+        if not len(acquisition.temperatures_c[unit.temperature]):
+            problems.append("no_temperature")
+        flags += [f"{acquisition.step}: {problem}" for problem in problems]
+        if not problems:
+            used.append(acquisition)
+            outputs.append(output)
+    return used, outputs
+
+
+def _solved(
+    number: int,
+    rising: bool,
+    used: Sequence[Acquisition],
+    outputs: Sequence[Output],
+    unit: UnitUnderTest,
+    bench: BenchRecord,
+    extra: tuple[str, ...],
+) -> Dwell:
+    """The solution of one dwell; raises IncompleteTumble."""
+    head_deg = np.array([acquisition.angle_deg for acquisition in used])
+    angle = axis_rad(used, unit, bench)
+    readings = np.array([output.value for output in outputs])
+    time_s = np.array([(acquisition.begin_s + acquisition.end_s) / 2 for acquisition in used])
+    tumble = solve_tumble(angle, readings, extra, time_s)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return Dwell(
+        number=number,
+        group=used[0].group,
+        cycle=int(used[0].loops.get("cycle", 1)),
+        rising=rising,
+        set_c=used[0].set_c,
+        temperature_c=float(np.mean([acquisition.temperatures_c[unit.temperature].mean() for acquisition in used])),
+        middle_s=float(np.mean(time_s)),
+        tumble=tumble,
+        readings=readings,
+        head_rad=np.radians(head_deg),
+        gain=tumble.gain(),
+        turn=tumble.k1 * (cosine - tumble.misalignment_rad * sine + 2 * tumble.k2_g_per_g2 * sine * cosine),
+        alone_u=float(np.mean([output.alone_u for output in outputs])),
+        steps=tuple(acquisition.step for acquisition in used),
+        step_u=np.array([output.step_u for output in outputs]),
+        interrupted=len({acquisition.stretch for acquisition in used}) > 1,
+    )
+
+
+def _rising(set_points: Sequence[float]) -> list[bool]:
+    """Whether each dwell was reached by rising temperature; the first takes the direction of its departure."""
+    steps = np.diff(np.array(set_points))
+    rising = []
+    for index in range(len(set_points)):
+        before, after = steps[:index], steps[index:]
+        deciding = [*before[before != 0][-1:], *after[after != 0][:1], 1.0][0]
+        rising.append(bool(deciding > 0))
+    return rising

@@ -1,0 +1,145 @@
+"""What the dwells of a unit tell over temperature: slopes, hysteresis, residuals, tilt, and whether the run closes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.methods.tumble.reduction.coefficient_findings import CONTAINED, Origin, coefficient_findings
+from bench.methods.tumble.reduction.dwells import Dwell
+from bench.methods.tumble.reduction.solution import hysteresis
+from bench.methods.tumble.reduction.unit import TumbleUnit
+from bench.metrology.acquisition import Array
+from bench.metrology.extremes import interval_of_largest
+from bench.metrology.least_squares import PolynomialFit, fit_polynomial
+from bench.metrology.results.finding import BudgetLine, Finding, Interval
+from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
+
+
+@dataclass(frozen=True, slots=True)
+class TumbleOverTemperature:
+    """`models` are those of the highest degree, `lines` the straight ones; None where the temperatures allow none.
+
+    `per_c` is what an error of 1 °C of the thermometer does at the dwells (n,), None without a model. Coefficients are
+    told about `reference_c`.
+    """
+
+    of: TumbleUnit
+    models: Mapping[str, PolynomialFit | None]
+    lines: Mapping[str, PolynomialFit | None]
+    per_c: Mapping[str, Array | None]
+    reference_c: float
+
+    def findings(self, quantity: str) -> Iterator[Finding]:
+        """Slope, hysteresis and residual of the model; of the scale factor relative to its value at the centre."""
+        model, line, per_c = self.models[quantity], self.lines[quantity], self.per_c[quantity]
+        if model is None or line is None or per_c is None:
+            return
+        relative = 1.0 if quantity == "K0" else 1 / float(line.value(line.centre))
+        yield self._coefficient(quantity, line, per_c, relative)
+        yield from self._about_reference(quantity, model, per_c)
+        loop = hysteresis(
+            self.of.values(quantity),
+            self.of.temperatures_c,
+            np.array([dwell.set_c for dwell in self.of.dwells]),
+            rising=np.array([dwell.rising for dwell in self.of.dwells]),
+            cycle=np.array([dwell.cycle for dwell in self.of.dwells]),
+            slope=model.slope,
+        )
+        if loop is not None:
+            dwells = (self.of.dwells[loop.rising], self.of.dwells[loop.falling])
+            name = "largest difference between rising and falling temperature"
+            own, drifted = self.of.own_u(quantity)[loop.pairs], self.of.drifted(per_c)
+            apart = drifted[loop.pairs[:, 0]] - drifted[loop.pairs[:, 1]]
+            interval = interval_of_largest(loop.differences, np.hypot(np.hypot(*own.T), apart)).times(relative)
+            by_drift = float(drifted[loop.rising] - drifted[loop.falling])
+            yield self._of_dwells(f"{quantity}/hysteresis", name, loop.value, abs(relative), dwells, by_drift, interval)
+        worst = int(np.argmax(np.abs(model.residuals)))
+        name = f"largest residual of the model of degree {model.degree}"
+        left = fit_polynomial(self.of.temperatures_c, self.of.drifted(per_c), model.degree).residuals
+        interval = interval_of_largest(model.residuals, np.hypot(self.of.own_u(quantity), left)).times(relative)
+        yield self._of_dwells(
+            f"{quantity}/model_residual", name, model.max_residual, abs(relative), (self.of.dwells[worst],),
+            float(left[worst]), interval,
+        )  # fmt: skip
+
+    def tilt(self) -> Iterator[Finding]:
+        """What the bias makes of the unit as a tilt meter, with a constant and with the model of K0."""
+        model = self.models["K0"]
+        if model is None:
+            return iter(())
+        bias_g = self.of.values("K0")
+        sd_g = float(np.mean(self.of.own_u("K0")))
+        origin = TiltOrigin(self.of.subject, (self.of.root,), sd_g, self.of.dof or None)
+        return tilt_findings(bias_g, bias_g - model.residuals, origin)
+
+    def closure(self) -> Finding | None:
+        """The bias of the last dwell less that of the first, where the profile returns to its first temperature.
+
+        The two stood at slightly different temperatures, which the model brings together. Of all sources only what
+        is new in each reading, and the drift of the thermometer between them, is not common to both.
+        """
+        if not self.of.dwells:
+            return None
+        first, last, model = self.of.dwells[0], self.of.dwells[-1], self.models["K0"]
+        if first is last or first.set_c != last.set_c:
+            return None
+        middle_c, apart_c = (first.temperature_c + last.temperature_c) / 2, last.temperature_c - first.temperature_c
+        expected = float(model.slope(middle_c)) * apart_c if model is not None else 0.0
+        name = "closure: last dwell less first, both at the first temperature"
+        change, drifted = last.values["K0"] - first.values["K0"] - expected, self.of.drifted(self.per_c["K0"])
+        return self._of_dwells("K0/closure", name, change, 1.0, (first, last), float(drifted[-1] - drifted[0]))
+
+    def _coefficient(self, quantity: str, line: PolynomialFit, per_c: Array, relative: float) -> Finding:
+        """The slope of the straight line through the unit as it was at the dwells (docs/decisions/0057)."""
+        gain = line.fit.gain[1] / line.scale * relative
+        lines = [
+            *self.of.own_over_dwells(quantity, gain),
+            *self.of.by_thermometer(gain, per_c),
+            BudgetLine(CONTAINED, "alias", 0),
+        ]
+        slope = float(line.coefficients[1]) / line.scale * relative
+        name = f"{'slope' if quantity == 'K0' else 'relative slope'} of the straight line over temperature"
+        unit, at = "g/°C" if quantity == "K0" else "1/°C", {"temperature_c": line.centre}
+        return self.of.subject.finding(
+            f"{quantity}/temperature_coefficient", name, slope, unit, lines, at, (self.of.root,)
+        )
+
+    def _about_reference(self, quantity: str, model: PolynomialFit, per_c: Array) -> Iterator[Finding]:
+        """The first coefficients of the model's series about the reference temperature."""
+        origin = Origin(
+            subject=self.of.subject,
+            steps=(self.of.root,),
+            budget=lambda weights: [
+                *self.of.own_over_dwells(quantity, weights),
+                *self.of.by_thermometer(weights, per_c),
+            ],
+        )
+        return coefficient_findings(quantity, model, self.reference_c, origin)
+
+    def _of_dwells(
+        self,
+        quantity: str,
+        name: str,
+        value: float,
+        relative: float,
+        dwells: tuple[Dwell, ...],
+        by_drift: float,
+        interval: Interval | None = None,
+    ) -> Finding:
+        """A value of one or two dwells, as uncertain as what is new in their readings: all else they have in common.
+
+        `by_drift` is what the drift of the thermometer gives it beside, before it is made `relative`.
+        """
+        lines = self.of.own(quantity.partition("/")[0], [(dwell, relative) for dwell in dwells])
+        lines.append(self.of.drift.line(by_drift * relative))
+        at = {
+            "temperature_set_c": None if math.isnan(dwells[0].set_c) else dwells[0].set_c,
+            "temperature_c": float(np.mean([dwell.temperature_c for dwell in dwells])),
+            "dwells": [dwell.path for dwell in dwells],
+        }
+        unit, steps = "g" if quantity.startswith("K0") else "1", tuple(dwell.group for dwell in dwells)
+        return self.of.subject.finding(quantity, name, value * relative, unit, lines, at, steps, interval=interval)

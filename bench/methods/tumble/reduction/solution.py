@@ -1,0 +1,218 @@
+"""The one-axis tumble: bias, scale factor, misalignment and K2 from readings at known angles (methods.md 1.4 to 1.6).
+
+The model is E = c0 + K1 sin θ + (K1 d) cos θ + c2 sin² θ, θ the angle of the input axis above the horizontal, E in
+output units (V, mA or pulse/s). The four-point formulas are its special case at 0°, 90°, 180° and 270°. What a
+four-point tumble cannot separate stays in: K1 contains K3, c2 contains the asymmetry of a converter, d the zero error
+of the head. More angles separate further terms: Kip sin θ cos θ, K3 sin³ θ, and a converter's |sin θ|.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
+
+FOUR_POINTS_DEG = (0.0, 90.0, 180.0, 270.0)
+TERMS = ("c0", "K1", "d·K1", "c2")
+CONSTANTS = ("K0", "K1", "misalignment", "K2")  # that the terms come to, in their order
+# Further terms and the largest condition number of the column-scaled design with which each is fitted. Eight angles and
+# more have 6 with K3 and Kip, 15 to 20 with the asymmetry; six, a degree off the level, 80 with K3 (methods.md 1.5).
+EXTRA = {"Kip": 10.0, "K3": 10.0, "asymmetry": 30.0}
+SAME_ANGLE_RAD = 1e-3
+DRIFT_DOF = 2  # degrees of freedom that readings have without a drift before one is fitted
+DRIFT_CONDITION = 1.5  # by which it may make the condition number worse: not where it looks like a constant
+
+
+@dataclass(frozen=True, slots=True)
+class Tumble:
+    """The solution of one tumble. Angles in rad; output units as the readings; g is local gravity.
+
+    `extra` are the further terms that were fitted. What drifts evenly meanwhile may be a last term, of no further use.
+    """
+
+    fit: LinearFit
+    extra: tuple[str, ...] = ()
+
+    @property
+    def c0(self) -> float:
+        """Bias in output units."""
+        return float(self.fit.coefficients[0])
+
+    @property
+    def k1(self) -> float:
+        """Scale factor, output units per g."""
+        return float(self.fit.coefficients[1])
+
+    @property
+    def c2(self) -> float:
+        """Square term, output units per g²."""
+        return float(self.fit.coefficients[3])
+
+    @property
+    def k0_g(self) -> float:
+        """Bias K0 = c0/K1, in g."""
+        return self._over_k1(self.c0)
+
+    @property
+    def k2_g_per_g2(self) -> float:
+        """Second-order coefficient K2 = c2/K1."""
+        return self._over_k1(self.c2)
+
+    @property
+    def misalignment_rad(self) -> float:
+        """Misalignment d of the input axis in the plane of the tumble."""
+        return self._over_k1(float(self.fit.coefficients[2]))
+
+    def _over_k1(self, value: float) -> float:
+        """NaN of a unit that does not follow its input at all."""
+        return value / self.k1 if self.k1 else math.nan
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All constants by name, in g, output units and rad: K0, K1, misalignment, K2, and the further ones.
+
+        The asymmetry is the difference of a converter's two scales over their mean.
+        """
+        found = (self.k0_g, self.k1, self.misalignment_rad, self.k2_g_per_g2)
+        further = self.fit.coefficients[len(TERMS) : len(TERMS) + len(self.extra)] / self.k1 * self._per_term()
+        return dict(zip((*CONSTANTS, *self.extra), (*found, *further.tolist()), strict=True))
+
+    def _per_term(self) -> Array:
+        """What turns a further term over K1 into its constant.
+
+        S± = S (1 ± asymmetry/2), by the sign of the output, which is that of the input only where K1 is positive.
+        """
+        return np.array([math.copysign(2.0, self.k1) if name == "asymmetry" else 1.0 for name in self.extra])
+
+    def covariance(self, reading_sd: float | None = None) -> Array:
+        """Covariance of K0 in g, K1 in output units per g, misalignment in rad, K2 in g/g², and of further constants.
+
+        `reading_sd` is the standard deviation of one reading in output units, as pooled over many tumbles; without it
+        the scatter of this tumble is taken, which is NaN when it has four readings only.
+        """
+        sd = self.fit.residual_sd if reading_sd is None else reading_sd
+        return self._jacobian() @ self.fit.unscaled_covariance @ self._jacobian().T * sd**2
+
+    def gain(self) -> Array:
+        """What one output unit more in each reading (n,) adds to the constants, a row for each in order of `values`."""
+        return np.asarray(self._jacobian() @ self.fit.gain)
+
+    def _jacobian(self) -> Array:
+        """Derivatives of the constants to the fitted terms: all but K1 are terms over K1."""
+        scale = np.concatenate([[1.0, self.k1, 1.0, 1.0], self._per_term()])
+        jacobian = np.diag(scale / self.k1)
+        jacobian[:, 1] -= np.where(np.arange(len(scale)) == 1, 0.0, np.array(list(self.values.values())) / self.k1)
+        drift = np.zeros((len(scale), len(self.fit.coefficients) - len(scale)))
+        return np.concatenate([jacobian, drift], axis=1)
+
+
+class IncompleteTumble(NotDetermined):
+    """The readings of a tumble do not determine its four terms; `missing_deg` are the positions without a reading."""
+
+    def __init__(self, cause: NotDetermined, missing_deg: Sequence[float]) -> None:
+        super().__init__(cause.names, rank=cause.rank, of=cause.of, condition=cause.condition)
+        self.missing_deg = tuple(missing_deg)
+        if missing_deg:
+            self.args = (f"{self}; no reading near {', '.join(f'{angle:g}°' for angle in missing_deg)}",)
+
+
+def further_terms(angle_rad: Array) -> tuple[str, ...]:
+    """Which of the further terms these angles of the input axis (n,) separate from all others, each in its turn."""
+    distinct = len(np.unique(np.round(np.mod(angle_rad, 2 * np.pi) / SAME_ANGLE_RAD)))
+    extra: tuple[str, ...] = ()
+    for name, most in EXTRA.items():
+        if distinct > len(TERMS) + len(extra) and _condition(design_of(angle_rad, (*extra, name))) < most:
+            extra = (*extra, name)
+    return extra
+
+
+def _condition(design: Array) -> float:
+    singular = np.linalg.svd(design / np.linalg.norm(design, axis=0), compute_uv=False)
+    return float(singular[0] / max(singular[-1], np.finfo(np.float64).tiny))
+
+
+def design_of(angle_rad: Array, extra: Sequence[str] = ()) -> Array:
+    """The columns (n, p) of the terms at angles (n,) of the input axis above the horizontal."""
+    sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
+    further = {"Kip": sine * cosine, "K3": sine**3, "asymmetry": np.abs(sine)}
+    return np.stack([np.ones_like(sine), sine, cosine, sine**2, *(further[name] for name in extra)], axis=-1)
+
+
+def solve_tumble(angle_rad: Array, reading: Array, extra: Sequence[str] = (), time_s: Array | None = None) -> Tumble:
+    """Least squares over `reading` (n,) in output units at the actual angles (n,) of the input axis above horizontal.
+
+    `extra` are further terms to be fitted. With the times of the readings (n,), and enough of them, an even drift is
+    one more, so that it is neither in the constants, which are those of the mean time, nor in the scatter. Raises
+    IncompleteTumble when the angles do not determine the terms; it names them and the positions.
+    """
+    design, names = design_of(angle_rad, extra), (*TERMS, *extra)
+    try:
+        fit = least_squares(design, reading, names=names)
+        if time_s is not None and fit.dof > DRIFT_DOF:
+            since_s = time_s - time_s.mean()
+            drifting = np.column_stack([design, since_s / np.max(np.abs(since_s))])
+            if _condition(drifting) < DRIFT_CONDITION * fit.condition:
+                fit = least_squares(drifting, reading, names=(*names, "drift"))
+        return Tumble(fit, tuple(extra))
+    except NotDetermined as cause:
+        raise IncompleteTumble(cause, missing_positions_deg(np.degrees(angle_rad))) from None
+
+
+def missing_positions_deg(angle_deg: Array) -> list[float]:
+    """Which of four positions have none of the angles within 45°, the half of the way to the next."""
+    return [wanted for wanted in FOUR_POINTS_DEG if not np.any(np.abs(turn_between_deg(wanted, angle_deg)) < 45)]
+
+
+def turn_between_deg(start_deg: float, end_deg: Array) -> Array:
+    """The shorter turn from `start_deg` to `end_deg`, from -180 to 180."""
+    return np.mod(end_deg - start_deg + 180, 360) - 180
+
+
+@dataclass(frozen=True, slots=True)
+class Hysteresis:
+    """The largest |rising - falling|, in the unit of the values, at the set point `set_c`, and which two dwells.
+
+    `differences` (m,) are all of them, of the dwells in the rows of `pairs` (m, 2).
+    """
+
+    value: float
+    set_c: float
+    rising: int
+    falling: int
+    differences: Array
+    pairs: NDArray[np.int_]
+
+
+def hysteresis(
+    value: Array,
+    temperature_c: Array,
+    set_c: Array,
+    *,
+    rising: NDArray[np.bool_],
+    cycle: NDArray[np.int_],
+    slope: Callable[[Array], Array],
+) -> Hysteresis | None:
+    """Compares dwells (n,) of one cycle at one set point, reached once by rising and once by falling temperature.
+
+    The two stood at slightly different temperatures: `slope`, the model's derivative at a temperature, brings them
+    together. None when no set point was visited in both ways.
+    """
+    visits: dict[tuple[int, float], tuple[list[int], list[int]]] = {}
+    for dwell, at in enumerate(zip(cycle.tolist(), set_c.round(6).tolist(), strict=True)):
+        up_and_down = visits.setdefault(at, ([], []))
+        up_and_down[0 if rising[dwell] else 1].append(dwell)
+    pairs = np.array([pair for up_and_down in visits.values() for pair in product(*up_and_down)], dtype=np.int_)
+    if not len(pairs):
+        return None
+    up, down = pairs.T
+    expected = slope((temperature_c[up] + temperature_c[down]) / 2) * (temperature_c[up] - temperature_c[down])
+    difference = np.abs(value[up] - value[down] - expected)
+    largest = int(np.argmax(difference))
+    i, j = int(up[largest]), int(down[largest])
+    return Hysteresis(float(difference[largest]), float(set_c[i]), i, j, difference, pairs)

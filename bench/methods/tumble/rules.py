@@ -1,0 +1,148 @@
+"""Rules on whether the acquisitions can give the results asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from bench.config.document import Place
+from bench.config.models import BenchFile
+from bench.sequence.dwells import DwellNames
+from bench.sequence.measuring import Acquire
+from bench.sequence.model import ResultEntry
+from bench.sequence.plan import Plan
+from bench.sequence.remarks import Found, Rule
+from bench.sequence.stimulus import Move, Ramp
+from bench.sequence.travel import angles_before
+
+TUMBLE, REPEATABILITY = "temperature_tumble", "repeatability"
+TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
+CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
+LEAST_REPETITIONS = 3
+FURTHER = ("K3", "Kip", "asymmetry")  # that eight angles and more tell
+SAME_ANGLE_DIGITS = 3  # of an angle in °
+OVER_TEMPERATURE = ("/temperature_coefficient", "T1", "T2", "/hysteresis", "/model_residual")
+
+Dwells = dict[str, tuple[float | None, list[float]]]
+
+
+def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A tumble whose angles cannot separate its four constants."""
+    for place, entry in _tumbles(plan, TUMBLE, REPEATABILITY):
+        for dwell, (_, angles_deg) in _dwells(plan, entry.data).items():
+            distinct = sorted({round(angle_deg, SAME_ANGLE_DIGITS) % 360 for angle_deg in angles_deg})
+            if len(distinct) < TUMBLE_ANGLES:
+                yield (
+                    (*place, "data"),
+                    f"a tumble needs at least {TUMBLE_ANGLES} distinct angles, '{entry.data}' has {len(distinct)} in "
+                    f"{dwell}: {_inseparable(distinct, bench)}",
+                    "Acquire near 0°, 90°, 180° and 270° at every temperature",
+                )
+                break  # the other dwells are likely alike
+            if missing := _not_separated(distinct, [name for name in entry.limits if name in FURTHER], bench):
+                yield (
+                    (*place, "limits", missing[0]),
+                    f"the {len(distinct)} angles of '{entry.data}' cannot determine {' and '.join(missing)}",
+                    "Acquire at eight angles or more, evenly over a turn, or remove the limit",
+                )
+                break
+
+
+def _not_separated(angles_deg: list[float], wanted: list[str], bench: BenchFile) -> list[str]:
+    """Further terms with limits that these angles cannot determine."""
+    if not wanted:
+        return []
+    import numpy as np  # only where limits name them: checking loads no arithmetic
+
+    from bench.methods.tumble.reduction.solution import further_terms
+
+    found = further_terms(np.radians(_turned_deg(angles_deg, bench)))
+    return [name for name in wanted if name not in found]
+
+
+def _turned_deg(angles_deg: list[float], bench: BenchFile) -> list[float]:
+    """The angles of the input axis of the first place."""
+    mount_deg, axis = next(iter(bench.places.values())).mount_angle, bench.fixture.input_axis
+    turned_deg = angles_deg if axis is None else [axis.sense * each + axis.offset_deg for each in angles_deg]
+    return [each + mount_deg for each in turned_deg]
+
+
+def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
+    """Constants that cannot be separated, by the arithmetic of the reduction."""
+    import numpy as np  # only where a sequence is wrong: checking loads no arithmetic
+
+    from bench.methods.tumble.reduction.solution import IncompleteTumble, solve_tumble
+
+    try:
+        solve_tumble(np.radians(_turned_deg(angles_deg, bench)), np.zeros(len(angles_deg)))
+    except IncompleteTumble as problem:
+        names = [CONSTANTS[name] for name in problem.names]
+        return f"{', '.join(names[:-1])} and {names[-1]} cannot be separated"
+    raise AssertionError("fewer readings than constants determined them")
+
+
+def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """Fewer temperatures than a model needs: its degree drops. One alone is reported only if a limit needs more."""
+    for place, entry in _tumbles(plan, TUMBLE):
+        from bench.methods.tumble.method import TemperatureTumbleSettings  # loaded if a sequence uses it
+
+        degree = TemperatureTumbleSettings.model_validate(entry.settings).degree
+        temperatures = {round(set_c, 6) for set_c, _ in _dwells(plan, entry.data).values() if set_c is not None}
+        judged = any(name.endswith(OVER_TEMPERATURE) for name in entry.limits)
+        if len(temperatures) <= degree and (len(temperatures) > 1 or judged):
+            found = max(len(temperatures), 1)
+            gives = f"a model of degree {found - 1}" if found > 1 else "no model over temperature"
+            yield (
+                (*place, "settings", "degree"),
+                f"a model of degree {degree} needs {degree + 1} temperatures; {found} give{'s' if found == 1 else ''} "
+                f"{gives}",
+                f"Measure at {degree + 1} temperatures, or "
+                + (f"write settings: {{degree: {found - 1}}}" if found > 1 else "drop the limits over temperature"),
+            )
+
+
+def too_few_repetitions(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """Fewer tumbles than a standard deviation needs."""
+    for place, entry in _tumbles(plan, REPEATABILITY):
+        if (count := len(_dwells(plan, entry.data))) < LEAST_REPETITIONS:
+            yield (
+                (*place, "data"),
+                f"the scatter of '{entry.data}' needs at least {LEAST_REPETITIONS} tumbles, the plan has {count}",
+                "Repeat the tumble, in a loop directly around the loop over the positions",
+            )
+
+
+def _tumbles(plan: Plan, *methods: str) -> Iterator[tuple[Place, ResultEntry]]:
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method in methods:
+            yield ("results", index), entry
+
+
+def _dwells(plan: Plan, label: str) -> Dwells:
+    """Set point and angles of the acquisitions under a label, by dwells as a run's record is divided into them."""
+    angle_deg, set_c = 0.0, math.nan
+    names = DwellNames()
+    dwells: Dwells = {}
+    for planned, from_deg in angles_before(plan):
+        match planned.step:
+            case Move():
+                angle_deg = planned.step.target_deg(from_deg)
+            case Ramp():
+                set_c = planned.step.temperature_c
+                names.ramped(planned.id)
+            case Acquire() if planned.step.label == label:
+                first = None if math.isnan(set_c) else set_c
+                dwells.setdefault(names.of(planned.id), (first, []))[1].append(angle_deg)
+    return dwells
+
+
+RULES = (
+    Rule("too-few-angles", "error", "a tumble has the angles that determine its constants", too_few_angles),
+    Rule(
+        "too-few-temperatures",
+        "warning",
+        "a model over temperature has enough temperatures for its degree",
+        too_few_temperatures,
+    ),
+    Rule("too-few-repetitions", "error", "a standard deviation has enough repetitions", too_few_repetitions),
+)

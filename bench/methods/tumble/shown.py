@@ -1,0 +1,40 @@
+"""What a report shows of a static tumble: its plots, and what its angles tell apart (methods.md 1.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from bench.figures.languages import tr
+from bench.figures.plots import Plot, unit_plots
+from bench.figures.sheet import Sheet
+from bench.methods.tumble.reduction.run import TumbleAngles
+from bench.metrology.results.finding import UnitResult
+
+
+def tumble_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
+    """The plots of a unit and a table of the terms of the model equation; `name` begins the ids in the page."""
+    yield from unit_plots(unit, name)
+    if isinstance(unit.detail, TumbleAngles):
+        yield _told_apart(unit.detail)
+
+
+def _told_apart(found: TumbleAngles) -> Sheet:
+    by_itself = tr("found by itself")
+    inside = {
+        "K3": tr("these angles cannot separate K3 from K1: K1 contains it"),
+        "Kip": tr("these angles cannot show Kip: where one axis senses the input, the other is level"),
+        "asymmetry": tr("these angles cannot separate the asymmetry from K2: K2 contains it"),
+    }
+    rows = [(tr("K0, K1, K2, misalignment"), by_itself)]
+    rows += [(tr(term), by_itself if term in found.extra else words) for term, words in inside.items()]
+    rows += [
+        ("Kpp", tr("in one mounting not separable from K0 and K2 at any angles: aᵢ² + aₚ² is 1")),
+        (
+            tr("Kio, Koo, the other misalignment"),
+            tr("not observable: they need a second mounting, rotated about the input axis"),
+        ),
+    ]
+    caption = tr(
+        "The terms of the model equation, by {count} angles of the input axis in one mounting.", count=found.angles
+    )
+    return Sheet(tr("What the tumble can separate"), caption, ((tr("Term"), ""), (tr("In this run"), "")), tuple(rows))

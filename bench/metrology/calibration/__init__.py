@@ -1,0 +1,1 @@
+"""Calibrations of units: how an output is converted to what it measures."""

@@ -1,0 +1,107 @@
+"""How the output of a calibrated channel becomes what it measures, at the temperature it then has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from bench.metrology.calibration.linearity import Linearity
+from bench.metrology.least_squares import Array
+from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
+
+Curve = TemperatureModel | KnotModel | Constant
+Beyond = Literal["hold", "reject"]
+FORM = "value = (output - offset(T)) / scale(T) - bias(T)"
+
+
+@dataclass(frozen=True, slots=True)
+class Compensation:
+    """Of one channel: value = (output - offset(T)) / scale(T) - bias(T), T the temperature its thermometer indicates.
+
+    `offset` is in the unit of the output, `bias` in that of the value; None is nothing. With a `linearity` this is its
+    x, and the value is its v. For people: `serves` names the inputs that it was found at, `found_at_c` the temperature
+    of one that was found at a single one.
+    """
+
+    channel: str
+    output_unit: str
+    value_unit: str
+    scale: Curve
+    offset: Curve | None = None
+    bias: Curve | None = None
+    linearity: Linearity | None = None
+    serves: tuple[str, ...] = ()
+    found_at_c: float | None = None
+
+    @property
+    def valid_c(self) -> tuple[float, float] | None:
+        """The temperatures that all its curves are known at; None when none of them depends on temperature."""
+        known = [_valid_c(curve) for curve in (self.scale, self.offset, self.bias) if curve is not None]
+        ends = [each for each in known if each is not None]
+        return (max(low for low, _ in ends), min(high for _, high in ends)) if ends else None
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in a calibration file."""
+        curves = {"offset": self.offset, "scale": self.scale, "bias": self.bias}
+        return {
+            "channel": self.channel,
+            "output": self.output_unit,
+            "value": self.value_unit,
+            "form": FORM,
+            **{name: None if curve is None else _curve_json(curve) for name, curve in curves.items()},
+            "valid_c": None if self.valid_c is None else list(self.valid_c),
+            **({} if self.linearity is None else {"linearity": self.linearity.to_json()}),
+            **({"serves": list(self.serves)} if self.serves else {}),
+            **({"found_at_c": self.found_at_c} if self.found_at_c is not None else {}),
+        }
+
+    def apply(self, output: Array, temperature_c: Array, beyond: Beyond = "hold") -> tuple[Array, NDArray[np.bool_]]:
+        """The values (n,) of outputs at temperatures (n,), and which of them are beyond what is known.
+
+        Beyond it the curves keep their end values, or the value is NaN. So it is where something is missing.
+        """
+        outside = np.zeros(len(temperature_c), dtype=np.bool_)
+        held_c = temperature_c
+        if self.valid_c is not None:
+            low_c, high_c = self.valid_c
+            outside = (temperature_c < low_c) | (temperature_c > high_c)
+            held_c = np.where(outside & (beyond == "reject"), np.nan, np.clip(temperature_c, low_c, high_c))
+        offset, scale, bias = (
+            _values(curve, held_c) if curve is not None else 0.0 for curve in (self.offset, self.scale, self.bias)
+        )
+        value = np.asarray((output - offset) / scale - bias)
+        if self.linearity is None:
+            return value, outside
+        value, beyond_range = self.linearity.true(value)
+        return np.where(beyond_range & (beyond == "reject"), np.nan, value), outside | beyond_range
+
+
+def _valid_c(curve: Curve) -> tuple[float, float] | None:
+    match curve:
+        case TemperatureModel():
+            return curve.valid_c
+        case KnotModel():
+            return curve.knots_c[0], curve.knots_c[-1]
+        case Constant():
+            return None
+
+
+def _values(curve: Curve, temperature_c: Array) -> Array:
+    match curve:
+        case TemperatureModel():
+            return np.asarray(polynomial.polyval((temperature_c - curve.centre) / curve.scale, curve.coefficients))
+        case KnotModel():
+            return np.interp(temperature_c, curve.knots_c, curve.values)
+        case Constant():
+            return np.full_like(temperature_c, curve.value)
+
+
+def _curve_json(curve: Curve) -> Mapping[str, Any]:
+    if isinstance(curve, Constant):
+        return {"form": "constant", "value": curve.value, "unit": curve.unit, "u": curve.u}
+    return curve.to_json()

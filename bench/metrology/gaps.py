@@ -1,0 +1,109 @@
+"""What did not come of what was acquired: rows of latches, or of samples, told by their first and last numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, Self
+
+import numpy as np
+
+from bench.metrology.acquisition import Array, Codes, Counts, Integers
+from bench.metrology.pulse_counts import mean_rate
+from bench.metrology.sampled_codes import mean_code
+
+EVENT = "gaps"  # of the journal, whose data are those of a Missed, with its device and channel
+MOST_LISTED = 8  # gaps of one channel in one acquisition; all of them can be found again in what was recorded
+NOT_OF_GAPS = frozenset({"dead_band", "stuck_code"})  # what else may be wrong with a mean
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A row of numbers that did not come, between two that did.
+
+    Numbers are those of the acquisition, unwrapped. `from_s` and `to_s` are the bench times at which what stands around
+    it arrived, None where nothing did; `device_s` is the time between them by the clock that came with them, less the
+    whole rounds of that clock.
+    """
+
+    first: int
+    last: int
+    from_s: float | None
+    to_s: float | None
+    device_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Missed:
+    """What did not come of one channel during one acquisition: `lost` of so many `expected`, in so many `gaps`.
+
+    `listed` are the first of the gaps, at most MOST_LISTED. `unusable` is why the mean over the acquisition is not
+    used; empty where what did not come takes nothing from it but itself.
+    """
+
+    what: Literal["latches", "samples"]
+    gaps: int
+    lost: int
+    expected: int
+    listed: tuple[Gap, ...]
+    unusable: tuple[str, ...]
+
+    @classmethod
+    def of_json(cls, content: Mapping[str, Any]) -> Self:
+        """From what `dataclasses.asdict` makes of it."""
+        listed = tuple(Gap(**gap) for gap in content["listed"])
+        return cls(**{**content, "listed": listed, "unusable": tuple(content["unusable"])})
+
+
+def missed_in(found: Counts | Codes) -> Missed | None:
+    """What did not come of a channel in an acquisition; None when everything did."""
+    if not len(found.gaps):
+        return None
+    what: Literal["latches", "samples"]
+    if isinstance(found, Codes):
+        what, came, problems = "samples", len(found.sequence) + found.invalid, mean_code(found).problems
+    else:
+        what, came, problems = "latches", len(found.sequence), mean_rate(found).problems
+    return Missed(
+        what=what,
+        gaps=len(found.gaps),
+        lost=found.lost,
+        expected=came + found.lost,
+        listed=gaps_of(found, MOST_LISTED),
+        unusable=tuple(problem for problem in problems if problem not in NOT_OF_GAPS),
+    )
+
+
+def missed_of(device: str, decoded: Mapping[str, Counts] | Mapping[str, Codes]) -> dict[tuple[str, str], Missed]:
+    """What did not come of the channels of a device in an acquisition, by device and channel; those that lack any."""
+    found = {(device, channel): missed_in(each) for channel, each in decoded.items()}
+    return {name: missed for name, missed in found.items() if missed is not None}
+
+
+def gaps_of(found: Counts | Codes, at_most: int | None = None) -> tuple[Gap, ...]:
+    """The gaps of a channel in an acquisition, or the first of them."""
+    gaps = found.gaps[:at_most]
+    after = np.searchsorted(found.sequence, gaps[:, 0]).tolist()
+    return tuple(
+        Gap(first, last, *_around(found, place)) for (first, last), place in zip(gaps.tolist(), after, strict=True)
+    )
+
+
+def _around(found: Counts | Codes, place: int) -> tuple[float | None, float | None, float | None]:
+    """When the row before a place and that at it arrived, and the time between them by the device's clock."""
+    from_s = float(found.host_s[place - 1]) if place else None
+    to_s = float(found.host_s[place]) if place < len(found.host_s) else None
+    if from_s is None or to_s is None:
+        return from_s, to_s, None
+    ticks = int(found.tick[place] - found.tick[place - 1]) & ((1 << found.tick_bits) - 1)
+    return from_s, to_s, round(ticks * found.tick_period_s, 9)
+
+
+def gap_columns(found: Counts | Codes) -> Mapping[str, Integers | Array]:
+    """All gaps of a channel in an acquisition, by the fields of a Gap, each (G,); not-a-number where there is none."""
+    around = [(gap.from_s, gap.to_s, gap.device_s) for gap in gaps_of(found)]
+    times = np.array(around, np.float64).reshape(-1, 3)
+    return {
+        "first": found.gaps[:, 0], "last": found.gaps[:, 1],
+        "from_s": times[:, 0], "to_s": times[:, 1], "device_s": times[:, 2],
+    }  # fmt: skip

@@ -1,0 +1,92 @@
+"""The largest of many values along a course, such as the temperatures of a ramp, that scatter about it.
+
+Neighbours along the course tell what the values would be without scatter. To let them scatter anew about that (a Monte
+Carlo after JCGM 101) shows by how much the largest becomes larger, and by how much it varies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from bench.metrology.least_squares import Array
+from bench.metrology.results.coverage import COVERAGE
+from bench.metrology.results.finding import BudgetLine, Interval
+
+TRIALS = 200
+WINDOW = 25  # neighbours through which a parabola gives a value without scatter
+DEGREE = 2
+MISFIT_SIGMAS = 5.0  # of the mean square of a window, by which it is too much for scatter alone
+TAILS = (
+    0.25  # of what scatter adds to the largest: errors of counts are no more than one count, others have longer tails
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Largest:
+    """The largest |value|; `lines` and `interval` are of the scatter alone."""
+
+    value: float
+    lines: tuple[BudgetLine, ...]
+    interval: Interval
+
+
+def largest_of(records: Sequence[Array], sds: Sequence[Array]) -> Largest:
+    """The largest |value| of records, each (n,) along its course, whose values scatter independently by `sds` (n,).
+
+    What is left of scatter in the course makes the largest of that too large as well, by as much as in the trials. A
+    peak may be sharper than the course: the upper end allows for any value to be the largest by itself.
+    """
+    values, sd = np.concatenate(records), np.concatenate(sds)
+    smoothers = [_smoother(*each) for each in zip(records, sds, strict=True)]
+    smooth = _smoothed(values, smoothers)
+    left = np.concatenate([each**2 @ own**2 for each, own in zip(smoothers, sds, strict=True)])
+    square = float(np.mean(smooth**2))
+    shrunk = float(np.sqrt(max(1 - float(np.mean(left)) / square, 0.0))) if square else 1.0
+    errors = sd * np.random.default_rng(0).standard_normal((TRIALS, len(values)))
+    course = shrunk * smooth
+    found = course + errors
+    again = shrunk * _smoothed(found, smoothers)
+    largest, of_course, of_again = (np.max(np.abs(each), axis=-1) for each in (found, course, again))
+    by_scatter = float(np.std(largest, ddof=1))
+    by_selection = float(np.mean(largest) - of_course + max(np.mean(of_again) - of_course, 0.0))
+    lines = (
+        BudgetLine("samples: scatter", "A", by_scatter),
+        BudgetLine("samples: scatter makes the largest of many larger", "A", by_selection),
+    )
+    value, least = float(np.max(np.abs(values))), by_selection + COVERAGE * np.hypot(by_scatter, TAILS * by_selection)
+    low, high = max(value - float(least), 0.0), float(np.max(np.abs(values) + COVERAGE * sd))
+    return Largest(value, lines, Interval(low, high, float(np.mean(np.max(np.abs(errors), axis=-1)))))
+
+
+def _smoothed(values: Array, smoothers: Sequence[Array]) -> Array:
+    """Values (..., n) of all records, each smoothed by its own."""
+    ends = np.cumsum([len(each) for each in smoothers])[:-1]
+    parts = zip(np.split(values, ends, axis=-1), smoothers, strict=True)
+    return np.concatenate([part @ smoother.T for part, smoother in parts], axis=-1)
+
+
+def _smoother(values: Array, sd: Array) -> Array:
+    """What makes of values (n,) those without their scatter: (n, n).
+
+    Each is that of a parabola through the window about it. Where that does not fit as `sd` says, because a jump or a
+    corner is in it, it is that of a window on one side that does.
+    """
+    count, window = len(values), min(WINDOW, len(values))
+    if window <= DEGREE + 1:
+        return np.eye(count)
+    design = np.vander(np.arange(window) / window, DEGREE + 1)
+    hat, spare = design @ np.linalg.pinv(design), window - DEGREE - 1
+    parts, sds = (sliding_window_view(each, window) for each in (values, sd))
+    with np.errstate(divide="ignore", invalid="ignore"):  # where nothing scatters, nothing is smoothed
+        misfit = np.sum(((parts - parts @ hat) / sds) ** 2, axis=-1) / spare
+    fits, half = misfit <= 1 + MISFIT_SIGMAS * np.sqrt(2 / spare), (window - 1) // 2
+    found = np.zeros((count, count))
+    for row in range(count):
+        begins = [min(max(row - half + aside, 0), count - window) for aside in (0, half, -half)]
+        begin = next((each for each in begins if fits[each]), begins[0])
+        found[row, begin : begin + window] = hat[row - begin]
+    return found

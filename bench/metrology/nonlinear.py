@@ -1,0 +1,142 @@
+"""Nonlinear least squares by the Gauss-Newton method with an analytic Jacobian (methods.md 1.8).
+
+Each step is a linear fit by the kernel of `bench.metrology.least_squares`: on a column-scaled design, by its singular
+values. A step that does not make the residuals smaller is shortened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.metrology.least_squares import CONDITION_LIMIT, Array, LinearFit, NotDetermined, least_squares
+
+Model = Callable[[Array], tuple[Array, Array]]
+"""Gives, for parameters (p,), the values (n,) that are compared with the readings, and their Jacobian (n, p)."""
+
+MOST_STEPS = 200
+MOST_HALVINGS = 50
+RELATIVE_STEP = 1e-9
+STEP_PER_U = 1e-6
+ROUNDING = 16 * float(np.finfo(np.float64).eps)  # of a value of the model, relative to the largest reading
+ANY_CONDITION = float(np.finfo(np.float64).max)
+
+
+class NotConverged(ValueError):
+    """No solution was found: the model does not suit the readings, or the fit began too far away.
+
+    `doubt` names the parameters that the readings hardly tell apart where the fit began.
+    """
+
+    def __init__(self, problem: str, doubt: NotDetermined | None = None) -> None:
+        super().__init__(problem)
+        self.doubt = doubt
+
+
+@dataclass(frozen=True, slots=True)
+class NonlinearFit:
+    """Least squares y = model(parameters).
+
+    `linear` is the linear fit of the last step, with gain, covariance, rank and condition there. `doubt` names the
+    parameters that the readings hardly tell apart when the condition number is above its limit, where the fit began or
+    where it ended: their values stand, and their uncertainties are large.
+    """
+
+    parameters: Array
+    linear: LinearFit
+    iterations: int
+    doubt: NotDetermined | None
+
+    @property
+    def residuals(self) -> Array:
+        """Readings minus model."""
+        return self.linear.residuals
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the parameters, type A, from the residuals."""
+        return self.linear.covariance
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties of the parameters, type A."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Parameters, with the residuals and the Jacobian there; `misfit` is infinite where the model is not finite."""
+
+    parameters: Array
+    residuals: Array
+    jacobian: Array
+    misfit: float
+
+
+def fit_nonlinear(
+    model: Model,
+    y: Array,
+    start: Array,
+    *,
+    names: Sequence[str] | None = None,
+    condition_limit: float = CONDITION_LIMIT,
+) -> NonlinearFit:
+    """Fits `model` to `y` (n,) from the parameters `start` (p,), whose names are `names`.
+
+    It ends when no parameter x would change by more than 1e-9 |x| + 1e-6 u(x), or by more than the rounding of the
+    readings accounts for, or when no step can make the residuals smaller by more than that. Raises NotDetermined when
+    on the way the Jacobian has a rank below p, which names the parameters that cannot be told apart; NotConverged when
+    no solution is found.
+    """
+    names = names or [f"parameter {i}" for i in range(len(start))]
+    rounding = ROUNDING * float(np.max(np.abs(y), initial=0.0))
+    place = _place(model, y, np.asarray(start, dtype=np.float64))
+    if place.misfit == np.inf:
+        raise NotConverged("the model has no finite values where the fit begins")
+    doubt = _doubt(place, names, condition_limit)
+    for iteration in range(1, MOST_STEPS + 1):
+        linear = least_squares(place.jacobian, place.residuals, names=names, condition_limit=ANY_CONDITION)
+        step, reading_sd = linear.coefficients, np.nan_to_num(linear.residual_sd)
+        per_reading = np.sqrt(np.diag(linear.unscaled_covariance))
+        enough = RELATIVE_STEP * np.abs(place.parameters) + (STEP_PER_U * reading_sd + rounding) * per_reading
+        whole = _place(model, y, place.parameters + step)
+        at_the_bottom = whole.misfit >= place.misfit and _gain(place, step) <= rounding * np.sqrt(len(y))
+        if np.all(np.abs(step) <= enough) or at_the_bottom:
+            doubt = doubt or _doubt(place, names, condition_limit)
+            return NonlinearFit(whole.parameters, linear, iteration, doubt)
+        nearer = whole if whole.misfit < place.misfit else _nearer(model, y, place, step)
+        if nearer is None:
+            raise NotConverged("no step makes the residuals smaller", doubt)
+        place = nearer
+    raise NotConverged(f"the parameters still change after {MOST_STEPS} steps", doubt)
+
+
+def _place(model: Model, y: Array, parameters: Array) -> _Place:
+    with np.errstate(all="ignore"):  # a step may lead to where the model overflows; it is shortened then
+        value, jacobian = model(parameters)
+        residuals = y - value
+        misfit = float(np.linalg.norm(residuals))
+        finite = np.isfinite(misfit) and np.isfinite(np.linalg.norm(jacobian))
+    return _Place(parameters, residuals, jacobian, misfit if finite else np.inf)
+
+
+def _nearer(model: Model, y: Array, place: _Place, step: Array) -> _Place | None:
+    """The first of step/2, step/4 .. that makes the residuals smaller."""
+    places = (_place(model, y, place.parameters + step / 2**halvings) for halvings in range(1, MOST_HALVINGS))
+    return next((then for then in places if then.misfit < place.misfit), None)
+
+
+def _gain(place: _Place, step: Array) -> float:
+    """By how much a step would make the norm of the residuals smaller, were the model a straight one."""
+    gained = float(np.sum((place.jacobian @ step) ** 2))
+    return gained / (2 * place.misfit) if place.misfit else 0.0
+
+
+def _doubt(place: _Place, names: Sequence[str], condition_limit: float) -> NotDetermined | None:
+    try:
+        least_squares(place.jacobian, place.residuals, names=names, condition_limit=condition_limit)
+    except NotDetermined as doubt:
+        return doubt
+    return None

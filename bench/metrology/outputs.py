@@ -1,0 +1,204 @@
+"""The output of a unit over an acquisition, whatever measured it: a pulse rate, or the mean of voltages or codes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Turned, Voltages, Window
+from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates
+from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.sampled_codes import FEWEST_CODES, begins_anew, mean_between, mean_code, sampled_at_s, stuck
+
+FEWEST_VOLTAGES = 2  # which a scatter needs
+NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
+NO_CODES = Codes(
+    np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0), 1, 1.0, 1.0, lost=0, dropped=0, invalid=0
+)
+STABLE_PART_S = 10.0  # whose means are compared (methods.md 3.2)
+
+
+Measured = Counts | Voltages | Codes
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A mean output in its unit; `problems` make it unusable.
+
+    `alone_u` is what it alone tells of its standard uncertainty: the resolution of the count, or the scatter of the
+    voltmeter's readings or of the samples. `step_u` is what the steps of codes hide from their mean.
+    """
+
+    value: float
+    alone_u: float
+    problems: tuple[str, ...]
+    step_u: float = 0.0
+
+
+def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Measured:
+    """What was measured of a unit during an acquisition."""
+    if unit.telemetry is not None:
+        return acquisition.codes.get(unit.telemetry, NO_CODES)
+    if unit.voltmeter is not None:
+        return acquisition.voltages.get(unit.voltmeter, NO_VOLTAGES)
+    return acquisition.counts[unit.channel]
+
+
+def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:
+    """The output of a unit, in its unit; NaN where nothing was measured.
+
+    Problems: those of `mean_rate` and `mean_code`, too_few_voltages, and unstable of one that was to become stable and
+    did not.
+    """
+    found = measured(acquisition, unit)
+    output = mean_of(found if acquisition.over_s is None else _last(found, acquisition.over_s))
+    if acquisition.stable is None or unit.place in acquisition.stable:
+        return output
+    return replace(output, problems=(*output.problems, "unstable"))
+
+
+def mean_of(found: Measured) -> Output:
+    """The mean of what was measured; problems as in `mean_output`."""
+    match found:
+        case Counts():
+            rate = mean_rate(found)
+            return Output(rate.net_pps, _resolution_pps(rate), rate.problems)
+        case Voltages():
+            return _mean_voltage(found)
+        case Codes():
+            mean = mean_code(found)
+            return Output(mean.value, mean.scatter_u, mean.problems, mean.step_u)
+
+
+def _resolution_pps(rate: Rate) -> float:
+    """What the resolution of the counts leaves of a rate; NaN without a time between latches."""
+    return RESOLUTION_COUNTS / rate.span_s if rate.span_s else float("nan")
+
+
+def _mean_voltage(read: Voltages) -> Output:
+    if len(read.values_v) < FEWEST_VOLTAGES:
+        return Output(float("nan"), float("nan"), ("too_few_voltages",))
+    scatter_v = float(np.std(read.values_v, ddof=1) / np.sqrt(len(read.values_v)))
+    return Output(float(np.mean(read.values_v)), scatter_v, ())
+
+
+def windows_of(channels: Mapping[str, Counts | Codes], turned: Turned | None = None) -> dict[str, Window]:
+    """The mean of each channel, and how long it is of.
+
+    Of a rotation, samples are taken between where the table was seen to stand first and last, by their times. Samples
+    that are all late shift both ends alike: whole turns stay whole.
+    """
+    counted = {channel: found for channel, found in channels.items() if isinstance(found, Counts)}
+    rates = mean_rates(counted)
+    return {
+        channel: _counted(found, rates[channel]) if isinstance(found, Counts) else _sent(found, turned)
+        for channel, found in channels.items()
+    }
+
+
+def _counted(counts: Counts, rate: Rate) -> Window:
+    host_span_s = float(counts.host_s[-1] - counts.host_s[0]) if len(counts.host_s) else 0.0
+    return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems, _resolution_pps(rate))
+
+
+def _sent(codes: Codes, turned: Turned | None) -> Window:
+    if turned is not None:
+        mean, span_s = mean_between(codes, turned.from_s, turned.to_s), turned.to_s - turned.from_s
+    else:
+        mean, at_s = mean_code(codes), sampled_at_s(codes)
+        span_s = float(at_s[-1] - at_s[0]) if len(at_s) else 0.0
+    return Window(mean.value, span_s, span_s, mean.problems, mean.scatter_u, mean.step_u)
+
+
+def _last(found: Measured, span_s: float) -> Measured:
+    """What was measured in the last `span_s` of it."""
+    at_s = _times(found)
+    first = int(np.searchsorted(at_s, at_s[-1] - span_s - 1e-6)) if len(at_s) else 0
+    if isinstance(found, Voltages):
+        return Voltages(found.at_s[first:], found.values_v[first:])
+    if not first:
+        return found
+    return found.part(first) if isinstance(found, Codes) else found.part(first, len(at_s) - 1)
+
+
+def _times(found: Measured) -> Array:
+    match found:
+        case Counts():
+            return found.host_s
+        case Voltages():
+            return found.at_s
+        case Codes():
+            return sampled_at_s(found)
+
+
+# Parts of what was measured
+
+
+def outputs_between(found: Measured, edges_s: Array) -> tuple[Array, Array, Counter[str]]:
+    """Mean outputs between each two consecutive edges: the edges as they are, the outputs, what is wrong with how many.
+
+    An output is NaN where something is wrong; samples of a unit that began anew have no times that could be trusted. A
+    rate goes from the first latch after an edge to the first after the next, so that consecutive rates share a latch
+    and nothing is lost between them; edges without one are left out.
+    """
+    if isinstance(found, Voltages):
+        output = means_between(found.at_s, found.values_v, edges_s)
+        return edges_s, output, Counter(too_few_voltages=int(np.count_nonzero(np.isnan(output))))
+    if isinstance(found, Codes):
+        output = _means_of_codes(found, edges_s)
+        problem = "irregular_clock" if begins_anew(found) else "too_few_codes"
+        return edges_s, output, Counter({problem: int(np.count_nonzero(np.isnan(output)))})
+    latches = np.searchsorted(found.host_s, edges_s)
+    latches = latches[latches < len(found.host_s)]
+    rates = [mean_rate(found.part(first, last)) for first, last in pairwise(latches.tolist())]
+    problems = Counter(problem for rate in rates for problem in rate.problems)
+    return found.host_s[latches], np.array([np.nan if rate.problems else rate.net_pps for rate in rates]), problems
+
+
+def _means_of_codes(found: Codes, edges_s: Array) -> Array:
+    """Means of samples between edges, of which so many must have come as of a whole acquisition."""
+    if len(found.values) < FEWEST_CODES or begins_anew(found):
+        return np.full(max(len(edges_s) - 1, 0), np.nan)
+    at_s, usable = sampled_at_s(found), ~stuck(found)
+    usual_s = float(np.median(np.diff(at_s) / np.diff(found.sequence)))
+    came = np.diff(np.searchsorted(at_s[usable], edges_s))
+    means = means_between(at_s[usable], found.values[usable], edges_s)
+    return np.where(came < LEAST_SHARE * np.diff(edges_s) / usual_s, np.nan, means)
+
+
+def means_between(at_s: Array, values: Array, edges_s: Array) -> Array:
+    """The mean over time of the values between each two consecutive edges; not-a-number where there is none.
+
+    They change in between, so that it matters when a reading was taken.
+    """
+    known = np.isfinite(values)
+    at_s, values = at_s[known], values[known]
+    if len(at_s) < 2:
+        return np.full(max(len(edges_s) - 1, 0), np.nan)
+    area = np.concatenate(([0.0], np.cumsum(np.diff(at_s) * (values[1:] + values[:-1]) / 2)))
+    inside_s = np.clip(edges_s, at_s[0], at_s[-1])
+    span_s = np.diff(inside_s)
+    is_read = (np.diff(np.searchsorted(at_s, edges_s)) > 0) & (span_s > 0)
+    return np.where(is_read, np.diff(np.interp(inside_s, at_s, area)) / np.where(is_read, span_s, 1.0), np.nan)
+
+
+def steadiness(found: Measured, over_s: float, part_s: float = STABLE_PART_S) -> tuple[float, float] | None:
+    """Of the last `over_s`: standard deviation of the means of parts, and the slope of a line through them per second.
+
+    None when not so much was measured yet, or something is wrong with it.
+    """
+    at_s = _times(found)
+    count = round(over_s / part_s)
+    if not len(at_s) or at_s[-1] - at_s[0] < over_s - part_s / 2:
+        return None
+    edges_s = np.linspace(max(at_s[-1] - over_s, at_s[0]), at_s[-1], count + 1)
+    _, means, _ = outputs_between(found, edges_s)
+    if len(means) < count or not np.isfinite(means).all():
+        return None
+    middle_s = (edges_s[1:] + edges_s[:-1]) / 2
+    away_s = middle_s - middle_s.mean()
+    return float(np.std(means, ddof=1)), float(away_s @ means / (away_s @ away_s))

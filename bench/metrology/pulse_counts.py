@@ -1,0 +1,167 @@
+"""From cumulative counts to a mean pulse rate (methods.md 1.7).
+
+A mean comes from the first and the last cumulative reading and the device's own clock at both; what lies between only
+decides whether it may be used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.metrology.acquisition import UNCHANGED, Array, Counts, Integers
+
+RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between two unsynchronised edges
+LEAST_SHARE = 0.5  # of the latches must have come
+RATE_MARGIN = 1.05
+CLOCK_SLACK = 0.5  # of the usual time between two latches
+STANDSTILL_PERIODS = 5.0  # of the mean rate without a pulse: the converter's dead band
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """A mean net rate in pulse/s over `span_s` of device time; `problems` make it unusable."""
+
+    net_pps: float
+    span_s: float
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """The times between the latches, by the device's own clock, and whether they go with the latch numbers."""
+
+    tick: Integers
+    sequence: Integers
+    seconds: Array
+    span_s: float
+    shortest_s: float
+    longest_s: float
+    irregular: bool
+
+
+def mean_rate(counts: Counts) -> Rate:
+    """The net rate between the first and the last latch; NaN when there are not two.
+
+    Problems: too_few_latches, counter_restarted, irregular_clock (device time and latch numbers do not go together, as
+    after a restart that no boot counter tells), ambiguous_gap (a counter may have gone round unseen), impossible_rate
+    (more pulses than the converter can give, as after a reset), dead_band (no pulse for five times the mean period).
+    """
+    if len(counts.tick) < 2:
+        return Rate(float("nan"), 0.0, ("too_few_latches",))
+    return _rate(counts, _clock_of(counts))
+
+
+def _clock_of(counts: Counts) -> _Clock:
+    """That of at least two latches."""
+    seconds: Array = np.asarray(steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
+    return _Clock(
+        counts.tick, counts.sequence, seconds, float(seconds.sum()), float(seconds.min()), float(seconds.max()),
+        is_irregular(seconds / np.diff(counts.sequence)),
+    )  # fmt: skip
+
+
+def _rate(counts: Counts, clock: _Clock) -> Rate:
+    positive = steps_of(counts.positive, counts.counter_bits)
+    negative = steps_of(counts.negative, counts.counter_bits)
+    problems = []
+    if len(counts.tick) < LEAST_SHARE * (len(counts.tick) + counts.lost):
+        problems.append("too_few_latches")
+    if counts.restarts:
+        problems.append("counter_restarted")
+    if clock.irregular:
+        problems.append("irregular_clock")
+    if clock.longest_s * counts.max_rate_pps >= 1 << counts.counter_bits:
+        problems.append("ambiguous_gap")
+    if not all(_possible(steps, RATE_MARGIN * counts.max_rate_pps, clock) for steps in (positive, negative)):
+        problems.append("impossible_rate")
+    net = int(positive.sum()) - int(negative.sum())
+    net_pps = counts.shift.of(net / clock.span_s) if clock.span_s else float("nan")
+    positive += negative
+    if _stands_still(clock, positive, abs(net_pps)):
+        problems.append("dead_band")
+    return Rate(net_pps, clock.span_s, tuple(problems))
+
+
+def mean_rates(channels: Mapping[str, Counts]) -> dict[str, Rate]:
+    """The net rate of each channel, as `mean_rate` gives it.
+
+    Channels of one counter have one clock, which is looked at once where none has lost a latch.
+    """
+    rates: dict[str, Rate] = {}
+    clock: _Clock | None = None
+    for channel, counts in channels.items():
+        if len(counts.tick) < 2:
+            rates[channel] = mean_rate(counts)
+            continue
+        if clock is None or counts.tick is not clock.tick or counts.sequence is not clock.sequence:
+            clock = _clock_of(counts)
+        rates[channel] = _rate(counts, clock)
+    return rates
+
+
+def steps_of(cumulative: Integers, bits: int) -> Integers:
+    """Differences of a counter that wraps."""
+    steps = cumulative[1:] - cumulative[:-1]
+    if bits < 64:  # which wrap by themselves, and are below 0 where they go half round
+        steps &= (1 << bits) - 1
+    return steps
+
+
+def shifted_counts(counts: Counts, time_s: Array) -> tuple[Integers, Integers]:
+    """Positive and negative counts as they would be with the shift of the channel, in whole pulses that wrap.
+
+    `time_s` (n,) are the times of the latches. The shift goes to the pulses of the sign that the net rate has with it,
+    so that no counter runs backwards.
+    """
+    if counts.shift == UNCHANGED or len(time_s) < 2:
+        return counts.positive, counts.negative
+    steps = steps_of(counts.positive, counts.counter_bits) - steps_of(counts.negative, counts.counter_bits)
+    added = counts.shift.more * np.diff(time_s) + (counts.shift.times - 1) * steps
+    is_positive = steps + added >= 0
+    shares = np.where(is_positive, added, 0.0), np.where(is_positive, 0.0, -added)
+    more, less = (np.concatenate(([0], np.round(np.cumsum(share)).astype(np.int64))) for share in shares)
+    size = 1 << counts.counter_bits
+    return (counts.positive + more) % size, (counts.negative + less) % size
+
+
+def is_irregular(latch_s: Array) -> bool:
+    """Whether some of the times between latches are far from the usual, or none passes."""
+    if latch_s.max() - latch_s.min() < CLOCK_SLACK * latch_s.min():  # none can be, and this is quickly seen
+        return False
+    usual_s = np.median(latch_s)
+    return bool((np.abs(latch_s - usual_s) >= CLOCK_SLACK * usual_s).any())
+
+
+def _possible(steps: Integers, most_pps: float, clock: _Clock) -> bool:
+    """Whether a converter can have fired so many pulses between the latches; none below 0."""
+    pulses = steps.view(np.uint64)  # in which those below 0 are very many
+    if pulses.max() <= most_pps * clock.shortest_s + 1:  # as a rule, and this is quickly seen
+        return True
+    return not (pulses > most_pps * clock.seconds + 1).any()
+
+
+def _fires_often(pulses: Integers, latches: float) -> bool:
+    """Whether it is quickly seen that no row of so many latches is without a pulse: none is in any half of one."""
+    part = int(min(latches, len(pulses)) // 2)
+    if part < 1:
+        return False
+    whole = len(pulses) // part * part
+    return bool(pulses[:whole].reshape(-1, part).any(axis=1).all())
+
+
+def _stands_still(clock: _Clock, pulses: Integers, rate_pps: float) -> bool:
+    """Whether no pulse came for much longer than the mean rate lets expect, and for at least three latches."""
+    moves = rate_pps != 0 and clock.longest_s > 0
+    if pulses.all() or _fires_often(pulses, STANDSTILL_PERIODS / rate_pps / clock.longest_s if moves else 0.0):
+        return False
+    fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
+    begins, ends = fired[:-1] + 1, fired[1:]  # of the times without a pulse, most of which last nothing
+    at_s = np.concatenate(([0.0], np.cumsum(clock.seconds)))
+    silent_s = at_s[ends] - at_s[begins]
+    longest = int(np.argmax(silent_s))
+    if ends[longest] - begins[longest] < 3:
+        return False
+    return rate_pps == 0 or float(silent_s[longest]) > STANDSTILL_PERIODS / rate_pps

@@ -1,0 +1,1 @@
+"""What a result is: findings with their budgets, limits, equations. Standard library only."""

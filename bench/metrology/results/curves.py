@@ -1,0 +1,151 @@
+"""What a method gives a user to compute with: equations whose constants are known, each with its validity range.
+
+Every model has `id`, `uut` and `quantity`, and `to_json`, as it stands in the results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # models are shown where no arithmetic is loaded
+    from bench.metrology.least_squares import PolynomialFit
+
+
+@dataclass(frozen=True, slots=True)
+class TemperatureModel:
+    """A polynomial of a quantity over temperature: in x = (T - centre) / scale, and in powers of T in °C."""
+
+    id: str
+    uut: str
+    quantity: str
+    unit: str
+    centre: float
+    scale: float
+    coefficients: tuple[float, ...]
+    u: tuple[float, ...] | None
+    correlation: tuple[tuple[float, ...], ...]
+    powers_of_t: tuple[float, ...]
+    residual_sd: float | None
+    dof: int
+    max_residual: float
+    valid_c: tuple[float, float]
+    dwells_used: int
+    dwells_left_out: tuple[str, ...]
+
+    @classmethod
+    def of_fit(
+        cls, fit: PolynomialFit, *, id: str, uut: str, quantity: str, unit: str, used: int, left_out: tuple[str, ...]
+    ) -> TemperatureModel:
+        """The model that a fit over temperature gives, from `used` dwells or legs."""
+        return cls(
+            id=id,
+            uut=uut,
+            quantity=quantity,
+            unit=unit,
+            centre=fit.centre,
+            scale=fit.scale,
+            coefficients=tuple(fit.coefficients.tolist()),
+            u=tuple(fit.u.tolist()) if fit.dof else None,
+            correlation=tuple(tuple(row) for row in fit.correlation.tolist()),
+            powers_of_t=tuple(fit.powers.tolist()),
+            residual_sd=fit.residual_sd if fit.dof else None,
+            dof=fit.dof,
+            max_residual=fit.max_residual,
+            valid_c=fit.valid,
+            dwells_used=used,
+            dwells_left_out=left_out,
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in the results."""
+        return {
+            "id": self.id,
+            "uut": self.uut,
+            "quantity": self.quantity,
+            "unit": self.unit,
+            "form": "sum of c[i] · x^i, x = (T - centre) / scale, T the indicated temperature in °C",
+            "centre": self.centre,
+            "scale": self.scale,
+            "coefficients": list(self.coefficients),
+            "u": list(self.u) if self.u is not None else None,
+            "correlation": [list(row) for row in self.correlation],
+            "powers_of_T": list(self.powers_of_t),
+            "residual_sd": self.residual_sd,
+            "dof": self.dof,
+            "max_residual": self.max_residual,
+            "valid_c": list(self.valid_c),
+            "dwells_used": self.dwells_used,
+            "dwells_left_out": list(self.dwells_left_out),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A constant of an equation with its standard uncertainty; `u` None where it is not known."""
+
+    value: float
+    unit: str
+    u: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Equation:
+    """An equation in words that a program can follow, and its constants.
+
+    `correlation` is that of the constants in their order, empty where it is not known. `valid` are the ranges of what
+    goes in, each by a name with its unit: "temperature_c".
+    """
+
+    id: str
+    uut: str
+    quantity: str
+    form: str
+    constants: Mapping[str, Constant]
+    valid: Mapping[str, tuple[float, float]]
+    correlation: tuple[tuple[float, ...], ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in the results."""
+        return {
+            "id": self.id,
+            "uut": self.uut,
+            "quantity": self.quantity,
+            "form": self.form,
+            "constants": {
+                name: {"value": each.value, "unit": each.unit, "u": each.u} for name, each in self.constants.items()
+            },
+            "correlation": [list(row) for row in self.correlation],
+            "valid": {name: list(ends) for name, ends in self.valid.items()},
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class KnotModel:
+    """A quantity over temperature by straight lines between knots, the end values beyond them (methods.md 4.5)."""
+
+    id: str
+    uut: str
+    quantity: str
+    unit: str
+    knots_c: tuple[float, ...]
+    values: tuple[float, ...]
+    u: tuple[float, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in the results."""
+        return {
+            "id": self.id,
+            "uut": self.uut,
+            "quantity": self.quantity,
+            "unit": self.unit,
+            "form": "straight lines between the knots, the end values held beyond them",
+            "knots_c": list(self.knots_c),
+            "values": list(self.values),
+            "u": list(self.u),
+            "valid_c": [self.knots_c[0], self.knots_c[-1]],
+        }
+
+
+Model = TemperatureModel | Equation | KnotModel

@@ -1,0 +1,155 @@
+"""From the samples that a unit sends of its own output to a mean: when they were taken, and what their steps hide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.metrology.acquisition import Array, Codes
+from bench.metrology.pulse_counts import LEAST_SHARE, is_irregular, steps_of
+
+FEWEST_CODES = 2  # which a scatter needs
+DITHERED_STEPS = 0.55  # scatter from which on it is no toggling between two codes, which has at most 0.5
+HARMONICS = 5
+HARMONICS_OF_SWINGS = 20
+LARGEST_J1 = 0.582
+
+
+@dataclass(frozen=True, slots=True)
+class MeanCode:
+    """A mean of samples with the standard uncertainty that their scatter gives it.
+
+    `step_u` is what their steps hide from any mean; `problems` make it unusable.
+    """
+
+    value: float
+    scatter_u: float
+    step_u: float
+    problems: tuple[str, ...]
+
+
+def mean_code(codes: Codes) -> MeanCode:
+    """The mean of the samples; NaN when there are not two.
+
+    Problems: too_few_codes, irregular_clock (device time and numbers do not go together, as when the unit has begun
+    anew), stuck_code (one value again and again).
+    """
+    if len(codes.values) < FEWEST_CODES:
+        return MeanCode(float("nan"), float("nan"), float("nan"), ("too_few_codes",))
+    problems = []
+    if len(codes.values) < LEAST_SHARE * (len(codes.values) + codes.lost + codes.invalid):
+        problems.append("too_few_codes")
+    if begins_anew(codes):
+        problems.append("irregular_clock")
+    if stuck(codes).any():
+        problems.append("stuck_code")
+    sd = float(np.std(codes.values, ddof=1))
+    scatter_u = sd / float(np.sqrt(len(codes.values)))
+    return MeanCode(float(np.mean(codes.values)), scatter_u, hidden_by_steps(sd, codes.step), tuple(problems))
+
+
+def mean_between(codes: Codes, from_s: float, to_s: float) -> MeanCode:
+    """The mean over a time in which the output may go up and down once or more, as over whole turns; problems as above.
+
+    A sample may be the mean since the one before, so that those count which began after `from_s`. Each counts for the
+    time since the one before; what is left over at both ends counts with the nearest, so that whole turns stay whole.
+    Their scatter is told by how neighbours differ, in which what goes slowly up and down is not.
+    """
+    whole = mean_code(codes)
+    at_s = sampled_at_s(codes)
+    before_s = np.concatenate(([-np.inf], at_s[:-1]))
+    inside = np.flatnonzero((before_s >= from_s) & (at_s <= to_s))
+    if whole.problems or len(inside) < FEWEST_CODES:
+        return replace(whole, problems=whole.problems or ("too_few_codes",))
+    values, lasts_s = codes.values[inside], np.diff(at_s[inside], prepend=from_s)
+    lasts_s[-1] += to_s - at_s[inside[-1]]
+    sd = float(np.sqrt(np.mean(np.diff(values) ** 2) / 2))
+    mean = float(values @ lasts_s) / (to_s - from_s)
+    return MeanCode(mean, sd / float(np.sqrt(len(values))), hidden_by_steps(sd, codes.step), ())
+
+
+def begins_anew(codes: Codes) -> bool:
+    """Whether the unit's clock and the numbers of its samples do not go together, or these have gone back."""
+    if codes.restarts:
+        return True
+    if len(codes.tick) < 2:
+        return False
+    return is_irregular(_device_steps_s(codes) / np.diff(codes.sequence))
+
+
+def sampled_at_s(codes: Codes) -> Array:
+    """When each sample was taken, in bench time (N,).
+
+    That is the unit's clock, brought onto the host's by the straight line through the arrivals: a frame may be late,
+    and both clocks err. Where the unit began anew the arrivals are all there is.
+    """
+    if len(codes.tick) < 2 or begins_anew(codes):
+        return codes.host_s
+    return on_the_host_clock(np.concatenate(([0.0], np.cumsum(_device_steps_s(codes)))), codes.host_s)
+
+
+def on_the_host_clock(device_s: Array, host_s: Array) -> Array:
+    """Times of a device's clock (n,) by the straight line through the arrivals (n,) of what it said then."""
+    since_s = host_s - host_s[0]
+    away_s = device_s - device_s.mean()
+    slope = float(away_s @ since_s / (away_s @ away_s))
+    return np.asarray(host_s[0] + since_s.mean() + slope * away_s)
+
+
+def stuck(codes: Codes) -> NDArray[np.bool_]:
+    """Which samples are of a row of one value that is longer than the unit's noise ever lets be, (N,) of bool."""
+    if codes.stuck_after is None or not len(codes.values):
+        return np.zeros(len(codes.values), dtype=bool)
+    begins = np.flatnonzero(np.diff(codes.values, prepend=np.nan) != 0)
+    lengths = np.diff(begins, append=len(codes.values))
+    return np.repeat(lengths >= codes.stuck_after, lengths)
+
+
+def hidden_by_steps(sd: float, step: float) -> float:
+    """The standard uncertainty that steps of codes give to a mean of samples that scatter by `sd`.
+
+    Noise carries a signal across the steps: with a standard deviation s of noise and steps q the mean of rounded
+    samples errs by the harmonics k of a sawtooth, each of amplitude q/(π k) exp(-2 π² k² s²/q²). What scatters no more
+    than toggling between two codes does may be hidden by the whole step, q/√12.
+    """
+    if sd < DITHERED_STEPS * step:
+        return step / float(np.sqrt(12))
+    noise2 = (sd / step) ** 2 - 1 / 12  # the rounding scatters too
+    k = np.arange(1, HARMONICS + 1)
+    return step * float(np.sqrt(np.sum((np.exp(-2 * np.pi**2 * k**2 * noise2) / (np.pi * k)) ** 2 / 2)))
+
+
+def hidden_from_a_swing(amplitude: Array, sd: float, step: float) -> Array:
+    """The standard uncertainties (m,) that steps of codes give to sines of these amplitudes in samples.
+
+    As in `hidden_by_steps`, whose sawtooth a swing goes through: of its harmonic k it brings 2 J1(2π k A/q) to its own
+    frequency, at most and on average 1/√(π z) for J1(z). `sd` is that of the samples beside the sine. Without noise
+    that is about 0.02 of a step for a sine of 30 steps.
+    """
+    if not step:
+        return np.zeros_like(amplitude)
+    noise2 = max((sd / step) ** 2 - 1 / 12, 0.0)
+    k = np.arange(1, HARMONICS_OF_SWINGS + 1)
+    sawtooth = step / (np.pi * k) * np.exp(-2 * np.pi**2 * k**2 * noise2)
+    bessel2 = np.minimum(1 / (np.pi * np.maximum(2 * np.pi * np.outer(amplitude / step, k), 1e-9)), LARGEST_J1**2)
+    return np.asarray(np.sqrt(np.sum(2 * sawtooth**2 * bessel2, axis=1)))
+
+
+def by_position(gain: Array, step_u: Array, angle_rad: Array) -> Array:
+    """What steps hide from a result that depends on readings by `gain` (n,), one value for each angle.
+
+    Readings at one angle fall onto one step, and err alike.
+    """
+    return by_level(gain, step_u, np.asarray(np.round(np.degrees(angle_rad), 1), np.float64))
+
+
+def by_level(gain: Array, step_u: Array, level: Array) -> Array:
+    """The same of readings at levels (n,) of what is measured."""
+    _, place = np.unique(level, return_inverse=True)
+    return np.asarray(np.bincount(place, weights=gain * step_u), np.float64)
+
+
+def _device_steps_s(codes: Codes) -> Array:
+    return np.asarray(steps_of(codes.tick, codes.tick_bits) * codes.tick_period_s, np.float64)

@@ -1,0 +1,133 @@
+"""Accelerometers as tilt meters (methods.md 6.4): one up to ±90°, two at right angles over the full circle.
+
+Uncertainties are to first order (JCGM 100, 5.1). A misalignment of the input axis on what is tilted adds to the tilt
+as it is, and is not among them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.metrology.least_squares import Array
+from bench.metrology.temperature_checks import beyond_possible
+
+
+@dataclass(frozen=True, slots=True)
+class TiltComparison:
+    """Span (largest - smallest) and mean of the tilt, in degrees, with a constant bias and with the bias model.
+
+    Both are over the same samples; None without any.
+    """
+
+    raw_span_deg: float | None
+    compensated_span_deg: float | None
+    raw_mean_deg: float | None
+    compensated_mean_deg: float | None
+    flags: tuple[str, ...]
+    excluded: dict[str, int]
+
+
+def compare_tilt(
+    temperature_c: Array, output_v: Array, *, scale_v_per_g: float, nominal_bias_v: float, bias_v: tuple[float, float]
+) -> TiltComparison:
+    """Tilt = asin((U - K0) / K1) of samples (n,) with K0 nominal, and with K0 = bias_v[0] + bias_v[1] T.
+
+    A sample with something missing is left out, one with a temperature that no working thermometer says, and one beyond
+    ±90° in either way; the last raises the flag `out_of_range`. Of fewer than two temperatures there is no span worth
+    the name: `too_few_temperatures`.
+    """
+    present = np.isfinite(temperature_c) & np.isfinite(output_v)
+    broken = present & beyond_possible(temperature_c)
+    told = present & ~broken
+    temperature_c, output_v = temperature_c[told], output_v[told]
+    raw = (output_v - nominal_bias_v) / scale_v_per_g
+    compensated = (output_v - bias_v[0] - bias_v[1] * temperature_c) / scale_v_per_g
+    possible = (np.abs(raw) <= 1) & (np.abs(compensated) <= 1)
+    raw_deg, compensated_deg = (indicated_deg(sine[possible]) for sine in (raw, compensated))
+    some = bool(possible.any())
+    return TiltComparison(
+        raw_span_deg=float(np.ptp(raw_deg)) if some else None,
+        compensated_span_deg=float(np.ptp(compensated_deg)) if some else None,
+        raw_mean_deg=float(np.mean(raw_deg)) if some else None,
+        compensated_mean_deg=float(np.mean(compensated_deg)) if some else None,
+        flags=(
+            *(() if possible.all() else ("out_of_range",)),
+            *(() if len(np.unique(temperature_c[possible])) > 1 else ("too_few_temperatures",)),
+        ),
+        excluded={
+            "missing": int(np.sum(~present)),
+            "thermometer": int(np.sum(broken)),
+            "out_of_range": int(np.sum(~possible)),
+        },
+    )
+
+
+@np.errstate(invalid="ignore")
+def indicated_deg(force_g: Array) -> Array:
+    """The tilt (n,) that an accelerometer indicates by its specific force; NaN beyond ±90°."""
+    return np.asarray(np.degrees(np.arcsin(force_g)))
+
+
+@dataclass(frozen=True, slots=True)
+class TiltAxis:
+    """One accelerometer as it was calibrated: its output is `bias_v` + `scale_v_per_g` x specific force in g.
+
+    The others are standard uncertainties, independent of each other and of those of another accelerometer;
+    `u_output_v` is that of one sample of the output.
+    """
+
+    scale_v_per_g: float
+    bias_v: float
+    u_scale_v_per_g: float
+    u_bias_v: float
+    u_output_v: float
+
+    def force_g(self, output_v: Array) -> Array:
+        """Specific force along the input axis (n,)."""
+        return np.asarray((output_v - self.bias_v) / self.scale_v_per_g)
+
+    def u_force_g(self, output_v: Array) -> Array:
+        """Its standard uncertainty (n,)."""
+        from_scale_v = self.force_g(output_v) * self.u_scale_v_per_g
+        u_v = np.sqrt(self.u_output_v**2 + self.u_bias_v**2 + from_scale_v**2)
+        return np.asarray(u_v / abs(self.scale_v_per_g))
+
+
+@dataclass(frozen=True, slots=True)
+class Tilt:
+    """Tilt in degrees and its standard uncertainty, both (n,)."""
+
+    tilt_deg: Array
+    u_deg: Array
+
+
+@np.errstate(divide="ignore", invalid="ignore")
+def tilt_of_one(axis: TiltAxis, output_v: Array) -> Tilt:
+    """Tilt θ = asin a of one accelerometer, with u(θ) = u(a) / cos θ; NaN beyond ±90°.
+
+    The uncertainty grows towards ±90°, where one axis tells little; within a few u(a)^½ rad of it, it is too large.
+    """
+    tilt_rad = np.arcsin(axis.force_g(output_v))
+    return Tilt(np.degrees(tilt_rad), np.degrees(axis.u_force_g(output_v) / np.cos(tilt_rad)))
+
+
+@np.errstate(divide="ignore", invalid="ignore")
+def tilt_of_two(
+    along: TiltAxis, across: TiltAxis, along_v: Array, across_v: Array, *, skew_rad: float = 0.0, u_skew_rad: float
+) -> Tilt:
+    """Tilt of the input axis `along`, from -180° to 180°, by itself and by one `across` that is up when it is level.
+
+    Both lie in the plane of the tilt, `across` at 90° + ε from `along`, ε the `skew_rad`: they sense a = g sin θ and
+    b = g cos(θ + ε), so that tan θ = a cos ε / (b + a sin ε). The size of g has no part in the quotient, nor has a tilt
+    of the plane. The uncertainty follows from the derivatives of a cos(θ + ε) = b sin θ.
+    """
+    a, b = along.force_g(along_v), across.force_g(across_v)
+    sine, cosine = a * np.cos(skew_rad), b + a * np.sin(skew_rad)
+    tilt_rad, size = np.arctan2(sine, cosine), np.hypot(sine, cosine)
+    from_along = np.cos(tilt_rad + skew_rad) / size * along.u_force_g(along_v)
+    from_across = np.sin(tilt_rad) / size * across.u_force_g(across_v)
+    from_skew = np.sin(tilt_rad) * np.sin(tilt_rad + skew_rad) / np.cos(skew_rad) * u_skew_rad
+    u_rad = np.sqrt(from_along**2 + from_across**2 + from_skew**2)
+    return Tilt(np.degrees(tilt_rad), np.degrees(u_rad))

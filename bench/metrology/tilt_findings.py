@@ -1,0 +1,68 @@
+"""What a bias that drifts makes of an accelerometer as a tilt meter, and what compensation leaves (methods.md 6.4).
+
+Held level it indicates asin((U - K0) / K1), with a constant K0, or with the model of K0 over temperature: the static
+one of a tumble, the dynamic one of a ramp, for a use that sees fast changes. The span of what it indicates is what a
+user sees of the bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.metrology.extremes import interval_of_span, span_u
+from bench.metrology.least_squares import Array
+from bench.metrology.results.finding import BudgetLine, Finding, Subject
+from bench.metrology.tilt import indicated_deg
+
+SCATTER = "readings: scatter"
+SELECTION = "readings: scatter makes the span of many larger"
+NAMES = {
+    "tilt/uncompensated": "span that it indicates over the temperatures, held level, with a constant bias",
+    "tilt/compensated": "the same with the model of the bias over temperature",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class TiltOrigin:
+    """Where the tilt comes from; `sd_g` is how one bias scatters, with `dof`.
+
+    `scale_u` is the relative uncertainty of K1, `contained` names what the compensated span contains, "" for nothing.
+    """
+
+    subject: Subject
+    steps: tuple[str, ...]
+    sd_g: float
+    dof: int | None
+    scale_u: float = 0.0
+    scale_shared: str | None = None
+    contained: str = ""
+
+
+def tilt_findings(bias_g: Array, modelled_g: Array, origin: TiltOrigin) -> Iterator[Finding]:
+    """The spans from biases (n,) at many temperatures, and what their model says there; none of less than two."""
+    if len(bias_g) < 2:
+        return
+    for quantity, left_g in (
+        ("tilt/uncompensated", bias_g - np.mean(bias_g)), ("tilt/compensated", bias_g - modelled_g),
+    ):  # fmt: skip
+        span_deg = float(np.ptp(indicated_deg(left_g)))
+        if not np.isfinite(span_deg):
+            return
+        contained = origin.contained if quantity == "tilt/compensated" else ""
+        yield origin.subject.finding(
+            quantity, NAMES[quantity], span_deg, "°", _lines(left_g, span_deg, origin, contained), {}, origin.steps,
+            interval=interval_of_span(left_g, origin.sd_g).times(float(np.degrees(1.0))),
+        )  # fmt: skip
+
+
+def _lines(left_g: Array, span_deg: float, origin: TiltOrigin, contained: str) -> Sequence[BudgetLine]:
+    by_scatter, by_selection = (float(np.degrees(u)) for u in span_u(left_g, origin.sd_g))
+    lines = [
+        BudgetLine(SCATTER, "A", by_scatter, origin.dof),
+        BudgetLine(SELECTION, "A", by_selection),
+        BudgetLine("K1: misalignment in it", "B", span_deg * origin.scale_u, None, origin.scale_shared),
+    ]
+    return [*lines, BudgetLine(contained, "alias", 0.0)] if contained else lines

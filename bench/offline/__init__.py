@@ -1,0 +1,1 @@
+"""Recorded data from elsewhere: case.json and CSV records in, results out."""

@@ -1,0 +1,64 @@
+"""Off-line reduction of recorded data: `case.json` and CSV records in, the result as plain JSON types out.
+
+The formats, the names of settings and results, and the units in them are those of methods.md section 9.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench.errors import InputError
+from bench.metrology.least_squares import NotDetermined
+from bench.offline.case_file import Reduction, read_case
+from bench.offline.doubts import with_doubts
+from bench.sequence.method import known_methods
+from drivers.installed import loaded
+
+
+@lru_cache(maxsize=1)
+def reductions() -> Mapping[tuple[str, str], Reduction]:
+    """The reductions of recorded cases that the installed methods bring, by method and sub-method."""
+    targets = dict.fromkeys(method.offline for method in known_methods().values() if method.offline)
+    return {title: reduction for target in targets for title, reduction in loaded(target).items()}
+
+
+def reduce_case(path: Path) -> dict[str, Any]:
+    """Reduces the case file at `path`; gives the content of `result.json`.
+
+    Raises InputError, which names the file and the place in it, when the case cannot be read or reduced.
+    """
+    case = read_case(path)
+    method, sub = case.content.method, case.content.sub
+    reduction = reductions().get((method, sub)) or reductions().get(
+        (method, "")
+    )  # a method of one reduction has no sub
+    if reduction is None:
+        known = ", ".join(" ".join(title).rstrip() for title in reductions())
+        raise InputError(f"{case.name}: there is no reduction for {method!r} {sub!r}; known: {known}")
+    case.check_records(reduction.records)
+    try:
+        with np.errstate(all="ignore"):  # of readings that are no readings; what becomes of them is null
+            result = reduction.reduce(case)
+    except NotDetermined as problem:
+        files = ", ".join(record.name for record in case.content.records.values())
+        raise InputError(f"{case.name}: the record is insufficient ({files}): {problem}") from None
+    result = with_doubts(result, result.pop("doubts"))
+    result["notes"] = [*case.notes, *result["notes"]]
+    return {"method": method, "sub": sub, **_json(result)}
+
+
+def _json(value: Any) -> Any:
+    """Plain JSON types: arrays and tuples become lists, what is not a finite number becomes null."""
+    if isinstance(value, dict):
+        return {key: _json(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_json(inner) for inner in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

@@ -1,0 +1,28 @@
+"""What makes the result of a case doubtful: data that no bench of the method gives (methods.md 1.10)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from bench.metrology.plausibility import Doubt
+
+SIGNS_OR_ROWS = ": see the signs of the output, and whether rows are displaced"
+
+
+def with_doubts(result: dict[str, Any], doubts: Iterable[Doubt]) -> dict[str, Any]:
+    """The result with the flags and the notes of the doubts; a doubtful result has no verdict."""
+    with np.errstate(all="ignore"):  # of readings that are no readings
+        found = list(doubts)
+    flags = [flag for flag in dict.fromkeys(doubt.flag for doubt in found) if flag]
+    changed: dict[str, Any] = {
+        "flags": [*result["flags"], *flags],
+        "notes": [*result["notes"], *dict.fromkeys(doubt.note for doubt in found)],
+    }
+    if flags and "passed" in result:
+        changed["passed"] = None
+    if flags and "verdict" in result:
+        changed["verdict"] = "invalid"
+    return result | changed

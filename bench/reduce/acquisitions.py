@@ -1,0 +1,316 @@
+"""From a stored run to what a method reduces: the journal says what was done, frames and samples what was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+from bench.config.models import BenchFile
+from bench.metrology.acquisition import Acquisition, Codes, Counts, Currents, Motion, Mount, Positions, Turned, Voltages
+from bench.metrology.gaps import Missed, missed_of
+from bench.metrology.outputs import windows_of
+from bench.metrology.run_data import PowerCycles, RunData, UnitUnderTest
+from bench.reduce.certificates import bench_record
+from bench.reduce.corrections import Corrections, corrections_of
+from bench.sequence.dwells import DwellNames, first_visit, loop_values
+from bench.store.codes import CodeDecoder
+from bench.store.counts import CountDecoder
+from bench.store.reader import Event, RunReader, Series
+from drivers.can.frame_block import FrameBlock
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
+
+STOOD = "stood"  # what the record says of an axis that did not need to move
+AS_READ = Corrections({}, {}, {}, {}, {})
+
+
+def run_data(
+    reader: RunReader, bench: BenchFile, serials: Mapping[str, str], label: str, *, windows: bool = False
+) -> RunData:
+    """The acquisitions under a label, of the units in their places; StoreError when the run does not hold them.
+
+    With `windows` they hold the mean rates of their counts and not the counts.
+    """
+    dropped_s = {event.data["place"]: event.at_s for event in reader.events("unit_dropped")}
+    units = tuple(_unit(place, serial, bench, dropped_s.get(place, math.inf)) for place, serial in serials.items())
+    thermometers = [
+        name for unit in units for name in (unit.temperature, unit.gyro_temperature, unit.converter) if name
+    ]
+    acquired = tuple(acquisitions(reader, bench, thermometers, label, corrections_of(bench), windows=windows))
+    return RunData(label, units, acquired, bench_record(bench), span_s=reader.span_s())
+
+
+def acquisitions(
+    reader: RunReader,
+    bench: BenchFile,
+    thermometers: Iterable[str],
+    label: str,
+    corrections: Corrections = AS_READ,
+    *,
+    windows: bool = False,
+) -> Iterator[Acquisition]:
+    """The acquisitions under a label with these named readings, one after the other; StoreError.
+
+    As they were read, but for the corrections given, and with `windows` in place of counts.
+    """
+    sent = _Sent(
+        counters={
+            role: CountDecoder(entry.options, reader.folder)
+            for role, entry in bench.devices.items()
+            if isinstance(entry.options, CounterOptions)
+        },
+        telemetry={
+            role: CodeDecoder(entry.options, reader.folder)
+            for role, entry in bench.devices.items()
+            if isinstance(entry.options, TelemetryOptions)
+        },
+        corrections=corrections,
+        windows=windows,
+    )
+    temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
+    samples = reader.samples_by_step()
+    completed = {}
+    for event, dwell, state in _acquired(reader, bench, label):
+        read = {role: each.T for role, each in samples.get(event.step, {}).items()}
+        through = {role: Currents(*read.pop(role)) for role in bench.with_capability("ammeter") if role in read}
+        acquired = replace(
+            _acquisition(event, dwell, state, temperatures),
+            angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
+            sources_a={role: corrections.current_a(role, told_a) for role, told_a in state.sources_a.items()},
+            voltages={role: corrections.voltages(role, Voltages(*each)) for role, each in read.items()},
+            currents={role: corrections.measured(role, each) for role, each in through.items()},
+        )
+        completed[event.step] = partial(sent.during, acquired)
+    yield from reader.of_steps(completed)
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """What frames tell, corrected: counts, positions of encoders, codes, and what did not come of them.
+
+    With `windows` the means of counts and codes, and not these themselves.
+    """
+
+    counters: Mapping[str, CountDecoder]
+    telemetry: Mapping[str, CodeDecoder]
+    corrections: Corrections
+    windows: bool
+
+    def during(self, acquisition: Acquisition, frames: Mapping[str, FrameBlock]) -> Acquisition:
+        """An acquisition with what its frames tell."""
+        counts: dict[str, Counts] = {}
+        positions: dict[str, Positions] = {}
+        codes: dict[str, Codes] = {}
+        missed: dict[tuple[str, str], Missed] = {}
+        for role, counter in self.counters.items():
+            decoded = counter.counts(frames.get(role, FrameBlock.empty()))
+            missed |= missed_of(role, decoded)
+            counts |= {channel: self.corrections.counts(role, each) for channel, each in decoded.items()}
+            positions |= counter.positions(frames.get(role, FrameBlock.empty()))
+        for role, sender in self.telemetry.items():
+            of_role = sender.codes(frames.get(role, FrameBlock.empty()))
+            missed |= missed_of(role, of_role)
+            codes |= of_role
+            positions |= sender.positions(frames.get(role, FrameBlock.empty()))
+        if not self.windows:
+            return replace(acquisition, counts=counts, codes=codes, positions=positions, missed=missed)
+        means = windows_of({**counts, **codes}, acquisition.turned)
+        return replace(acquisition, windows=means, positions=positions, missed=missed)
+
+
+def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnderTest:
+    entry = bench.places[place]
+    at_gyros = entry.gyro_temperature or entry.temperature
+    return UnitUnderTest(
+        place=place,
+        serial=serial,
+        channel=entry.channel,
+        mount_angle_deg=entry.mount_angle,
+        temperature=entry.temperature,
+        until_s=until_s,
+        voltmeter=entry.voltmeter,
+        nominal_per_g=bench.nominal_per_g(place),
+        channels=entry.channels.model_dump() if entry.channels is not None else {},
+        gyro_temperature=at_gyros if entry.channels is not None else "",
+        converter=entry.converter_temperature or "",
+        source=entry.source or "",
+        scale_a_per_g=entry.nominal.amperes_per_g if entry.nominal is not None else math.nan,
+        arm_m=entry.arm.vector_m if entry.arm is not None else None,
+        arm_u_m=entry.arm.U / entry.arm.k if entry.arm is not None else 0.0,
+        supply=entry.supply or "",
+        telemetry=entry.telemetry,
+        sent_unit=bench.output_unit(place),
+        channel_units=bench.sent_units(entry),
+        ammeter=entry.ammeter or "",
+        power_cycles=None if entry.power_cycles is None else PowerCycles(**entry.power_cycles.standard_u),
+    )
+
+
+@dataclass(frozen=True)
+class _InForce:
+    """What the bench stood at while something was acquired."""
+
+    angles_deg: Mapping[str, float]
+    mount: Mount
+    set_c: float
+    set_from_c: float = math.nan
+    input: str = "accelerometer"
+    sources_a: Mapping[str, float] = field(default_factory=dict)
+    motion: Motion | None = None
+    on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    came_from: Mapping[str, str] = field(default_factory=dict)
+    stand: int = 0
+    stretch: int = 0
+
+    def after(self, event: Event, bench: BenchFile, begun_s: float) -> _InForce:
+        """What it stands at when a step has ended that began at `begun_s`."""
+        data, now = event.data, self
+        if "angle_deg" in data:
+            device = data.get("device", next(iter(bench.axes), ""))
+            now = now.moved({device: float(data["angle_deg"])}, {device: data.get("came_from")})
+        if "angles_deg" in data:
+            now = now.moved(data["angles_deg"], data.get("came_from", {}))
+        if "mount" in data:
+            now = replace(now, mount=_mount(bench, data["mount"]))
+        now = replace(now, input=data.get("input", now.input), sources_a=_sources_on(now.sources_a, data))
+        now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
+        return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
+
+    def moved(self, angles_deg: Mapping[str, float], sides: Mapping[str, str | None]) -> _InForce:
+        """After axes have gone to angles; from where one without a side came is not known."""
+        moved = {role: sides.get(role) for role in angles_deg if sides.get(role) != STOOD}
+        came_from = {role: side for role, side in {**self.came_from, **moved}.items() if side is not None}
+        return replace(
+            self, angles_deg={**self.angles_deg, **angles_deg}, came_from=came_from,
+            stand=self.stand + bool(moved),
+        )  # fmt: skip
+
+    def interrupted(self) -> _InForce:
+        """What it stands at when the run goes on after an interruption: everything was off in between."""
+        return replace(self, input="accelerometer", sources_a={}, on_since_s={}, stretch=self.stretch + 1)
+
+    def without(self, roles: set[str]) -> _InForce:
+        """What it stands at when nobody knows where axes stand, or what the chamber has been told."""
+        angles_deg = {role: math.nan if role in roles else angle for role, angle in self.angles_deg.items()}
+        came_from = {role: side for role, side in self.came_from.items() if role not in roles}
+        return replace(
+            self, angles_deg=angles_deg, came_from=came_from, stand=self.stand + 1,
+            set_c=self.set_c if roles <= set(angles_deg) else math.nan,
+        )  # fmt: skip
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is known where all axes stand."""
+        return not any(math.isnan(angle) for angle in self.angles_deg.values())
+
+
+def _supplies_on(
+    before_s: Mapping[str, tuple[float, float]], data: Mapping[str, Any], now_s: tuple[float, float]
+) -> Mapping[str, tuple[float, float]]:
+    """The supplies that are on when an output, or several, have been set, and since when."""
+    after_s = dict(before_s)
+    for found in data.get("outputs", {data.get("role"): data}).values():
+        if found.get("output"):
+            if found.get("voltage_v") is not None:
+                after_s.setdefault(found["role"], now_s)
+        elif "output" in found:
+            after_s.pop(found["role"], None)
+    return after_s
+
+
+def _sources_on(before_a: Mapping[str, float], data: Mapping[str, Any]) -> Mapping[str, float]:
+    """The current sources that are on when an output, or several, have been set."""
+    after_a = dict(before_a)
+    for found in data.get("outputs", {data.get("role"): data}).values():
+        if "output" in found and found.get("voltage_v") is None:
+            after_a.pop(found["role"], None)
+            if found["output"]:
+                after_a[found["role"]] = float(found["current_a"])
+    return after_a
+
+
+def _mount(bench: BenchFile, name: str | None = None) -> Mount:
+    mount = bench.fixture.mount(name)
+    return Mount(name or next(iter(bench.fixture.mounts), ""), mount.angle, mount.roll, mount.clock)
+
+
+def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, _InForce]]:
+    """Finished acquisitions under a label, each with its dwell and with what was in force.
+
+    Of a step that was done again only the last time counts. None after a move that did not get to its end: what was
+    acquired there was acquired at an angle that nobody knows.
+    """
+    state = _InForce(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
+    dwells = DwellNames()
+    found: dict[str, tuple[Event, str, _InForce]] = {}
+    begun: dict[str, tuple[float, float]] = {}
+    turning: dict[str, Motion] = {}
+    for event in reader.events("step_begins", "turning", "step_ended", "step_failed", "step_cut", "run_resumed"):
+        if event.kind == "run_resumed":
+            state = state.interrupted()
+            continue
+        if event.kind == "turning":
+            turning[first_visit(event.step)] = Motion(**event.data)
+            continue
+        if event.kind in ("step_failed", "step_cut"):
+            unknown = set(event.data.get("unknown", ()))
+            if unknown - set(bench.axes):
+                dwells.ramped(first_visit(event.step))
+            state = state.without(unknown)
+            continue
+        if event.kind == "step_begins":
+            begun[event.step] = event.at_s, state.set_c
+            continue
+        begun_s, begun_c = begun[event.step]
+        state = state.after(event, bench, begun_s)
+        if "set_point_c" in event.data:
+            dwells.ramped(first_visit(event.step))
+        if event.data.get("label") == label and state.is_known:
+            step = first_visit(event.step)
+            found.pop(step, None)
+            motion = next((told for outer, told in turning.items() if step.startswith(f"{outer}/")), None)
+            found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c, motion=motion))
+    yield from found.values()
+
+
+def _turned(event: Event, motion: Motion | None) -> Turned | None:
+    """The rotation whose whole turns an acquisition lasted; None for any other."""
+    course = event.data.get("turned")
+    if course is None or motion is None or motion.rate_dps is None:
+        return None
+    ends = {key: float(course[key]) for key in ("from_s", "from_deg", "to_s", "to_deg")}
+    return Turned(axis=str(course["of"]), command_dps=motion.rate_dps, **ends)
+
+
+def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mapping[str, Series]) -> Acquisition:
+    """An acquisition without what was counted or read of its output."""
+    begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
+    meanwhile = {name: series.between(begin_s, end_s) for name, series in temperatures.items()}
+    return Acquisition(
+        step=event.step,
+        group=dwell,
+        loops=loop_values(event.step),
+        begin_s=begin_s,
+        end_s=end_s,
+        angles_deg=state.angles_deg,
+        set_from_c=state.set_from_c,
+        set_c=state.set_c,
+        mount=state.mount,
+        turned=_turned(event, state.motion),
+        input=state.input,
+        sources_a=state.sources_a,
+        sources_told_a=state.sources_a,
+        counts={},
+        motion=state.motion,
+        on_since_s=state.on_since_s,
+        came_from=state.came_from,
+        stand=state.stand,
+        stretch=state.stretch,
+        temperatures_c={name: series.values for name, series in meanwhile.items()},
+        temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
+        over_s=event.data.get("over_s"),
+        stable=frozenset(event.data["stable"]) if "stable" in event.data else None,
+    )

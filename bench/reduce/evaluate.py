@@ -1,0 +1,165 @@
+"""From a stored run to `results.json`: the methods its sequence asks for, judged by its limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime as dt
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from bench.metrology.power_cycles import reduced
+from bench.metrology.results.finding import BudgetLine, Finding, UnitResult
+from bench.metrology.results.limits import Limits
+from bench.metrology.run_data import RunData
+from bench.metrology.unlike_nominal import compared_with_nominal
+from bench.reduce.gaps import MissedIn
+from bench.reduce.journal import OnTheWay, verdicts_of
+from bench.sequence.limits import limits_in
+from bench.sequence.method import known_methods
+from bench.sequence.model import ResultEntry, SequenceFile
+from drivers.installed import loaded
+
+SCHEMA = "itb-results/1"
+Verdict = Literal["PASS", "FAIL", "ERROR", "ABORTED", "INCOMPLETE", "NOT JUDGED"]
+_ENDED: Mapping[str, Verdict] = {
+    "error": "ERROR",
+    "aborted": "ABORTED",
+    "failed": "FAIL",
+    "interrupted": "INCOMPLETE",
+    "running": "INCOMPLETE",
+}
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything found in a run, and the verdict on it.
+
+    `corrections` tells by which certificates readings were corrected, `past_due` which were not valid any more, by
+    device or reading, and when they were due. `missed` is what did not come over the wires.
+    """
+
+    title: str
+    verdict: Verdict
+    units: tuple[UnitResult, ...]
+    on_the_way: OnTheWay = field(default_factory=OnTheWay)
+    corrections: tuple[str, ...] = ()
+    past_due: Mapping[str, dt.date] = field(default_factory=dict)
+    missed: tuple[MissedIn, ...] = ()
+
+    @property
+    def within_u(self) -> int:
+        """How many values have a limit within their U: with as good a right they could be on its other side."""
+        return sum(finding.within_u for unit in self.units for finding in unit.findings)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of `results.json`; `missed` only where something did not come."""
+        return {
+            "schema": SCHEMA,
+            "title": self.title,
+            "verdict": self.verdict,
+            "units": [_unit(unit) for unit in self.units],
+            "findings": [_finding(finding) for unit in self.units for finding in unit.findings],
+            "models": [model.to_json() for unit in self.units for model in unit.models],
+            "corrections": list(self.corrections),
+            "past_due": {name: str(due) for name, due in self.past_due.items()},
+            **self.on_the_way.to_json(),
+            **({"missed": [each.to_json() for each in self.missed]} if self.missed else {}),
+        }
+
+
+def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str, found_on_the_way: OnTheWay) -> Results:
+    """The results of a run that ended in `state`; what it holds is reduced even when it did not get to its end.
+
+    `data` gives the acquisitions under a label.
+    """
+    units: list[UnitResult] = []
+    for entry in sequence.results:
+        method = known_methods()[entry.method]
+        settings = method.settings.model_validate(entry.settings).model_dump()
+        reduce = loaded(method.target)
+        found: dict[str, UnitResult] = {}
+        acquired = data(entry.data)
+        if entry.closure is not None:
+            acquired = dataclasses.replace(acquired, closure=data(entry.closure).acquisitions)
+        for part in acquired.by_length():
+            found |= {unit.place: unit for unit in reduced(reduce, part, settings)}
+        for unit in acquired.units:
+            dropped = found_on_the_way.dropped.get(unit.place)
+            found_of_unit = found[unit.place]
+            findings = compared_with_nominal(found_of_unit.findings, unit)
+            result = dataclasses.replace(found_of_unit, findings=findings, dropped=dropped)
+            units.append(_judged(result, entry, method.units(unit.output_unit, unit.gyro_output_unit)))
+    verdict = _verdict(units, sequence, state, found_on_the_way)
+    return Results(sequence.title, verdict, tuple(units), found_on_the_way)
+
+
+def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str]) -> UnitResult:
+    limits = {name: limits_in(limit, quantities[name]) for name, limit in entry.limits.items()}
+    findings = [
+        finding.judged(limits[finding.quantity]) if finding.quantity in limits else finding for finding in unit.findings
+    ]
+    undetermined = [name for name in limits if name not in {finding.quantity for finding in findings}]
+    if unit.dropped is not None:
+        return dataclasses.replace(unit, findings=tuple(findings), left_out=(*unit.left_out, *undetermined))
+    return dataclasses.replace(
+        unit,
+        findings=tuple(findings),
+        left_out=(*unit.left_out, *undetermined),
+        flags=(*unit.flags, *(f"{name}:not_determined" for name in undetermined)),
+    )
+
+
+def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
+    """A run that left something out is incomplete, whatever the rest of it says, as a unit is (methods.md 1.10).
+
+    So is one whose results combine data from both sides of an interruption, unless their budgets contain it.
+
+    One in which nothing has a limit passes nothing: NOT JUDGED.
+    """
+    ended = _ENDED.get(state)
+    if ended is not None and ended != "INCOMPLETE":
+        return ended
+    verdicts = {unit.verdict for unit in units} | verdicts_of(on_the_way.measurements)
+    apart = on_the_way.left_out or any(each.unstated for each in on_the_way.interruptions)
+    if ended or apart or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
+        return "INCOMPLETE"
+    if "FAIL" in verdicts:
+        return "FAIL"
+    return "PASS" if "PASS" in verdicts else "NOT JUDGED"
+
+
+def _unit(unit: UnitResult) -> dict[str, Any]:
+    """A unit by one method; `dropped` only where it was."""
+    told = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
+    return told if unit.dropped is None else {**told, "dropped": dataclasses.asdict(unit.dropped)}
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    limits = finding.limits or Limits()
+    sides = {key: side for key, side in (("min", limits.low), ("max", limits.high)) if side is not None}
+    return {
+        "id": finding.id,
+        "uut": finding.uut,
+        "quantity": finding.quantity,
+        "name": finding.name,
+        "at": dict(finding.at),
+        "value": finding.value,
+        "unit": finding.unit,
+        "u": finding.u,
+        "k": finding.k,
+        "expanded": finding.expanded,
+        "dof": finding.dof,
+        "interval": None if finding.interval is None else dataclasses.asdict(finding.interval),
+        "limits": sides or None,
+        "guard": limits.guard_k,
+        "verdict": finding.verdict,
+        "marginal": finding.marginal,
+        "flags": list(finding.flags),
+        "budget": [_line(line) for line in finding.budget],
+        "steps": list(finding.steps),
+    }
+
+
+def _line(line: BudgetLine) -> dict[str, Any]:
+    return {"source": line.source, "type": line.type, "u": line.u, "dof": line.dof, "shared": line.shared}

@@ -1,0 +1,77 @@
+"""What did not come over the wires in a run: a line for each channel, and tables of acquisitions and of gaps."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+from bench.config.models import BenchFile
+from bench.metrology.gaps import EVENT, Missed
+from bench.metrology.run_data import RunData
+from bench.sequence.dwells import first_visit
+from bench.store.reader import RunReader
+
+
+@dataclass(frozen=True, slots=True)
+class MissedIn:
+    """What did not come of a channel of a device during an acquisition."""
+
+    step: str
+    device: str
+    channel: str
+    missed: Missed
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the journal of the run."""
+        return {
+            "step": self.step, "device": self.device, "channel": self.channel, **dataclasses.asdict(self.missed),
+        }  # fmt: skip
+
+    @classmethod
+    def of_event(cls, step: str, data: Mapping[str, Any]) -> Self:
+        """From an entry of the journal."""
+        content = dict(data)
+        return cls(step, content.pop("device"), content.pop("channel"), Missed.of_json(content))
+
+    def in_words(self) -> str:
+        """For `bench reduce`, which speaks English."""
+        told = f"{self.step}: {self.device} {self.channel}: {self.missed.lost} of {self.missed.expected}"
+        gaps = f"{self.missed.gaps} gap{'s' * (self.missed.gaps > 1)}"
+        return f"{told} {self.missed.what} lost, in {gaps}{_not_used(self.missed.unusable)}"
+
+
+def _not_used(why: Sequence[str]) -> str:
+    return f"; not used: {', '.join(why)}" if why else ""
+
+
+def missed_in_run(
+    reader: RunReader, bench: BenchFile, places: Iterable[str], data: Sequence[RunData]
+) -> tuple[MissedIn, ...]:
+    """What did not come of the units in these places.
+
+    Of acquisitions in `data` by what was recorded; of others, which no method reduces, by what the journal says, of a
+    step that was done again the last time.
+    """
+    entries = [bench.places[place] for place in places]
+    used = {
+        (role, channel)
+        for entry in entries
+        for role in bench.measuring(entry)
+        for channel in entry.measured_by.values()
+    }
+    reduced = {each.step: each for part in data for each in part.acquisitions}
+    found = [
+        MissedIn(step, device, channel, missed)
+        for step, acquisition in reduced.items()
+        for (device, channel), missed in acquisition.missed.items()
+    ]
+    visits = set(map(first_visit, reduced))
+    others = {
+        (first_visit(event.step), event.data["device"], event.data["channel"]): event
+        for event in reader.events(EVENT)
+        if first_visit(event.step) not in visits
+    }
+    found += [MissedIn.of_event(event.step, event.data) for event in others.values()]
+    return tuple(each for each in found if (each.device, each.channel) in used)

@@ -1,0 +1,161 @@
+"""A run directory as something to reduce and to report, finished or not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from bench.config.bench import load_kept_bench
+from bench.errors import StoreError
+from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.offline.calibration_file import read_calibration
+from bench.reduce.acquisitions import run_data
+from bench.reduce.corrections import told
+from bench.reduce.evaluate import Results, evaluate
+from bench.reduce.gaps import MissedIn, missed_in_run
+from bench.reduce.journal import OnTheWay, on_the_way
+from bench.sequence.load import load_sequence
+from bench.sequence.method import CountsAt, known_methods
+from bench.store.kept_json import LIMIT_BYTES, read_kept
+from bench.store.manifest_form import WHOLE_FORM
+from bench.store.reader import RunReader
+from bench.store.runs import MANIFEST, SEAL, summary
+from bench.store.verify import Record, examine
+from drivers.schema.bounded import UnfitFileError, expect_bounded
+
+MOST_TOLD = 3  # places of damage
+SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
+
+
+def released_copy(place: str) -> str:
+    """What the copy of the calibration is called that was given to a run for the unit in a place."""
+    return f"released_{place}.json"
+
+
+class StoredRun:
+    """A run's manifest, its kept files and its data together; raises InputError or StoreError for what is missing."""
+
+    def __init__(
+        self, folder: Path, manifest: Mapping[str, Any], reader: RunReader, record: Record | None = None
+    ) -> None:
+        self.folder, self.manifest, self.reader = folder, manifest, reader
+        self.record = record
+        self.bench = load_kept_bench(folder / BENCH_COPY)
+        self.document, self.sequence = load_sequence(folder / SEQUENCE_COPY)
+        self.serials = {unit["place"]: unit["uut"] for unit in manifest["units"]}
+        self._data: dict[str, RunData] = {}
+        self._evaluated: dict[str, Results] = {}  # by the state of the run
+
+    @property
+    def damage(self) -> tuple[str, ...]:
+        """What is not as it was written; empty of a record that was not examined."""
+        return self.record.damage if self.record is not None else ()
+
+    @property
+    def began(self) -> datetime:
+        """The UTC instant at which bench time began."""
+        event = next(self.reader.events("run_begins"), None)
+        return datetime.fromisoformat(event.data["utc"] if event else self.manifest["started"])
+
+    def data(self, label: str) -> RunData:
+        """What was acquired under a label."""
+        if label not in self._data:
+            counted = {known_methods()[each.method].counts_at for each in self.sequence.results if label in each.labels}
+            windows = counted == {"windows"}
+            data = run_data(self.reader, self.bench, self.serials, label, windows=windows)
+            self._data[label] = replace(data, units=tuple(map(self._with_calibration, data.units)))
+        return self._data[label]
+
+    def _with_calibration(self, unit: UnitUnderTest) -> UnitUnderTest:
+        """A unit with the calibration that the run was given for it, if it was."""
+        if unit.place not in self.manifest.get("released", {}):
+            return unit
+        return replace(unit, released=read_calibration(self.folder / released_copy(unit.place)).released())
+
+    def counted_at(self, what: CountsAt) -> list[RunData]:
+        """What was acquired for methods that count in one of these ways."""
+        entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
+        return [self.data(label) for label in dict.fromkeys(label for entry in entries for label in entry.labels)]
+
+    def evaluate(self) -> Results:
+        """The findings of the methods that the sequence asks for; worked out once for a state of the run."""
+        state = str(self.manifest["state"])
+        if state not in self._evaluated:
+            found = evaluate(self.sequence, self.data, state, self.on_the_way)
+            self._evaluated[state] = replace(
+                found,
+                verdict="ERROR" if self.damage else found.verdict,
+                corrections=tuple(self.corrections()),
+                past_due=self.bench.past_due(self.began.date()),
+                missed=self.missed(),
+            )
+        return self._evaluated[state]
+
+    @property
+    def on_the_way(self) -> OnTheWay:
+        """What its journal holds."""
+        places = self.bench.places
+        return on_the_way(self.reader, [place for place in self.serials if not places[place].says_power_cycles])
+
+    def corrections(self) -> Iterator[str]:
+        """A line for each instrument whose readings are corrected in the reduction of this run."""
+        return told(self.bench, self._reduced())
+
+    def missed(self) -> tuple[MissedIn, ...]:
+        """What did not come over the wires of the units, acquisition by acquisition."""
+        return missed_in_run(self.reader, self.bench, self.serials, self._reduced())
+
+    def _reduced(self) -> list[RunData]:
+        """What was acquired for methods."""
+        labels = dict.fromkeys(label for entry in self.sequence.results for label in entry.labels)
+        return [self.data(label) for label in labels]
+
+
+def _without_manifest(folder: Path) -> str:
+    """What to do about a manifest that cannot be read."""
+    if (folder / SEAL).exists():
+        return "it existed when the run was sealed: restore it from a copy"
+    return "without it the run cannot be read: restore it from a copy; a run killed at its start has none"
+
+
+@contextmanager
+def _what_is_left_of(record: Record) -> Iterator[None]:
+    """Raise StoreError in place of what altered contents of a damaged record make of whatever reads them."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
+        if not record.damage:
+            raise
+        raise StoreError(
+            f"{record.folder}: {record.in_words}. What is left of it cannot be read ({type(problem).__name__}: "
+            f"{problem}). Restore it from a copy"
+        ) from problem
+
+
+@contextmanager
+def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
+    """A run directory to read, whatever state it is in; an interrupted run holds what was acknowledged.
+
+    One that is not as it was written is refused with StoreError, unless `damaged` ones are taken too.
+    """
+    try:
+        expect_bounded(folder / MANIFEST, LIMIT_BYTES)
+    except UnfitFileError as problem:
+        raise StoreError(f"{folder / MANIFEST}: {problem}; {_without_manifest(folder)}") from problem
+    record = examine(folder, thoroughly=False)
+    if record.damage and not damaged:
+        raise StoreError(
+            f"{folder}: {record.in_words}. {'; '.join(record.damage[:MOST_TOLD])}. It is not read, to avoid "
+            "results from altered data. Restore it from a copy, or read it with --damaged, which marks everything "
+            "written from it"
+        )
+    manifest = read_kept(folder / MANIFEST, WHOLE_FORM)
+    state = summary(folder).state
+    with _what_is_left_of(record), RunReader(folder) as reader:
+        yield StoredRun(
+            folder, {**manifest, "state": manifest["state"] if state == "damaged" else state}, reader, record
+        )

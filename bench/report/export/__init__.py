@@ -1,0 +1,1 @@
+"""A run's data as files for other programs."""

@@ -1,0 +1,66 @@
+"""A run's data for MATLAB and Octave: one MAT-file of version 5 with struct arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.errors import InputError
+from bench.files import written_whole
+from bench.reduce.stored_run import StoredRun
+from bench.report.export.tables import JOURNAL, READINGS, Column, acquired, journal, readings
+
+MATLAB = "run.mat"
+
+
+def export_matlab(run: StoredRun, out: Path) -> list[Path]:
+    """`run.mat` with struct arrays `readings`, `journal` and one of each kind of output, and the struct `run`.
+
+    An element of `readings` is a channel, of an output an acquisition by a channel, of `journal` an event; series are
+    columns. A variable of a MAT-file is a whole, so all of it is in memory at once; InputError where it is more
+    than the format holds.
+    """
+    from scipy.io import savemat
+    from scipy.io.matlab import MatWriteError
+
+    content = {
+        "run": _about(run),
+        "readings": _structs(READINGS, ((each.name, each.unit, each.at_s, each.values) for each in readings(run))),
+        **{
+            name: _structs(table.columns, ((*words.values(), *rows.values()) for words, rows in table.parts(run)))
+            for name, table in acquired(run).items()
+        },
+        "journal": _structs(
+            JOURNAL, ((event.seq, event.at_s, event.kind, event.step, data) for event, data in journal(run))
+        ),
+    }
+    path = out / MATLAB
+    try:
+        with written_whole(path) as draft:
+            savemat(draft, content, appendmat=False, do_compression=True, oned_as="column")
+    except MatWriteError as problem:
+        raise InputError(f"{path}: cannot be written ({problem}); --format hdf5 has no limit of size") from problem
+    return [path]
+
+
+def _about(run: StoredRun) -> Mapping[str, Any]:
+    """What MATLAB shows for `run`: which run it is, and the unit of each column with one."""
+    outputs = {name: table.columns for name, table in acquired(run).items()}
+    units = {
+        table: {name: column.unit for name, column in columns.items() if column.unit}
+        for table, columns in {"readings": READINGS, **outputs, "journal": JOURNAL}.items()
+    }
+    return {"id": run.manifest["run"], "title": run.manifest["title"], "began": run.began.isoformat(), "units": units}
+
+
+def _structs(columns: Mapping[str, Column], rows: Iterable[tuple[object, ...]]) -> NDArray[Any]:
+    """A struct array (n, 1) with a field for each column; names are as MATLAB wants them."""
+    found = list(rows)
+    array = np.empty((len(found), 1), dtype=[(name, object) for name in columns])
+    for index, row in enumerate(found):
+        array[index, 0] = row
+    return array

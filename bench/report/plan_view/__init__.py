@@ -1,0 +1,1 @@
+"""A plan before its run: timeline and picture."""
