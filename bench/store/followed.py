@@ -76,8 +76,9 @@ def _text(value: object) -> str:
 
 
 def _temperature(value: object) -> float | None:
-    fits = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _HOTTEST_C
-    return float(value) if fits else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if abs(value) < _HOTTEST_C else None
 
 
 def read_lines(path: Path) -> Iterator[dict[str, Any]]:
