@@ -151,3 +151,15 @@ def test_a_run_that_begins_meanwhile_has_the_bench(bench, far, tmp_path, state):
     assert run.code() == 0
     assert "'bench make-safe' hands the bench over" in run.told.read_text("utf-8")
     assert events(state)[:2] == ["commanded", "handed_over"]
+
+
+def test_a_chamber_that_a_guardian_follows_already_is_left_to_it(bench, far, tmp_path):
+    run = Process(far, tmp_path)
+    run.until_step("steps/wait")
+    done = make_safe("--bench", str(far))
+    assert done.returncode == 0, done.stderr
+    assert run.code() == 4
+    assert run.path is not None
+    assert f"On its way, followed by the guardian of {run.path.name}, process " in done.stderr
+    assert events(run.path) == ["commanded"]
+    assert followed(run.path)[0]["by"] == f"the guardian of {run.path.name}"
