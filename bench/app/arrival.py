@@ -107,7 +107,7 @@ class _Watched:
         self._show_all()
         if left := self.on_its_way:
             who = f"followed by {' and '.join(self._others)}" if self._others else "followed by nobody"
-            self._notice(
+            self._say(
                 f"On its way, {who}: {', '.join(left)}. 'bench make-safe {self._bench} --wait' waits until its air has "
                 f"arrived, 'bench devices {self._bench}' shows where it is."
             )
@@ -119,14 +119,19 @@ class _Watched:
             self.good = self.following.follow(self._show_all)
         except Exception as problem:  # noqa: BLE001  the thread has nobody else to tell
             self.good = False
-            self._notice(f"The chambers cannot be followed any more: {type(problem).__name__}: {problem}")
+            self._say(f"The chambers cannot be followed any more: {type(problem).__name__}: {problem}")
             return
         self._show_all()
         if left := self.on_its_way:
-            self._notice(
+            self._say(
                 f"Not followed any more: {', '.join(left)}. The safe set point stays commanded; whether the air "
                 f"arrives is not known. 'bench make-safe {self._bench} --wait' follows it again."
             )
+
+    def _say(self, text: str) -> None:
+        """Tell a person, whose terminal may be closed; the record is kept all the same."""
+        with suppress(OSError, ValueError):
+            self._notice(text)
 
     def _show_all(self) -> None:
         """Tell of each chamber that was not told of for a while, or whose course is over."""
@@ -134,7 +139,7 @@ class _Watched:
             last = self._shown.get(role)
             if last is None or (course.is_over and not last[1]) or self._is_due(course, last[0]):
                 self._shown[role] = Stopwatch(), course.is_over
-                self._notice(f"{role}: {in_words(course)}")
+                self._say(f"{role}: {in_words(course)}")
 
     @staticmethod
     def _is_due(course: Course, last: Stopwatch) -> bool:

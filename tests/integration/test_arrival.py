@@ -133,6 +133,15 @@ def test_ctrl_c_ends_the_wait_and_leaves_the_chamber_as_commanded(bench, far, st
     assert events(state) == ["commanded", "ended"]
 
 
+def test_a_terminal_that_is_closed_ends_the_wait_with_that_on_record(bench, far, state):
+    waiting = Waiting(far)
+    waiting.process.stderr.close()
+    waiting.process.send_signal(signal.SIGHUP)
+    assert waiting.process.wait(30) in (3, 4)  # 3: what it says last is lost
+    assert bench.state() == AWAY
+    assert events(state) == ["commanded", "ended"]
+
+
 def test_a_chamber_that_does_not_arrive_is_no_success(bench, far, state):
     waiting = Waiting(far)
     bench.energise()  # somebody commands it away
