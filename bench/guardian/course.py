@@ -27,6 +27,7 @@ class Course:
     """What looks at a chamber, from when its run is over, come to; `noted` is what is new for the record.
 
     A chamber that is `held` is to be commanded to its safe set point as soon as `hold_is_over`, which is a reason.
+    `state` is that of the last look that succeeded, `why_unseen` why the last one did not, `end` how the course ended.
     Times are those of any clock that never goes back, in s.
     """
 
@@ -38,10 +39,18 @@ class Course:
         self.hold_is_over = ""
         self.is_held, self.is_over = held, False
         self.noted: list[Noted] = []
+        self.state: ChamberState | None = None
+        self.why_unseen = ""
+        self.end: Noted | None = None
+
+    @property
+    def target_c(self) -> float:
+        """The safe set point, in °C."""
+        return self._arrival.target_c
 
     def seen(self, at_s: float, state: ChamberState) -> None:
         """Take a look that succeeded."""
-        self._seen_s = at_s
+        self._seen_s, self.state, self.why_unseen = at_s, state, ""
         if self.is_held:
             self._seen_held(at_s, state)
         elif problem := self._arrival.problem(at_s, state):
@@ -51,6 +60,7 @@ class Course:
 
     def unseen(self, at_s: float, why: str, *, in_use: bool = False) -> None:
         """Take a look that failed; a bench that is `in_use` for long is that of another program."""
+        self.why_unseen = why
         if self.is_held and at_s >= self.hold_ends_s:
             self.hold_is_over = self.hold_is_over or "its time is over"
         if at_s - max(self._seen_s, self.hold_ends_s) <= GONE_S:
@@ -76,7 +86,7 @@ class Course:
         """Somebody works at the bench, and nothing more is commanded."""
         self._end(Noted("not_arrived", f"the bench is {why}"))
 
-    def end(self, why: str) -> None:
+    def leave(self, why: str) -> None:
         """Nobody follows the chamber any more."""
         self._end(Noted("ended", why))
 
@@ -95,5 +105,5 @@ class Course:
         self.hold_is_over = self.hold_is_over or wrong
 
     def _end(self, noted: Noted) -> None:
-        self.is_over = True
+        self.is_over, self.end = True, noted
         self.noted.append(noted)

@@ -14,6 +14,7 @@ from bench.analysis.limits import Limits
 from bench.analysis.models import TemperatureModel
 from bench.analysis.rundata import RunData
 from bench.report import missed, page, tables
+from bench.report.afterwards import Afterwards, lines
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells, budgets_of_points
 from bench.report.course import course_of, course_plot
 from bench.report.findings import Results
@@ -50,7 +51,7 @@ class UnitSection:
     budgets_of_dwells: tuple[BudgetsOfDwells, ...]
 
 
-def render(run: StoredRun, results: Results | None, not_evaluated: str, revision: Revision) -> str:
+def render(run: StoredRun, results: Results | None, not_evaluated: str, revision: Revision, after: Afterwards) -> str:
     """The whole page; without results `not_evaluated` says why. Equal runs give equal pages, wall-clock facts apart."""
     data = _data(run) if results is not None else []
     instruments = page.instruments(run)
@@ -75,6 +76,8 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         problems=problems,
         notes=notes,
         most_notes=MOST_NOTES,
+        after=list(lines(after, run.bench.site.time_zone)),
+        is_late=after.is_late,
         times=page.times(run),
         site=page.site(run),
         instruments=instruments,
