@@ -32,6 +32,8 @@ def _in_words(entry: dict[str, Any]) -> str:
             return f"safe since {at}: {entry.get('what', '')}"
         case "held" | "reading":
             return f"held at {entry.get('set_point_c')} °C{air} at {at}; its guardian ends that"
+        case "not_seen":
+            return f"held, and could not be looked at at {at}: {why}"
         case "arrived":
             return f"arrived at {at}{air}"
         case "not_arrived":
