@@ -117,7 +117,8 @@ def _other(course: Sequence[Mapping[str, Any]]) -> str:
     other = [each for each in course[1:] if each["event"] not in ("reading", "handed_over")]
     if not other:
         return "its guardian has not handed it over"
-    return other[0]["event"].replace("_", " ") + (f", {other[0]['why']}" if other[0].get("why") else "")
+    event, why = str(other[0]["event"]).replace("_", " "), other[0].get("why")
+    return f"{event}, {why}" if why else event
 
 
 def _instant(line: Mapping[str, Any]) -> Instant:

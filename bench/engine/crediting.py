@@ -39,7 +39,8 @@ class SoakCredit:
 
     def __init__(self, step: str, claim: Proved | str) -> None:
         self._step = step
-        self._proved, self._why = (None, claim) if isinstance(claim, str) else (claim, "")
+        self._proved = None if isinstance(claim, str) else claim
+        self._why = claim if isinstance(claim, str) else ""
         self._credit_s = self._looked_s = 0.0
         self._is_open = True
 
@@ -89,11 +90,10 @@ class SoakCredit:
         chamber, soaked, held = self._proved
         given_s = round(min(self._credit_s, step.at_least_s), 3)
         facts: dict[str, Any] = {"chamber": chamber.role, "set_point_c": soaked.set_point_c, "band_c": chamber.band_c}
-        facts |= {"since_s": soaked.since_s, "until_s": self._looked_s}
-        facts |= {"looks": held.looks, "longest_gap_s": round(held.longest_s, 3)}
+        facts |= {"since_s": soaked.since_s, "looks": held.looks, "longest_gap_s": round(held.longest_s, 3)}
         journal.write("soak_credit", step_id, credit_s=given_s, at_least_s=step.at_least_s, **facts)
         return given_s, (
-            f"The soak {step_id} is credited with {given_s / 60:.1f} of {step.at_least_s / 60:g} min: {chamber.role} "
+            f"The soak {step_id} is credited with {given_s / 60:.3g} of {step.at_least_s / 60:g} min: {chamber.role} "
             f"was held at {soaked.set_point_c:g} °C, its air within {chamber.band_c:g} °C, without a gap."
         )
 

@@ -22,6 +22,19 @@ from tests.support.runs import ROOT
 pytestmark = pytest.mark.integration
 WITHIN_S = 30.0
 HELD = {**SAFE, "chamber": HOT_C}
+SOAKED_C, SOAK_S, BEFORE_S = 20.4, 12.0, 1.0  # where the air is nearly, so that it is within the band at once
+SOAKED = f"""\
+schema: itb-sequence/1
+title: Soaked
+needs: {{supply: power_supply, chamber: thermal_chamber, unit_temperature: thermometer}}
+steps:
+  - {{ramp: chamber, to: {SOAKED_C} °C, at: 1200 °C/min}}
+  - {{soak: unit_temperature, at_least: {SOAK_S:g} s}}
+  - {{set: supply, voltage: 15 V, current_limit: 120 mA, output: on}}
+  - wait: 1 h
+teardown:
+  - {{set: supply, output: off}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -142,3 +155,37 @@ def test_a_resumed_run_takes_a_held_chamber_over_as_it_is(bench, tmp_path):
         told = resumed.communicate(timeout=60)[1]
     assert "held at its set point" in told
     assert bench.state() == SAFE
+
+
+def test_a_soak_of_a_resumed_run_has_credit_for_the_time_in_which_its_chamber_was_held(bench, tmp_path):
+    quick = holding(bench, tmp_path / "own")
+    quick.write_text(quick.read_text("utf-8").replace("  period: 1 s\n", "  {period: 1 s, devices: 1 s}\n"), "utf-8")
+    run = Process(quick, tmp_path, text=SOAKED)
+    run.until_step("steps/soak")
+    began_s = time.monotonic() - 1.0  # before it was seen
+    time.sleep(BEFORE_S + 1.0)  # and until its chamber was read
+    run.process.kill()
+    run.process.wait()
+    until(lambda: has_made_safe(run.path))
+    until(lambda: course(run) == ["held"])
+    assert bench_command("acknowledge", str(run.path), "--reason", "a test").returncode == 0
+    resumed = subprocess.Popen(
+        [sys.executable, "-m", "bench", "resume", str(run.path), "--interrupted"],
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, cwd=ROOT,
+    )  # fmt: skip
+    try:
+        until(lambda: "soak_credit" in kinds_since_resumed(run))
+        passed_s = time.monotonic() - began_s
+        until(lambda: "steps/soak~2" in [each.step for each in journal(run.path) if each.kind == "step_ended"])
+    finally:
+        resumed.send_signal(signal.SIGTERM)
+        told = resumed.communicate(timeout=60)[1]
+    entries = journal(run.path)
+    (credit,) = (each for each in entries if each.kind == "soak_credit")
+    (again,) = (each for each in entries if each.kind == "step_ended" and each.step == "steps/soak~2")
+    assert BEFORE_S <= credit.data["credit_s"] <= passed_s, credit.data
+    assert again.data["soaked_s"] == pytest.approx(max(SOAK_S - credit.data["credit_s"], 0.0), abs=1.0)
+    assert credit.data["looks"] >= 1
+    assert credit.data["longest_gap_s"] < passed_s
+    assert "The soak steps/soak~2 is credited with" in told
+    assert "counted as passed: its chamber was held" in (run.path / "report.html").read_text("utf-8")
