@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 
 import bench.engine.crediting as crediting_module
+from bench.app.credited import credit_of
+from bench.app.resume import Resumption
+from bench.config.bench import load_bench
 from bench.engine.credit import Chamber, Held, Instant, Look, NoCredit, Soaked, credit_s, held
 from bench.engine.crediting import Proved, SoakCredit
 from bench.engine.past import past_of, under_way_of
@@ -527,6 +530,42 @@ def test_a_soak_under_way_is_found_in_branches_and_passes():
             ("step_begins", "steps/while/pass=2/soak", {})]  # fmt: skip
     past = past_of(Event(seq, float(seq), *row) for seq, row in enumerate(rows))
     assert [each.id for each in under_way_of((branches,), past)] == ["steps/while/pass=2/soak"]
+
+
+class Planned(tuple[PlannedStep, ...]):
+    """A plan of steps alone."""
+
+    setup: tuple[PlannedStep, ...] = ()
+
+    @property
+    def steps(self) -> tuple[PlannedStep, ...]:
+        return tuple(self)
+
+
+@pytest.mark.parametrize(
+    ("held_now", "restarted", "chambers", "why"),
+    [
+        ((), (), 1, "chamber was not held until now"),
+        (("chamber",), ("steps/group",), 1, "steps/group is done again from its first step"),
+        (("chamber",), (), 0, "does not have one chamber"),
+        (("chamber",), (), 2, "does not have one chamber"),
+        (("chamber",), (), 1, "run.sqlite"),  # there is no record
+    ],
+)
+def test_what_cannot_be_read_or_has_no_held_chamber_gives_no_credit(tmp_path, held_now, restarted, chambers, why):
+    file = load_bench(Path(__file__).parents[2] / "config/simulated.yaml").bench
+    others = {role: entry for role, entry in file.devices.items() if role != "chamber"}
+    devices = {**others, **{f"chamber{number or ''}": file.devices["chamber"] for number in range(chambers)}}
+    entries = tuple(Event(seq, *row) for seq, row in enumerate(journal()))
+    past = past_of(entries)
+    past.restarted = restarted
+    plan = Planned([PlannedStep("steps/soak", "steps", soak("1 h"), {}, ())])
+    prepared: Any = SimpleNamespace(
+        plan=plan, loaded=SimpleNamespace(bench=file.model_copy(update={"devices": devices}))
+    )
+    credit = credit_of(Resumption(tmp_path / RUN, {}, entries, LAST_READ_S, past), prepared, held_now)
+    assert credit is not None
+    assert why in credit.given_s(soak("1 h"), "steps/soak~2", Written(), Written())[1]
 
 
 def test_a_look_that_failed_is_told_of_a_chamber_that_is_held(tmp_path):
