@@ -40,13 +40,15 @@ class SoakCredit:
     def __init__(self, step: str, claim: Proved | str) -> None:
         self._step = step
         self._proved = None if isinstance(claim, str) else claim
-        self._why = claim if isinstance(claim, str) else ""
+        self._why = ""
+        if isinstance(claim, str):
+            self.rule_out(claim)
         self._credit_s = self._looked_s = 0.0
         self._is_open = True
 
     def rule_out(self, why: str) -> None:
         """There is no credit, for the first reason that there was."""
-        self._why = self._why or why
+        self._why = self._why or why.rstrip(".")
 
     async def look(self, rig: Rig) -> None:
         """Look at the chamber before this run commands anything: until then the time counts."""

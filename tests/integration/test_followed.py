@@ -24,7 +24,7 @@ from tests.support.runs import ROOT
 pytestmark = pytest.mark.integration
 WITHIN_S = 30.0
 HELD = {**SAFE, "chamber": HOT_C}
-SOAKED_C, SOAK_S, BEFORE_S = 20.4, 12.0, 1.0  # where the air is nearly, so that it is within the band at once
+SOAKED_C, SOAK_S, BEFORE_S = 20.4, 10.0, 1.0  # where the air is nearly, so that it is within the band at once
 SOAKED = f"""\
 schema: itb-sequence/1
 title: Soaked
@@ -52,6 +52,15 @@ def bench(served, tmp_path, monkeypatch) -> Iterator[Wires]:
     yield served
     end_following(served.bench)
     bench_command("make-safe", "--bench", str(served.bench))
+
+
+@pytest.fixture
+def cool(tmp_path, monkeypatch) -> Iterator[Wires]:
+    """A bench whose air nobody has heated yet."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    with wires(tmp_path / "served") as found:
+        yield found
+        end_following(found.bench)
 
 
 def bench_command(*words: str) -> subprocess.CompletedProcess[str]:
@@ -196,8 +205,8 @@ def soak_credit(run: Process) -> dict[str, Any]:
     return dict(credit.data)
 
 
-def test_a_soak_of_a_resumed_run_has_credit_for_the_time_in_which_its_chamber_was_held(bench, tmp_path):
-    run, before_s = killed_in_its_soak(bench, tmp_path)
+def test_a_soak_of_a_resumed_run_has_credit_for_the_time_in_which_its_chamber_was_held(cool, tmp_path):
+    run, before_s = killed_in_its_soak(cool, tmp_path)
     with resuming(run) as told:
         until(lambda: "soak_credit" in kinds_since_resumed(run))
         passed_s = time.monotonic() - before_s
@@ -212,9 +221,9 @@ def test_a_soak_of_a_resumed_run_has_credit_for_the_time_in_which_its_chamber_wa
     assert "counted as passed: its chamber was held" in (run.path / "report.html").read_text("utf-8")
 
 
-def test_a_soak_has_no_credit_where_somebody_switched_the_unit_on_meanwhile(bench, tmp_path):
-    run, _ = killed_in_its_soak(bench, tmp_path)
-    bench.switch_supply_on()
+def test_a_soak_has_no_credit_where_somebody_switched_the_unit_on_meanwhile(cool, tmp_path):
+    run, _ = killed_in_its_soak(cool, tmp_path)
+    cool.switch_supply_on()
     with resuming(run) as told:
         until(lambda: "soak_credit" in kinds_since_resumed(run))
     credit = soak_credit(run)

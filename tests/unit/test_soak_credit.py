@@ -549,7 +549,7 @@ class Planned(tuple[PlannedStep, ...]):
         (("chamber",), ("steps/group",), 1, "steps/group is done again from its first step"),
         (("chamber",), (), 0, "does not have one chamber"),
         (("chamber",), (), 2, "does not have one chamber"),
-        (("chamber",), (), 1, "run.sqlite"),  # there is no record
+        (("chamber",), (), 1, "there is no such file"),  # there is no record
     ],
 )
 def test_what_cannot_be_read_or_has_no_held_chamber_gives_no_credit(tmp_path, held_now, restarted, chambers, why):
