@@ -11,16 +11,22 @@ from drivers.values import ChamberState
 
 GONE_S = 600.0  # for which nobody could look at a chamber, after which its course is over
 
-Event = Literal["held", "reading", "hold_ends", "commanded", "arrived", "not_arrived", "handed_over", "ended"]
+Event = Literal[
+    "held", "reading", "not_seen", "hold_ends", "commanded", "arrived", "not_arrived", "handed_over", "ended"
+]
 
 
 class Noted(NamedTuple):
-    """Something for the record: temperatures in °C, `why` for what is not as it should be."""
+    """Something for the record: temperatures in °C, `why` for what is not as it should be.
+
+    `from_safe_c` is how far the last command to the chamber is from its safe set point, 0 where it is switched off.
+    """
 
     event: Event
     why: str = ""
     air_c: float | None = None
     set_point_c: float | None = None
+    from_safe_c: float | None = None
 
 
 class Course:
@@ -61,6 +67,8 @@ class Course:
     def unseen(self, at_s: float, why: str, *, in_use: bool = False) -> None:
         """Take a look that failed; a bench that is `in_use` for long is that of another program."""
         self.why_unseen = why
+        if self.is_held:
+            self.noted.append(Noted("not_seen", why))  # what it did meanwhile is not known
         if self.is_held and at_s >= self.hold_ends_s:
             self.hold_is_over = self.hold_is_over or "its time is over"
         if at_s - max(self._seen_s, self.hold_ends_s) <= GONE_S:
@@ -91,7 +99,7 @@ class Course:
         self._end(Noted("ended", why))
 
     def _seen_held(self, at_s: float, state: ChamberState) -> None:
-        noted = Noted("held", "", state.process_value_c, state.target_c)
+        noted = Noted("held", "", state.process_value_c, state.target_c, state.from_safe_c)
         if self._held_c != self._held_c:  # the first look
             self._held_c = state.target_c
         else:

@@ -11,7 +11,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from bench.clock import wall_utc
+from bench.clock import boot_id, since_boot_s, wall_utc
 from bench.errors import StoreError
 from bench.files import append_line
 from bench.store.machine_state import append_record
@@ -36,8 +36,10 @@ class Notes:
         self._terminal.do(partial(_tell, text if self._run is None else f"{self._run.name}: {text}"))
 
     def entry(self, event: str, **facts: object) -> None:
-        """An entry, durable in both places."""
-        entry = {"at": wall_utc().isoformat(timespec="milliseconds"), **self._marks, "event": event, **facts}
+        """An entry, durable in both places, with the time of day and that since which start of the computer."""
+        since = {"boot": boot_id(), "up_s": round(since_boot_s(), 3)}  # the time of day may be set meanwhile
+        at = wall_utc().isoformat(timespec="milliseconds")
+        entry = {"at": at, **since, **self._marks, "event": event, **facts}
         self.do(partial(self._append, json.dumps(entry, ensure_ascii=False)))
 
     def do(self, work: Callable[[], object]) -> None:

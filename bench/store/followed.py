@@ -16,7 +16,7 @@ from drivers.bounded import UnfitFileError, read_bounded
 FOLLOWED = "followed.jsonl"
 LIMIT_BYTES = 16 * 2**20
 _TEXT_AT_MOST, _HOTTEST_C = 400, 1e4
-_STATES = ("commanded", "held", "reading", "hold_ends", "arrived", "not_arrived", "handed_over", "ended")
+_STATES = ("commanded", "held", "reading", "not_seen", "hold_ends", "arrived", "not_arrived", "handed_over", "ended")
 
 
 class Followed(NamedTuple):
@@ -59,6 +59,8 @@ def _in_words(entry: Followed) -> str:
         case "held" | "reading":
             held = "its set point" if entry.set_point_c is None else f"{entry.set_point_c:g} °C"
             return f"held at {held}{air} at {at}; its guardian ends that"
+        case "not_seen":
+            return f"held, and could not be looked at at {at}: {why}"
         case "arrived":
             return f"arrived at {at}{air}"
         case "not_arrived":
