@@ -41,6 +41,8 @@ def soaked(record: Record, step: str, chamber: Chamber) -> Soaked:
     entries, begun = _of_its_process(record.entries, step)
     _expect_nothing_energised(entries, begun, record)
     _expect_undisturbed(entries, begun, chamber)
+    if any(each.kind == "clock_step" and each.data.get("slept_s") for each in entries):  # bench time stood still
+        raise NoCredit("the computer slept during the run")
     set_point_c = _set_point_c(entries, begun, chamber)
     begun_s, first = entries[begun].at_s, entries[0]
     air_s, air_c = _readings(record.air, begun_s)

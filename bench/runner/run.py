@@ -80,7 +80,7 @@ async def run_plan(
         found = await _energised_before(rig, bench, left_on, journal, observer, signals)
         if left_on.by or found:
             await _make_what_was_left_on_safe(rig, left_on, journal)
-        if past is not None and past.credit is not None:
+        if past is not None and past.credit is not None and signals.first is None:
             if names := ", ".join({**left_on.by, **found}):
                 past.credit.rule_out(f"{names} was found energised")
             await past.credit.look(rig)

@@ -156,6 +156,7 @@ RECORDS: dict[str, tuple[Callable[[], Soaked], str]] = {
     "no time since the start": (lambda: proved(entries=begun(up_s=None)), "which start"),
     "that time is no number": (lambda: proved(entries=begun(up_s="5000")), "which start"),
     "clock step": (lambda: proved((150.0, "clock_step", "", {"set_by_s": -3600.0, "slept_s": 0})), "clock was set"),
+    "slept before": (lambda: proved((50.0, "clock_step", "", {"set_by_s": 0.0, "slept_s": 20})), "computer slept"),
     "suspended": (lambda: proved((150.0, "stalled", "", {"for_s": 20.0})), "stood still"),
     "on battery": (lambda: proved((150.0, "power", "", {"state": "battery", "text": ""})), "line power"),
     "on battery before": (
