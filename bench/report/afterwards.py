@@ -40,7 +40,7 @@ def afterwards(run: Path, chambers: Collection[str]) -> Afterwards:
             continue
         elif each.event in _LASTING:
             last[each.role] = each
-        else:
+        elif each.event == "hold_ends":
             holds[each.role] = each
     over = (hold for role, hold in holds.items() if role in last and last[role].event not in _HELD)
     return Afterwards(tuple(last.values()), tuple(over), unreadable)

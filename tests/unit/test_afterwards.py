@@ -54,6 +54,13 @@ ARRIVED = {"event": "arrived", "air_c": 26.4, "set_point_c": 25.0}
 LATE = {"event": "not_arrived", "why": "the air does not approach", "air_c": 60.0}
 
 
+def test_a_look_that_failed_is_no_end_of_a_hold(run):
+    unseen = {"event": "not_seen", "why": "it does not answer"}
+    told = after(written(run, {"event": "held", "set_point_c": 60.0, "air_c": 59.8}, unseen, COMMANDED))
+    assert "was held until" not in told
+    assert "the safe set point was commanded" in told
+
+
 def test_without_a_record_nothing_is_said(run):
     assert after(page(run)) == ""
 
