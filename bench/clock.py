@@ -38,11 +38,11 @@ class Stopwatch:
     """Real seconds since it was made, and those before, whatever bench time does; the computer's sleep counts."""
 
     def __init__(self, before_s: float = 0.0) -> None:
-        self._start_s = _since_boot_s() - before_s
+        self._start_s = since_boot_s() - before_s
 
     def elapsed_s(self) -> float:
         """Real seconds gone by."""
-        return _since_boot_s() - self._start_s
+        return since_boot_s() - self._start_s
 
 
 class ClockWatch:
@@ -66,10 +66,11 @@ class ClockWatch:
 
     @staticmethod
     def _now() -> tuple[float, float, float]:
-        return time.time(), _since_boot_s(), time.monotonic()
+        return time.time(), since_boot_s(), time.monotonic()
 
 
-def _since_boot_s() -> float:
+def since_boot_s() -> float:
+    """Seconds since the start of the computer, which nobody sets; its sleep counts."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 

@@ -11,16 +11,7 @@ from typing import Any, Self
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.errors import BenchError
-from drivers.capabilities import (
-    Device,
-    FrameSource,
-    Meter,
-    Positioner,
-    PulseCounter,
-    RateTable,
-    Source,
-    ThermalChamber,
-)
+from drivers.capabilities import Device, FrameSource, Meter, Positioner, PulseCounter, RateTable, Source, ThermalChamber
 from drivers.description import Setup, make_driver, unheard
 from drivers.errors import DriverError, Refused, WrongIdentity
 from drivers.person import NOBODY, Person

@@ -9,7 +9,7 @@ from typing import Any
 from bench.app.inputs import inputs_of
 from bench.app.request import PreparedRun
 from bench.app.resume import REQUEST, RESUMED, Resumption, request_json
-from bench.clock import Clock, boot_id
+from bench.clock import Clock, boot_id, since_boot_s
 from bench.config.models import BenchFile
 from bench.runner import manifest
 from bench.store.runs import MANIFEST, RunDirectory
@@ -52,7 +52,9 @@ def instant(bench: BenchFile, resumption: Resumption | None) -> datetime | None:
 def write_beginning(writer: RunWriter, clock: Clock, prepared: PreparedRun, resumption: Resumption | None) -> None:
     """Journal that a run begins, or that it goes on and after what outage; a real one with the boot of its computer."""
     utc = clock.utc().isoformat()
-    boot = {} if prepared.loaded.bench.is_simulated else {"boot": boot_id()}
+    boot: dict[str, Any] = {}
+    if not prepared.loaded.bench.is_simulated:
+        boot = {"boot": boot_id(), "up_s": round(since_boot_s(), 3)}
     if resumption is None:
         writer.event("run_begins", utc=utc, title=prepared.plan.sequence.title, seed=prepared.seed, **boot)
         if prepared.preflight:

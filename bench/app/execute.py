@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from bench.app.beginning import began, instant, keep_inputs, made_directory, write_beginning
 from bench.app.clock_record import ClockRecord
+from bench.app.credited import credit_of
 from bench.app.devices import open_devices
 from bench.app.faults import Faults
 from bench.app.finish import Finish
@@ -131,12 +132,13 @@ def _execute(
             return await _run(prepared, directory.path, world, observer, keep, signals, resumption, left_on)
 
         origin_s = 0.0
-        if resumption is not None and not bench.is_simulated:
-            origin_s = resumption.last_s + resumption.outage_s(now)
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
         left_on = register.begin(now)
         relieve(list(real_addresses(bench).values()), observer.notice)
+        if resumption is not None and not bench.is_simulated:
+            origin_s = resumption.last_s + resumption.outage_s(now)
+            resumption.past.credit = credit_of(resumption, prepared, left_on.held)
         with nullcontext() if trace is None else recording(trace, directory.path.name) as keep:
             ran = run_loop(main(), prepared.speed, origin_s)
         if ran.made_safe:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from bench.app.arrival import MadeSafe, run_of
 from bench.app.devices import open_devices
 from bench.app.faults import laboratory_of
 from bench.app.request import load_bench_named
@@ -18,7 +19,15 @@ from bench.lanes import Lane, longest_lane_s, make_safe_in_lanes
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import OWN_LIMIT_S, limits_to_make_safe
-from bench.runner.held import A_RESCUE, holding, is_followed, owners, real_addresses, why_locked_out
+from bench.runner.held import (
+    A_RESCUE,
+    energising_addresses,
+    holding,
+    is_followed,
+    owners,
+    real_addresses,
+    why_locked_out,
+)
 from bench.runner.takeover import END_BEYOND_S, take_over
 from bench.store.energised import Energised, energised, note_safe, record_made_safe
 from bench.store.machine_state import printable, problem_to_write
@@ -29,24 +38,26 @@ from drivers.transport.address import Address
 
 _pause = threading.Event().wait
 Notice = Callable[[str], object]
+Made = Callable[[MadeSafe], object]
 
 
 def make_safe(
-    name: str | None, notice: Notice, ended: Callable[[Lane], object], *, if_left_on: bool = False
-) -> Iterator[Lane]:
+    name: str | None, notice: Notice, ended: Callable[[Lane], object], made: Made = lambda _: None,
+    *, if_left_on: bool = False,
+) -> Iterator[Lane]:  # fmt: skip
     """Make the bench of a name or path safe; without one, every bench that a run may have left energised.
 
-    Whoever holds a bench is ended. `notice` receives what a person should know, `ended` each lane as it ends; a bench
-    on record whose file cannot be used is one lane. With `if_left_on` a bench is left as it is unless a run that is
-    over may have left an instrument of it on, and no guardian makes it safe or ends its hold. Raises InputError when
-    there is nothing to make safe.
+    Whoever holds a bench is ended. `notice` receives what a person should know, `ended` each lane as it ends, and
+    `made` each bench; a bench on record whose file cannot be used is one lane. With `if_left_on` a bench is left as it
+    is unless a run that is over may have left an instrument of it on, and no guardian makes it safe or ends its hold.
+    Raises InputError when there is nothing to make safe.
     """
     if name is not None:
         loaded = load_bench_named(name)
         if if_left_on and loaded.document.path.absolute() not in map(Path, _registered(notice, over=True)):
             notice(f"{loaded.document.path}: no run that is over has left an instrument on")
             return
-        yield from _of_bench(loaded, notice, ended)
+        yield from _of_bench(loaded, notice, ended, made)
         return
     found = _registered(notice, over=if_left_on)
     if not found and not if_left_on:
@@ -58,7 +69,7 @@ def make_safe(
             ended(lane := Lane(printable(path), "not reached", printable(str(problem)), 0.0))
             yield lane
         else:
-            yield from _of_bench(loaded, notice, ended)
+            yield from _of_bench(loaded, notice, ended, made)
 
 
 def _registered(notice: Notice, *, over: bool) -> list[str]:
@@ -103,7 +114,7 @@ def _let_guardians_finish(notice: Notice) -> None:
         notice("A guardian has not made a bench safe in time.")
 
 
-def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], object]) -> list[Lane]:
+def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], object], made: Made) -> list[Lane]:
     bench, addresses = loaded.bench, list(real_addresses(loaded.bench).values())
     limits_s, why = limits_to_make_safe(bench), why_locked_out(bench)
     if addresses and (problem := problem_to_write()):
@@ -122,7 +133,9 @@ def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], objec
         except (InUseError, StoreError) as problem:  # a lock never stands in the way of an emergency
             notice(f"{problem}. The bench is made safe all the same.")
         lanes = run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
+        safe, run = {lane.role for lane in lanes if lane.state == "safe"}, run_of(loaded)
         _record(loaded, lanes, notice)
+        made(MadeSafe(loaded, tuple(role for role in energising_addresses(bench) if role in safe), run))
         return lanes
 
 

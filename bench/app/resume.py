@@ -145,7 +145,14 @@ def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
         yield f"Done again from the begin of the group: {', '.join(past.restarted)}"
     restored = [planned.id for planned in to_restore(done_of((*prepared.plan.setup, *prepared.plan.steps), past))]
     if restored:
-        yield f"Restored before, with all waiting in full: {', '.join(restored)}"
+        in_full = "in full, but for a soak whose chamber was held" if _holds(prepared) else "in full"
+        yield f"Restored before, with all waiting {in_full}: {', '.join(restored)}"
+
+
+def _holds(prepared: PreparedRun) -> bool:
+    """Whether a guardian may have held a chamber for this run."""
+    bench = prepared.loaded.bench
+    return not bench.is_simulated and any(entry.safe_state.hold_s for entry in bench.devices.values())
 
 
 def _changed(prepared: PreparedRun, manifest: Mapping[str, Any]) -> list[str]:

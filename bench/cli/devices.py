@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.cli.commands import Command, argument, arguments, flag, option, options, whole_number
-from bench.cli.exits import BENCH_ERROR, NOT_SAFE, PASS
+from bench.cli.exits import ABORTED, BENCH_ERROR, NOT_SAFE, PASS
 from bench.cli.running import BENCH, SCENARIO, SEED, SIMULATE
 
 if TYPE_CHECKING:  # `bench --help` loads none of it
+    from bench.app.arrival import MadeSafe
     from bench.lanes import Lane
 
 
@@ -70,11 +71,16 @@ def console(device: str, bench: str | None, *, simulate: bool, write: bool) -> i
     return BENCH_ERROR if talk(device, bench, typed_lines, say, simulate=simulate, write=write) else PASS
 
 
-def make_safe(bench: str | None, *, if_left_on: bool) -> int:
+def make_safe(bench: str | None, *, if_left_on: bool, wait: bool) -> int:
     """Make every instrument of a bench safe now, also while a run holds it, or with some instruments missing.
 
     Without --bench: all benches that a run may have left on.
+
+    A chamber is safe when its safe set point is commanded; its air arrives later, which is told, and waited for with
+    --wait. Ctrl-C ends the wait (exit code 4) and leaves the chambers as commanded. A chamber that has not arrived in
+    the time that its bench file allows gives exit code 6.
     """
+    from bench.app.arrival import look_after
     from bench.app.make_safe import make_safe as made_safe
 
     def say(text: str) -> None:
@@ -85,10 +91,15 @@ def make_safe(bench: str | None, *, if_left_on: bool) -> int:
         sys.stdout.write(f"{lane.role:<16} {lane.state:<12} {lane.took_s:6.1f} s  {lane.why}{air}".rstrip() + "\n")
         sys.stdout.flush()
 
-    left = [lane.role for lane in made_safe(bench, say, show, if_left_on=if_left_on) if lane.state != "safe"]
+    made: list[MadeSafe] = []
+    lanes = list(made_safe(bench, say, show, made.append, if_left_on=if_left_on))
+    left = [lane.role for lane in lanes if lane.state != "safe"]
     if left:
         say(f"NOT MADE SAFE: {', '.join(left)}. Switch them off by hand, then try again.")
-    return NOT_SAFE if left else PASS
+    arrivals = look_after(made, say, wait=wait)
+    if left or not arrivals.good:
+        return NOT_SAFE
+    return ABORTED if arrivals.ended else PASS
 
 
 def lockout(bench: str | None, reason: str, by: str, *, lift: bool) -> int:
@@ -108,7 +119,7 @@ def lockout(bench: str | None, reason: str, by: str, *, lift: bool) -> int:
         lift_lockout(bench, *signed)
         return PASS
     set_lockout(bench, *signed)
-    return make_safe(bench, if_left_on=False)
+    return make_safe(bench, if_left_on=False, wait=False)
 
 
 def _seconds(text: str) -> float:
@@ -139,6 +150,7 @@ COMMANDS = (
     Command("make-safe", make_safe, (
         option("--bench FILE", "The bench; default: every bench that a run may have left on."),
         flag("--if-left-on", "Only benches that a run which is over may have left on."),
+        flag("--wait", "Stay until the air of every chamber has arrived, and show where it is."),
     )),
     Command("lockout", lockout, (
         option("--bench FILE", "The bench; default: list the benches that are locked out."),

@@ -25,8 +25,8 @@ MEANINGS = {
     "FAIL keeps exit code 1); the bench is safe",
     ABORTED: "ABORTED: ended by the operator, by another program or by its terminal closing; the bench is safe",
     NOT_JUDGED: "NOT JUDGED: the run completed, and no limit applied",
-    NOT_SAFE: "NOT MADE SAFE: at least one device may still be energised or moving; takes precedence over all other "
-    "codes",
+    NOT_SAFE: "NOT MADE SAFE: at least one device may still be energised or moving, or 'bench make-safe' has seen that "
+    "a chamber does not arrive at its safe set point; takes precedence over all other codes",
     INCOMPLETE: "INCOMPLETE: a step was skipped, or a result could not be determined",
 }
 OF_VERDICT = {

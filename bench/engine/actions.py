@@ -11,6 +11,7 @@ from typing import Any, assert_never
 
 from bench.config.models import BenchFile
 from bench.engine import measuring, recording, steadiness, waiting
+from bench.engine.crediting import SoakCredit
 from bench.engine.journal import Journal
 from bench.engine.missed import Numbered
 from bench.engine.monitor import Monitor
@@ -37,7 +38,10 @@ Found = Mapping[str, Any]  # what a step found, for the journal
 
 @dataclass(frozen=True)
 class Bench:
-    """What a step acts with. `angles_deg` are where the last moves went, by role; `numbered` is what sends numbers."""
+    """What a step acts with. `angles_deg` are where the last moves went, by role; `numbered` is what sends numbers.
+
+    `credit` is that of a soak of a resumed run.
+    """
 
     file: BenchFile
     rig: Rig
@@ -48,6 +52,7 @@ class Bench:
     notice: Callable[[str], None]
     numbered: Numbered
     angles_deg: dict[str, float] = field(default_factory=dict)
+    credit: SoakCredit | None = None
 
 
 async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C901  one case for each kind of step
@@ -74,7 +79,7 @@ async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C90
         case WaitUntil():
             return await waiting.until(step, bench.monitor)
         case Soak():
-            return await waiting.soak(step, bench.monitor)
+            return await waiting.soak(step, bench.monitor, _credit_s(step, step_id, bench))
         case Acquire():
             return await recording.acquire(step, step_id, bench)
         case Measure():
@@ -179,6 +184,16 @@ async def _oscillate(step: Oscillate, bench: Bench) -> Found:
         await asyncio.sleep(step.least_s / len(step.frequencies_hz))
     await table.stop()
     return {"frequencies_hz": list(step.frequencies_hz)}
+
+
+def _credit_s(step: Soak, step_id: str, bench: Bench) -> float:
+    """Seconds of the soak that count as passed."""
+    if bench.credit is None:
+        return 0.0
+    given_s, text = bench.credit.given_s(step, step_id, bench.monitor, bench.journal)
+    if text:
+        bench.notice(text)
+    return given_s
 
 
 async def _set_output(step: SetOutput, bench: Bench) -> Found:

@@ -67,7 +67,8 @@ class Engine:
         self.desk = Desk(observer.asked)
         self._control = Control(self.journal, observer.notice, observer.held)
         numbered = Numbered({role: entry.options for role, entry in file.devices.items()})
-        bench = Bench(file, rig, monitor, writer, self.journal, self.desk, observer.notice, numbered)
+        credit = past.credit if past is not None else None
+        bench = Bench(file, rig, monitor, writer, self.journal, self.desk, observer.notice, numbered, credit=credit)
         monitor.units.angles_deg = bench.angles_deg
         self._places = file.places
         if past is not None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from bench.engine.state import Entry, RunState, advanced
 from bench.engine.units import UnitFailure
@@ -12,17 +13,11 @@ from bench.sequence.dwells import first_visit
 from bench.sequence.expressions import Value
 from bench.sequence.measuring import Acquire
 from bench.sequence.orienting import Orient
-from bench.sequence.plan import (
-    Alternatives,
-    Meanwhile,
-    Node,
-    Nodes,
-    Passes,
-    PlannedStep,
-    Section,
-    within,
-)
+from bench.sequence.plan import Alternatives, Meanwhile, Node, Nodes, Passes, PlannedStep, Section, within
 from bench.sequence.stimulus import Move, Ramp, SetOutput
+
+if TYPE_CHECKING:
+    from bench.engine.crediting import SoakCredit
 
 ATTITUDE = "attitude"  # what a step that orients sets, whatever axes it moves
 
@@ -35,7 +30,7 @@ class Past:
     each step was begun. `decisions` are those of conditions, by the ids of `decision`. `values` are the variables as
     they were when each step last began, `angles_deg` where each movement went. `dropped` are units that take no further
     part. `under_way` are the steps that were interrupted, `state` is that of the run without them. `restarted` are
-    groups that are done again from their first step.
+    groups that are done again from their first step. `credit` is what a soak that is done again may have.
     """
 
     state: RunState = field(default_factory=RunState)
@@ -47,6 +42,7 @@ class Past:
     dropped: list[UnitFailure] = field(default_factory=list)
     under_way: tuple[str, ...] = ()
     restarted: tuple[str, ...] = ()
+    credit: SoakCredit | None = None
 
     def passes_over(self, step: str) -> bool:
         """Whether a step or section is over; only once, because what is asked for again is to be done."""
@@ -119,13 +115,22 @@ def decision(node: Alternatives | Passes, number: int = 1) -> str:
 
 def done_of(nodes: Nodes, past: Past) -> Iterator[PlannedStep]:
     """The steps of nodes that a resumed run passes over, in the order of the plan."""
+    return _those_of(nodes, past, past.over)
+
+
+def under_way_of(nodes: Nodes, past: Past) -> Iterator[PlannedStep]:
+    """The steps of nodes that an interruption cut short, but those inside an acquisition, which is made anew."""
+    return _those_of(nodes, past, past.under_way)
+
+
+def _those_of(nodes: Nodes, past: Past, ids: Container[str]) -> Iterator[PlannedStep]:
     for node in nodes:
         if isinstance(node, PlannedStep):
-            if node.id in past.over:
+            if node.id in ids:
                 yield node
         else:
             for inner in _gone_into(node, past):
-                yield from done_of(inner, past)
+                yield from _those_of(inner, past, ids)
 
 
 def _gone_into(node: Node, past: Past) -> Iterator[Nodes]:
@@ -162,7 +167,7 @@ def to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
     """The steps that bring a bench that was made safe back to where it was, in their order.
 
     They are the last one of each stimulus, and the waiting that followed it, in full: after an interruption nothing
-    counts as settled.
+    counts as settled but what `Past.credit` proves.
     """
     last: dict[str, str] = {}
     steps = list(done)

@@ -76,6 +76,8 @@ class Stepper:
         step = planned.step
         try:
             step = await self._begin(planned)
+            if self._bench.credit is not None:
+                self._bench.credit.begins(step)
             found = await self._within_its_time(step, planned, body)
         except (asyncio.CancelledError, Stopped):
             self._journal.try_to_write("step_cut", planned.id, wish="end", **self._unknown_after(step))

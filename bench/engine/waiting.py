@@ -77,11 +77,14 @@ def _condition(step: WaitUntil) -> str:
     return " and ".join(filter(None, (above, below))) + held
 
 
-async def soak(step: Soak, monitor: Monitor) -> Mapping[str, Any]:
-    """Wait for the minimum time, then until the reading is stable; StepError if that takes too long."""
+async def soak(step: Soak, monitor: Monitor, passed_s: float = 0.0) -> Mapping[str, Any]:
+    """Wait for the minimum time, then until the reading is stable; StepError if that takes too long.
+
+    Of the minimum time `passed_s` counts as passed; whether it is stable is judged by readings from now on alone.
+    """
     loop = asyncio.get_running_loop()
     began_s = loop.time()
-    await asyncio.sleep(step.at_least_s)
+    await asyncio.sleep(max(0.0, step.at_least_s - passed_s))
     while step.until_stable is not None:
         stable = step.until_stable
         windows = {name: monitor.window(name, stable.hold_s, began_s) for name in monitor.units.members(step.role)}

@@ -11,22 +11,29 @@ from drivers.values import ChamberState
 
 GONE_S = 600.0  # for which nobody could look at a chamber, after which its course is over
 
-Event = Literal["held", "reading", "hold_ends", "commanded", "arrived", "not_arrived", "handed_over", "ended"]
+Event = Literal[
+    "held", "reading", "not_seen", "hold_ends", "commanded", "arrived", "not_arrived", "handed_over", "ended"
+]
 
 
 class Noted(NamedTuple):
-    """Something for the record: temperatures in °C, `why` for what is not as it should be."""
+    """Something for the record: temperatures in °C, `why` for what is not as it should be.
+
+    `from_safe_c` is how far the last command to the chamber is from its safe set point, 0 where it is switched off.
+    """
 
     event: Event
     why: str = ""
     air_c: float | None = None
     set_point_c: float | None = None
+    from_safe_c: float | None = None
 
 
 class Course:
     """What looks at a chamber, from when its run is over, come to; `noted` is what is new for the record.
 
     A chamber that is `held` is to be commanded to its safe set point as soon as `hold_is_over`, which is a reason.
+    `state` is that of the last look that succeeded, `why_unseen` why the last one did not, `end` how the course ended.
     Times are those of any clock that never goes back, in s.
     """
 
@@ -38,10 +45,18 @@ class Course:
         self.hold_is_over = ""
         self.is_held, self.is_over = held, False
         self.noted: list[Noted] = []
+        self.state: ChamberState | None = None
+        self.why_unseen = ""
+        self.end: Noted | None = None
+
+    @property
+    def target_c(self) -> float:
+        """The safe set point, in °C."""
+        return self._arrival.target_c
 
     def seen(self, at_s: float, state: ChamberState) -> None:
         """Take a look that succeeded."""
-        self._seen_s = at_s
+        self._seen_s, self.state, self.why_unseen = at_s, state, ""
         if self.is_held:
             self._seen_held(at_s, state)
         elif problem := self._arrival.problem(at_s, state):
@@ -51,6 +66,9 @@ class Course:
 
     def unseen(self, at_s: float, why: str, *, in_use: bool = False) -> None:
         """Take a look that failed; a bench that is `in_use` for long is that of another program."""
+        self.why_unseen = why
+        if self.is_held:
+            self.noted.append(Noted("not_seen", why))  # what it did meanwhile is not known
         if self.is_held and at_s >= self.hold_ends_s:
             self.hold_is_over = self.hold_is_over or "its time is over"
         if at_s - max(self._seen_s, self.hold_ends_s) <= GONE_S:
@@ -76,12 +94,12 @@ class Course:
         """Somebody works at the bench, and nothing more is commanded."""
         self._end(Noted("not_arrived", f"the bench is {why}"))
 
-    def end(self, why: str) -> None:
+    def leave(self, why: str) -> None:
         """Nobody follows the chamber any more."""
         self._end(Noted("ended", why))
 
     def _seen_held(self, at_s: float, state: ChamberState) -> None:
-        noted = Noted("held", "", state.process_value_c, state.target_c)
+        noted = Noted("held", "", state.process_value_c, state.target_c, state.from_safe_c)
         if self._held_c != self._held_c:  # the first look
             self._held_c = state.target_c
         else:
@@ -95,5 +113,5 @@ class Course:
         self.hold_is_over = self.hold_is_over or wrong
 
     def _end(self, noted: Noted) -> None:
-        self.is_over = True
+        self.is_over, self.end = True, noted
         self.noted.append(noted)

@@ -1,4 +1,4 @@
-"""What a guardian does after a run: it looks at each chamber from time to time until its air is where it is safe.
+"""What a guardian does after a run, and `bench make-safe`: looking at each chamber until its air is where it is safe.
 
 A look is short: it takes the lock of the address, connects, identifies, reads, closes, and lets go. Whoever wants the
 address meanwhile waits for that (`holding`), and a run that begins ends the following (`relieve`).
@@ -10,11 +10,11 @@ import asyncio
 import os
 import signal
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 from bench.clock import Stopwatch
 from bench.config.models import BenchFile
@@ -24,6 +24,7 @@ from bench.guardian.notes import Notes
 from bench.rig import CLOSE_S, device_of, limits_to_make_safe
 from bench.runner.alert import alert
 from bench.runner.held import (
+    A_RESCUE,
     A_RUN,
     A_VISIT,
     LOOKS,
@@ -47,17 +48,35 @@ LAST_TRIES = 50
 _pause = threading.Event().wait
 
 
-class Following:
-    """The chambers of a bench after a run, each until its course is over.
+class Follower(NamedTuple):
+    """Who follows, in words; the run whose record it keeps, if any, and what an alert is titled with.
 
-    Lifetime: from entering, by which time it can be found and ended, to the return of `follow`. `runner` is the process
-    of the run, which may have the addresses for a moment longer.
+    `runner` is a process that may have the addresses for a moment longer.
     """
 
-    def __init__(self, run: Path, bench: BenchFile, safe: Collection[str], held: Collection[str], runner: int) -> None:
-        self._run, self._bench, self._runner = run, bench, runner
+    words: str
+    run: Path | None
+    title: str
+    runner: int = 0
+
+
+def guardian_of(run: Path, runner: int) -> Follower:
+    """The guardian of a run, whose process is `runner`."""
+    return Follower(f"{A_RESCUE}{run.name}", run, run.name, runner)
+
+
+class Following:
+    """The chambers of a bench that was made safe, each until its course is over.
+
+    Lifetime: from entering, by which time it can be found and ended, to the return of `follow`; or not entered, for a
+    `glance`, and closed.
+    """
+
+    def __init__(self, follower: Follower, bench: BenchFile, safe: Collection[str], held: Collection[str] = ()) -> None:
+        self._follower, self._bench = follower, bench
         self._addresses = energising_addresses(bench)
-        self._notes, self._now_s = Notes(run, FOLLOWED), Stopwatch().elapsed_s
+        self._notes = Notes(follower.run, FOLLOWED, by=follower.words)
+        self._now_s = Stopwatch().elapsed_s
         self._courses: dict[str, Course] = {}
         self._ends, self._locks = threading.Event(), ExitStack()
         for role in (*safe, *held):
@@ -69,25 +88,51 @@ class Following:
                 self._courses[role] = Course(entry, self._now_s(), held=role in held)
 
     def __enter__(self) -> Self:
-        """Take the locks by which others find who follows a chamber; SIGTERM ends the following from now on."""
-        signal.signal(signal.SIGTERM, lambda _number, _frame: self._ends.set())
+        """Take the locks by which others find who follows a chamber."""
         addresses = [self._addresses[role] for role in self._courses]
-        with suppress(InUseError, StoreError):  # another user's guardian follows one, and does not end
-            self._locks.enter_context(holding(addresses, f"{A_VISIT}{self._run.name}", LOOKS))
+        with suppress(InUseError, StoreError):  # another one follows a chamber, and does not end
+            self._locks.enter_context(holding(addresses, f"{A_VISIT}{self._follower.words}", LOOKS))
         return self
 
     def __exit__(self, *exc: object) -> None:
         """Let go."""
+        self.close()
+
+    def close(self) -> None:
+        """Return when the record is written, and nobody finds who follows any more."""
         self._notes.close()
         self._locks.close()
 
-    def follow(self) -> bool:
-        """Look at the chambers until all courses are over; whether every one has arrived, or has been handed over."""
+    @property
+    def courses(self) -> Mapping[str, Course]:
+        """Those of the chambers, by role."""
+        return self._courses
+
+    def end(self) -> None:
+        """End the following soon; may be called from a handler of a signal, and from another thread."""
+        self._ends.set()
+
+    def glance(self, why: str) -> bool:
+        """Look once at each chamber, and leave those on their way for the reason `why`; whether none is late."""
+        good = True
+        for role, course in self._courses.items():
+            self._look(role, course)
+            if not course.is_over:
+                course.leave(why)
+            good &= self._write(role, course)
+        return good
+
+    def follow(self, looked: Callable[[], object] = lambda: None) -> bool:
+        """Look at the chambers until all courses are over; whether every one has arrived, or has been handed over.
+
+        `looked` is called after each look at all of them.
+        """
         good, pause_s = True, FIRST_S
         while left := {role: course for role, course in self._courses.items() if not course.is_over}:
             for role, course in left.items():
                 self._look(role, course)
                 good &= self._write(role, course)
+            looked()
             if self._ends.is_set():
                 return self._end() and good
             now_s = self._now_s()
@@ -101,7 +146,7 @@ class Following:
         address, now_s = self._addresses[role], self._now_s
         while others := {each for each in owners([address]) if each.process != os.getpid()}:
             other = others.pop()
-            if other.process != self._runner:
+            if other.process != self._follower.runner:
                 if other.words.startswith(A_RUN):
                     course.hand_over(f"{other} has taken the bench")
                 else:
@@ -112,7 +157,7 @@ class Following:
             course.lock_out(why_locked_out(self._bench))
             return
         try:
-            with holding([address], f"{A_VISIT}{self._run.name}"):
+            with holding([address], f"{A_VISIT}{self._follower.words}"):
                 asyncio.run(self._visit(role, course))
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)
@@ -151,7 +196,7 @@ class Following:
                 self._look(role, course)
                 _pause(BETWEEN_TRIES_S)
             if not course.is_over:
-                course.end("still held" if course.is_held else "")
+                course.leave("still held" if course.is_held else "")
             good &= self._write(role, course)
         return good
 
@@ -169,9 +214,14 @@ class Following:
     def _alert(self, role: str, noted: Noted) -> None:
         if self._bench.alert is None:
             return
-        title = f"{self._run.name}: {role} HAS NOT ARRIVED at its safe set point"
+        title = f"{self._follower.title}: {role} HAS NOT ARRIVED at its safe set point"
         if problem := alert(self._bench.alert.exec, title, f"{title}\n{noted.why}\n"):
             self._notes.entry("alert", role=role, problem=problem)
+
+
+def end_on_sigterm(following: Following) -> None:
+    """From now on SIGTERM, by which a run that begins asks for the chambers, ends the following."""
+    signal.signal(signal.SIGTERM, lambda _number, _frame: following.end())
 
 
 def in_a_process_of_its_own(following: Callable[[], Following]) -> None:
@@ -188,9 +238,11 @@ def in_a_process_of_its_own(following: Callable[[], Following]) -> None:
         os.setsid()
         os.close(ready)
         to_nothing()
-        with following() as entered:
+        found = following()
+        end_on_sigterm(found)  # before others can find it
+        with found:
             os.close(done)
-            entered.follow()
+            found.follow()
     finally:
         os._exit(0)
 

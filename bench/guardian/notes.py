@@ -11,7 +11,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from bench.clock import wall_utc
+from bench.clock import boot_id, since_boot_s, wall_utc
 from bench.errors import StoreError
 from bench.files import append_line
 from bench.store.machine_state import append_record
@@ -23,20 +23,23 @@ STDERR = 2
 class Notes:
     """Lines for the terminal and entries of a file; a terminal that nobody reads does not hold up the file.
 
-    The file is in the directory of the run, and once more in the records of the machine, or of this user.
+    The file is in the directory of the run, and once more in the records of the machine, or of this user; without a
+    run only there. `marks` are in every entry.
     """
 
-    def __init__(self, run: Path, file: str) -> None:
-        self._run, self._file = run, file
+    def __init__(self, run: Path | None, file: str, **marks: str) -> None:
+        self._run, self._file, self._marks = run, file, {"run": "" if run is None else str(run), **marks}
         self._terminal, self._records = _Worker(SHOWN_WITHIN_S), _Worker(WRITTEN_WITHIN_S)
 
     def line(self, text: str) -> None:
         """A line for a person."""
-        self._terminal.do(partial(_tell, f"{self._run.name}: {text}"))
+        self._terminal.do(partial(_tell, text if self._run is None else f"{self._run.name}: {text}"))
 
     def entry(self, event: str, **facts: object) -> None:
-        """An entry, durable in both places."""
-        entry = {"at": wall_utc().isoformat(timespec="milliseconds"), "run": str(self._run), "event": event, **facts}
+        """An entry, durable in both places, with the time of day and that since which start of the computer."""
+        since = {"boot": boot_id(), "up_s": round(since_boot_s(), 3)}  # the time of day may be set meanwhile
+        at = wall_utc().isoformat(timespec="milliseconds")
+        entry = {"at": at, **since, **self._marks, "event": event, **facts}
         self.do(partial(self._append, json.dumps(entry, ensure_ascii=False)))
 
     def do(self, work: Callable[[], object]) -> None:
@@ -50,7 +53,7 @@ class Notes:
 
     def _append(self, text: str) -> None:
         with suppress(OSError):
-            if self._run.is_dir():
+            if self._run is not None and self._run.is_dir():
                 append_line(self._run / self._file, text)
         append_record(self._file, text)
 

@@ -14,7 +14,7 @@ from bench.clock import wall_utc
 from bench.config.bench import load_bench
 from bench.config.channels import period_s
 from bench.errors import InputError, InUseError, in_words
-from bench.guardian.follow import Following, in_a_process_of_its_own, to_nothing
+from bench.guardian.follow import Following, end_on_sigterm, guardian_of, in_a_process_of_its_own, to_nothing
 from bench.guardian.notes import Notes
 from bench.guardian.watch import Lost, Over
 from bench.lanes import Lane, make_safe_in_lanes
@@ -60,7 +60,8 @@ class Rescue:
         for thread in self._alerts:  # a fork takes over the locks that another thread holds, and not the thread
             thread.join()
         if end.safe or end.held:
-            in_a_process_of_its_own(partial(Following, self._run, self._bench, end.safe, end.held, self._runner))
+            by = guardian_of(self._run, self._runner)
+            in_a_process_of_its_own(partial(Following, by, self._bench, end.safe, end.held))
 
     def make_safe(self, lost: Lost) -> bool:
         """Make every instrument safe, record how, and follow the chambers; whether all of them are safe."""
@@ -87,7 +88,9 @@ class Rescue:
         """The following of the chambers, which can be found from now on; None where it fails, with that on record."""
         safe, held = ([lane.role for lane in lanes if lane.state == state] for state in ("safe", "held"))
         try:
-            return stack.enter_context(Following(self._run, self._bench, safe, held, self._runner))
+            following = Following(guardian_of(self._run, self._runner), self._bench, safe, held)
+            end_on_sigterm(following)  # before others can find it
+            return stack.enter_context(following)
         except Exception as problem:  # noqa: BLE001  the bench is safe all the same
             self._notes.entry("alert", problem=f"the chambers cannot be followed: {in_words(problem)}")
             return None

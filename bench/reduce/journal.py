@@ -73,13 +73,33 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
+class SoakCredited:
+    """How much of a soak counted as passed when it was done again, of `at_least_s`; `why` where none of it did."""
+
+    step: str
+    credit_s: float
+    at_least_s: float
+    why: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """For a report."""
+        if self.why:
+            return tr("No credit for the soak {step}: {why}.", step=self.step, why=self.why)
+        return tr(
+            "Of the soak {step} {credit} of {all} counted as passed: its chamber was held.",
+            step=self.step, credit=duration(self.credit_s), all=duration(self.at_least_s),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class Interruption:
     """The loss of the process of a run, and its resumption.
 
     `after_s` is since the start of the run, `again` are the steps that were under way, `restarted` the groups that were
     done again from their first step. `is_between` is whether what was acquired before and after it is reduced together,
     `unstated` then the places of units whose repeatability over power cycles the bench file does not state, and
-    `of_history` whether the run has a course of temperatures, which it cut.
+    `of_history` whether the run has a course of temperatures, which it cut. `soaks` are those whose credit was decided.
     """
 
     after_s: float
@@ -89,6 +109,7 @@ class Interruption:
     is_between: bool
     unstated: tuple[str, ...] = ()
     of_history: bool = False
+    soaks: tuple[SoakCredited, ...] = ()
 
     @property
     def in_words(self) -> str:
@@ -101,6 +122,7 @@ class Interruption:
             text += " " + tr("Under way and done again: {steps}.", steps=", ".join(self.again))
         if self.restarted:
             text += " " + tr("Done again from its first step: {groups}.", groups=", ".join(self.restarted))
+        text += "".join(f" {each.in_words}" for each in self.soaks)
         if self.is_between:
             text += " " + tr(
                 "The results combine data from before and after it; the unit was without power in between."
@@ -211,6 +233,7 @@ def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...])
     ended = list(reader.events("step_ended"))
     acquired_s = {first_visit(event.step): event.at_s for event in ended if "label" in event.data}
     set_points_c = {event.data["set_point_c"] for event in ended if "set_point_c" in event.data}
+    soaks = _soaks_credited(reader)
     for event in resumed:
         before = [at_s < event.at_s for at_s in acquired_s.values()]
         is_between = any(before) and not all(before)
@@ -222,7 +245,22 @@ def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...])
             is_between=is_between,
             unstated=unstated if is_between else (),
             of_history=is_between and len(set_points_c) > 1,
+            soaks=soaks.get(event.seq, ()),
         )
+
+
+def _soaks_credited(reader: RunReader) -> dict[int, tuple[SoakCredited, ...]]:
+    """The decisions on soaks after each resumption, by the number of its entry."""
+    found: dict[int, tuple[SoakCredited, ...]] = {}
+    resumed = -1
+    for event in reader.events("run_resumed", "soak_credit"):
+        if event.kind == "run_resumed":
+            resumed = event.seq
+        else:
+            data = event.data
+            credited = SoakCredited(event.step, data["credit_s"], data["at_least_s"], str(data.get("why", "")))
+            found[resumed] = (*found.get(resumed, ()), credited)
+    return found
 
 
 def _superseded(reader: RunReader, began_s: float) -> Iterator[Superseded]:

@@ -21,6 +21,7 @@ from bench.reduce.evaluate import Results
 from bench.reduce.journal import OnTheWay
 from bench.reduce.stored_run import BENCH_COPY, StoredRun
 from bench.report import gaps, page, tables
+from bench.report.afterwards import Afterwards, lines
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells, budgets_of_points
 from bench.report.course import course_of, course_plot
 from bench.report.flag_words import flag_in_words
@@ -51,7 +52,7 @@ class UnitSection:
     budgets_of_dwells: tuple[BudgetsOfDwells, ...]
 
 
-def render(run: StoredRun, results: Results | None, not_evaluated: str, revision: Revision) -> str:
+def render(run: StoredRun, results: Results | None, not_evaluated: str, revision: Revision, after: Afterwards) -> str:
     """The whole page; without results `not_evaluated` says why. Equal runs give equal pages, wall-clock facts apart."""
     data = _data(run) if results is not None else []
     instruments = page.instruments(run)
@@ -76,6 +77,8 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         problems=problems,
         notes=notes,
         most_notes=MOST_NOTES,
+        after=list(lines(after, run.bench.site.time_zone)),
+        is_late=after.is_late,
         times=page.times(run),
         site=page.site(run),
         instruments=instruments,

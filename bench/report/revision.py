@@ -23,6 +23,7 @@ from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.files import write_whole
 from bench.reduce.evaluate import Results
+from bench.report.afterwards import Afterwards
 from bench.store.kept_json import TEXT, WHOLE, an_object, every, named, one_of, read_kept
 from bench.store.manifest_form import instant
 from bench.store.runs import SEAL, json_text
@@ -32,6 +33,7 @@ from drivers.schema.bounded import UnfitFileError, expect_bounded
 REVISIONS = "report_revisions.json"
 FORMS = ("html", "pdf", "json", "csv")
 SCHEMA = "itb-reports/1"
+NOTHING_AFTER = Afterwards()
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,14 @@ class Revision:
     issued: datetime
 
 
-def revision_of(folder: Path, manifest: Mapping[str, Any], results: Results | None, not_evaluated: str) -> Revision:
+def revision_of(
+    folder: Path, manifest: Mapping[str, Any], results: Results | None, not_evaluated: str,
+    after: Afterwards = NOTHING_AFTER,
+) -> Revision:  # fmt: skip
     """The revision of a report that says this, kept in the run directory with the hashes of those before.
 
-    The same content in another form or language is no new revision; what another version of this program says is one.
+    What became of the chambers `after` the run is a part of it. The same content in another form or language is no new
+    revision; what another version of this program says is one.
     Raises StoreError where the list of revisions cannot be read or written.
     """
     content = {
@@ -54,6 +60,8 @@ def revision_of(folder: Path, manifest: Mapping[str, Any], results: Results | No
         "not_evaluated": not_evaluated,
         "program": version("inertial-test-bench"),
     }
+    if after != NOTHING_AFTER:
+        content["after"] = after._asdict()
     content_hash = _hash_of(content)
     known = _known(folder / REVISIONS)
     if not known.revisions or known.revisions[-1]["content"] != content_hash:

@@ -9,6 +9,7 @@ from bench.errors import BenchError
 from bench.figures.languages import ENGLISH, language
 from bench.files import write_whole
 from bench.reduce.stored_run import StoredRun
+from bench.report.afterwards import afterwards
 from bench.report.html import render
 from bench.report.pdf import library, pdf
 from bench.report.results_csv import spreadsheet
@@ -49,7 +50,9 @@ def _page(run: StoredRun) -> str:
         results = run.evaluate()
     except BenchError as problem:
         not_evaluated = str(problem)
-    return render(run, results, not_evaluated, revision_of(run.folder, run.manifest, results, not_evaluated))
+    after = afterwards(run.folder, run.bench.with_capability("thermal_chamber"))
+    revision = revision_of(run.folder, run.manifest, results, not_evaluated, after)
+    return render(run, results, not_evaluated, revision, after)
 
 
 def _json(run: StoredRun) -> bytes:

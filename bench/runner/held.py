@@ -26,13 +26,13 @@ from bench.store.lockout import locked_out
 from drivers.transport.address import Address
 
 DISK_ANSWERS_S = 1.0
-A_RUN, A_VISIT, A_RESCUE = "a run of ", "a short look of the guardian of ", "the guardian of "  # who has a lock
+A_RUN, A_VISIT, A_RESCUE = "a run of ", "a short look of ", "the guardian of "  # who has a lock
 LOOKS = "followed "  # before a mark: the lock of who follows a chamber, which refuses nobody the address itself
 _WORDS_AT_MOST = 200
 _OWNER_ANSWERS_S = 0.5
 _pause = threading.Event().wait
 _ATTEMPTS, _BETWEEN_ATTEMPTS_S = 3, 0.02  # the owner may end before it is asked who it is, or have just begun
-_LOOKS_AT_A_VISIT, _BETWEEN_LOOKS_S = 150, 0.1  # of a guardian, which ends within 10 s
+_LOOKS_AT_A_VISIT, _BETWEEN_LOOKS_S = 150, 0.1  # each of which ends within 10 s
 
 
 class Owner(NamedTuple):
@@ -83,7 +83,7 @@ def is_locked_out(bench: BenchFile) -> bool:
 def holding(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[None]:
     """Holds the addresses while inside, as `who`; InUseError names who has one of them already.
 
-    A guardian that only looks lets go soon, and is waited for. `kind` is LOOKS for the lock of who follows them.
+    Who only looks at a chamber lets go soon, and is waited for. `kind` is LOOKS for the lock of who follows them.
     """
     places = {kind + mark: address for address in addresses for mark in marks(address)}  # several may share a line
     with ExitStack() as held:
@@ -100,7 +100,7 @@ def owners(addresses: Iterable[Address], kind: str = "") -> set[Owner]:
 
 
 def is_followed(address: str) -> bool:
-    """Whether a guardian looks at the chamber of an address until its air has arrived, or ends its hold."""
+    """Whether somebody looks at the chamber of an address until its air has arrived; a guardian ends its hold."""
     return bool(owners([Address.parse(address)], LOOKS))
 
 

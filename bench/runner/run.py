@@ -80,6 +80,10 @@ async def run_plan(
         found = await _energised_before(rig, bench, left_on, journal, observer, signals)
         if left_on.by or found:
             await _make_what_was_left_on_safe(rig, left_on, journal)
+        if past is not None and past.credit is not None and signals.first is None:
+            if names := ", ".join({**left_on.by, **found}):
+                past.credit.rule_out(f"{names} was found energised")
+            await past.credit.look(rig)
         if signals.first is None:
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
             monitor = Monitor(rig, bench, interlocks, writer, on_reading, places, used)

@@ -26,8 +26,8 @@ _pause = threading.Event().wait
 def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end_within_s: float) -> None:
     """End whoever holds one of the addresses: SIGTERM, on which a run makes its bench safe and records why it ended.
 
-    SIGKILL after `end_within_s`. A program of another user, or one that does not even die, is left with a notice. A
-    guardian that looks at a chamber lets go by itself.
+    SIGKILL after `end_within_s`. A program of another user, or one that does not even die, is left with a notice. Who
+    looks at a chamber lets go by itself.
     """
     for owner in owners(addresses):
         if owner.words.startswith(A_VISIT):
@@ -49,14 +49,14 @@ def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end
 
 
 def relieve(addresses: Sequence[Address], notice: Callable[[str], object]) -> None:
-    """End the guardians that follow a chamber at one of the addresses, on behalf of the run that has them now."""
+    """End who follows a chamber at one of the addresses, on behalf of the run that has them now."""
     for owner in owners(addresses, LOOKS):
         with suppress(ProcessLookupError, PermissionError):
             process = os.pidfd_open(owner.process)
             try:
                 if owner in owners(addresses, LOOKS):
                     signal.pidfd_send_signal(process, signal.SIGTERM)
-                    notice(f"{owner.words.removeprefix(A_VISIT)}: its guardian hands the bench over.")
+                    notice(f"{owner.words.removeprefix(A_VISIT)} hands the bench over.")
             finally:
                 os.close(process)
     came_true(lambda limit_s: not owners(addresses, LOOKS) or bool(_pause(limit_s)), RELIEVED_WITHIN_S)

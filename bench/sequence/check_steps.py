@@ -19,14 +19,7 @@ from bench.sequence.custom import Custom, known_steps
 from bench.sequence.limits import unit_problems
 from bench.sequence.measuring import Acquire, Measure, Tare
 from bench.sequence.orienting import Orient
-from bench.sequence.readings import (
-    is_pulse_rate,
-    measured_place,
-    problem_with,
-    problem_with_output,
-    unit_of,
-    units_at,
-)
+from bench.sequence.readings import is_pulse_rate, measured_place, problem_with, problem_with_output, unit_of, units_at
 from bench.sequence.step_fields import is_known
 from bench.sequence.steps import NEEDS, Step, verb_of
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput

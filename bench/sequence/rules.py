@@ -11,6 +11,7 @@ from bench.sequence.checks_names import unused_need, unused_parameter
 from bench.sequence.checks_range import beyond_unit_range
 from bench.sequence.checks_safety import left_cold, left_energised, limit_below_window, no_teardown
 from bench.sequence.checks_structure import shared_device, soak_never_stable, unreachable
+from bench.sequence.checks_swings import commensurate_swing
 from bench.sequence.checks_units import source_unplugged, unsuited_unit
 from bench.sequence.method import MethodDescription, known_methods
 from bench.sequence.plan import Plan
@@ -25,6 +26,7 @@ GENERIC = (
     Rule("unreachable-attitude", "error", "the table reaches every attitude", unreachable_attitude),
     Rule("source-unplugged", "error", "a source is on only while it is connected to the converter", source_unplugged),
     Rule("unsuited-unit", "error", "a method suits the units in the places", unsuited_unit),
+    Rule("commensurate-swing", "warning", "the samples cover all phases of a swing", commensurate_swing),
     Rule("short-acquisition", "warning", "the counting time gives the resolution asked for", short_acquisition),
     Rule("unreachable", "warning", "every step is reachable", unreachable),
     Rule("soak-never-stable", "warning", "a soak can become stable", soak_never_stable),

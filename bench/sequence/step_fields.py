@@ -16,8 +16,8 @@ Resumed = Literal["restored", "in full", "again", "anew", "asked", "never"]
 """What a resumed run does with a step that an interruption cut short.
 
 A step that is *restored* sets something for longer than it lasts: it is also done again where it had ended, before the
-first other step. *In full* is a waiting, of which nothing counts as passed. An acquisition begins *anew*: what was
-acquired of it before is kept in the record, and superseded. *Never* refuses the resumption.
+first other step. *In full* is a waiting, of which nothing counts as passed but the credit of a soak. An acquisition
+begins *anew*: what was acquired of it before is kept in the record, and superseded. *Never* refuses the resumption.
 """
 RestartAt = Literal["begin", "never"]
 Text = Annotated[str, Field(min_length=1, max_length=500)]

@@ -8,20 +8,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
 from bench.errors import StoreError
-from bench.store.kept_json import TEXT, an_object, named, one_of, read_kept
+from bench.store.kept_json import TEXT, an_object, named, one_of
+from bench.store.kept_records import kept_records
 from bench.store.machine_state import (
     append_record,
     folder_to_write,
     printable,
     problem_to_read,
-    records,
     remove_record,
     write_record,
 )
@@ -105,18 +104,8 @@ def record_made_safe(bench: Path, at: datetime, lanes: Sequence[Mapping[str, obj
 
 
 def _entries(unreadable: Callable[[StoreError], object]) -> Iterator[tuple[Path, Energised]]:
-    try:
-        paths = list(records(FOLDER))
-    except OSError as problem:
-        raise StoreError(f"{_UNUSABLE} ({problem})") from problem
-    for path in paths:
-        try:
-            content = read_kept(path, _FORM)
-        except StoreError as problem:
-            if os.path.lexists(path):  # else made safe meanwhile
-                unreadable(StoreError(printable(str(problem))))
-        else:
-            yield path, Energised(**{name: content[name] for name in _FIELDS})
+    for path, content in kept_records(FOLDER, _FORM, _UNUSABLE, unreadable):
+        yield path, Energised(**{name: content[name] for name in _FIELDS})
 
 
 def _write(path: Path, found: Energised) -> None:

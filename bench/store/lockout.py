@@ -8,17 +8,17 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from bench.errors import InputError, StoreError
-from bench.store.kept_json import TEXT, an_object, named, one_of, read_kept
+from bench.store.kept_json import TEXT, an_object, named, one_of
+from bench.store.kept_records import kept_records
 from bench.store.machine_state import (
     append_record,
     folder_to_write,
     folders_to_read,
     printable,
     problem_to_read,
-    records,
     remove_record,
     write_record,
 )
@@ -78,18 +78,8 @@ def lockouts() -> Iterator[Lockout]:
     """All of them. Raises StoreError for one that cannot be read, and where those of other users cannot."""
     if unknown := problem_to_read():
         raise StoreError(unknown)
-    try:
-        paths = list(records(FOLDER))
-    except OSError as problem:
-        raise StoreError(f"{_UNUSABLE} ({problem})") from problem
-    for path in paths:
-        try:
-            content = read_kept(path, _FORM)
-        except StoreError as problem:
-            if os.path.lexists(path):  # else lifted meanwhile
-                raise StoreError(printable(str(problem))) from problem
-        else:
-            yield Lockout(**{name: content[name] for name in _FIELDS})
+    for _, content in kept_records(FOLDER, _FORM, _UNUSABLE, _refuse):
+        yield Lockout(**{name: content[name] for name in _FIELDS})
 
 
 def locked_out(connections: Collection[str]) -> str:
@@ -101,6 +91,10 @@ def locked_out(connections: Collection[str]) -> str:
         return next((each.in_words for each in lockouts() if set(each.connections.values()) & set(connections)), "")
     except StoreError as problem:
         return f"whether it is locked out is not known ({problem})"
+
+
+def _refuse(problem: StoreError) -> NoReturn:
+    raise problem
 
 
 def _name(bench: Path) -> str:

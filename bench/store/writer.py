@@ -22,7 +22,7 @@ from bench.store import database, ledger
 from bench.store.chain import NOTHING, Link, beginning
 from bench.store.digest import Digest
 from bench.store.encoded import Row, encoded
-from bench.store.place import Place, rescue
+from bench.store.place import Place, rescue, rescue_whole
 from bench.store.runs import MANIFEST
 from drivers.can.frame_block import FrameBlock
 from drivers.timing.awake import came_true
@@ -46,7 +46,7 @@ class RunWriter:
     Lifetime: from the directory's making to `close`. Concurrency: called from the loop's thread; one thread of its own
     owns the database. After a failed write nothing is acknowledged any more: every later call raises StoreError, and
     `on_failure` is called with it in that thread. The directory is looked after every second: where it is moved or
-    removed, that is a failure, and `folder` is where the record is.
+    removed, or the database truncated, that is a failure, and `folder` is where the record is.
     """
 
     def __init__(self, folder: Path, *, resumed: bool = False, noted: bool = True) -> None:
@@ -64,6 +64,7 @@ class RunWriter:
             self._database.close()
             raise StoreError(f"{folder}: the run store cannot write ({problem})") from problem
         self._place = Place(folder, (database.FILE_NAME, database.LOG_NAME))
+        self._place.truncated()  # from now on
         self.on_failure: Callable[[StoreError], object] = lambda _: None
         self._is_noted = noted
         self._noted: Stopwatch | None = None
@@ -215,6 +216,7 @@ class RunWriter:
     def _write(self, group: _Group, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
         """One transaction; the tickets are answered when it is durable where it belongs, or with why it is not."""
         self._is_writing = True
+        self._try(self._look_at_size, self._place)  # before SQLite writes behind the end of what is left
         if any(group.rows.values()):
             self._try(self._append, group)
             self._note()
@@ -292,6 +294,18 @@ class RunWriter:
             kept = str(problem)
         what = f"the run directory {lost}" if missing == lost else str(missing)
         self._fail(StoreError(f"{what} was removed while the run went on; {kept}"))
+
+    def _look_at_size(self, place: Place) -> None:
+        """Fail where the database was truncated; `folder` is then where all of the record is, if that is anywhere."""
+        truncated = place.truncated()
+        if truncated is None:
+            return
+        try:
+            self.folder = rescue_whole(self._database, self.folder.name, database.FILE_NAME, self._link)
+            kept = f"everything recorded until then is in {self.folder}"
+        except StoreError as problem:
+            kept = str(problem)
+        self._fail(StoreError(f"{truncated} was truncated while the run went on; {kept}"))
 
     def _insert(self, rows: Rows) -> None:
         self._database.execute("BEGIN IMMEDIATE")

@@ -7,14 +7,7 @@ import pytest
 
 from drivers.dialects.acutronic_acl.driver import AcutronicAcl
 from drivers.dialects.acutronic_acl.wire import InterlockInput, SoftwareFault
-from drivers.errors import (
-    BadAnswer,
-    CannotConnect,
-    InstrumentFault,
-    NoAnswer,
-    NotSettled,
-    Refused,
-)
+from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, NoAnswer, NotSettled, Refused
 from tests.support.table import Table, framed, now_s, with_driver, with_table
 
 NO_INPUTS = InterlockInput(0)

@@ -10,14 +10,7 @@ from drivers.capabilities import Positioner
 from drivers.description import known_drivers
 from drivers.dialects.aerotech_ensemble.description import DESCRIPTION, EnsembleOptions
 from drivers.dialects.aerotech_ensemble.driver import AerotechEnsemble
-from drivers.errors import (
-    BadAnswer,
-    InstrumentFault,
-    LinkLost,
-    NotSettled,
-    Refused,
-    WrongIdentity,
-)
+from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NotSettled, Refused, WrongIdentity
 from drivers.kinds.axes import AxisUncertainty
 from drivers.kinds.head.description import HeadLimits
 from tests.support.head import LIMITS, OPTIONS, Head, now_s, with_driver, with_head

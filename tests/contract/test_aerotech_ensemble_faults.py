@@ -6,10 +6,7 @@ import pytest
 
 from drivers.dialects.aerotech_ensemble.driver import AerotechEnsemble
 from drivers.dialects.aerotech_ensemble.wire import AxisFault
-from drivers.errors import (
-    InstrumentFault,
-    NoAnswer,
-)
+from drivers.errors import InstrumentFault, NoAnswer
 from tests.support.head import Head, now_s, with_driver
 
 # Faults

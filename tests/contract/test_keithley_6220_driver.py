@@ -10,12 +10,7 @@ from drivers.capabilities import Source
 from drivers.description import known_drivers
 from drivers.dialects.keithley_6220.description import DESCRIPTION, KeithleyOptions
 from drivers.dialects.keithley_6220.driver import Keithley6220
-from drivers.errors import (
-    BeyondLimit,
-    NoAnswer,
-    Refused,
-    WrongIdentity,
-)
+from drivers.errors import BeyondLimit, NoAnswer, Refused, WrongIdentity
 from drivers.kinds.ranges import SourceLimits
 from drivers.values import SourceReading
 from tests.support.source import OPTIONS, Source6220, now_s, with_driver, with_source

@@ -3,9 +3,7 @@
 import pytest
 
 from drivers.dialects.keithley_6220.driver import Keithley6220
-from drivers.errors import (
-    InstrumentFault,
-)
+from drivers.errors import InstrumentFault
 from tests.support.source import Source6220, with_driver
 
 # Faults

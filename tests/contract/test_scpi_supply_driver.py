@@ -10,12 +10,7 @@ from drivers.capabilities import Source
 from drivers.description import Nothing, known_drivers
 from drivers.dialects.scpi_supply.description import DESCRIPTION, SupplyLimits, SupplyOptions
 from drivers.dialects.scpi_supply.driver import ScpiSupply
-from drivers.errors import (
-    BeyondLimit,
-    InstrumentFault,
-    Refused,
-    WrongIdentity,
-)
+from drivers.errors import BeyondLimit, InstrumentFault, Refused, WrongIdentity
 from drivers.transport.memory import Line
 from drivers.values import SourceReading
 from tests.support.supply import LIMITS, Supply, now_s, with_driver, with_supply

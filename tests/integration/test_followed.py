@@ -9,7 +9,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,6 +24,19 @@ from tests.support.runs import ROOT
 pytestmark = pytest.mark.integration
 WITHIN_S = 30.0
 HELD = {**SAFE, "chamber": HOT_C}
+SOAKED_C, SOAK_S, BEFORE_S = 20.4, 10.0, 1.0  # where the air is nearly, so that it is within the band at once
+SOAKED = f"""\
+schema: itb-sequence/1
+title: Soaked
+needs: {{supply: power_supply, chamber: thermal_chamber, unit_temperature: thermometer}}
+steps:
+  - {{ramp: chamber, to: {SOAKED_C} °C, at: 1200 °C/min}}
+  - {{soak: unit_temperature, at_least: {SOAK_S:g} s}}
+  - {{set: supply, voltage: 15 V, current_limit: 120 mA, output: on}}
+  - wait: 1 h
+teardown:
+  - {{set: supply, output: off}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +52,15 @@ def bench(served, tmp_path, monkeypatch) -> Iterator[Wires]:
     yield served
     end_following(served.bench)
     bench_command("make-safe", "--bench", str(served.bench))
+
+
+@pytest.fixture
+def cool(tmp_path, monkeypatch) -> Iterator[Wires]:
+    """A bench whose air nobody has heated yet."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    with wires(tmp_path / "served") as found:
+        yield found
+        end_following(found.bench)
 
 
 def bench_command(*words: str) -> subprocess.CompletedProcess[str]:
@@ -142,3 +166,67 @@ def test_a_resumed_run_takes_a_held_chamber_over_as_it_is(bench, tmp_path):
         told = resumed.communicate(timeout=60)[1]
     assert "held at its set point" in told
     assert bench.state() == SAFE
+
+
+def killed_in_its_soak(bench: Wires, folder: Path) -> tuple[Process, float]:
+    """A run that was killed in a soak without power, its chamber held; when the soak had not begun yet."""
+    often = holding(bench, folder / "own")
+    often.write_text(often.read_text("utf-8").replace("  period: 1 s\n", "  {period: 1 s, devices: 1 s}\n"), "utf-8")
+    run = Process(often, folder, text=SOAKED)
+    run.until_step("steps/soak")
+    before_s = time.monotonic() - 1.0
+    time.sleep(BEFORE_S + 1.0)  # until its chamber was read, and that was written
+    run.process.kill()
+    run.process.wait()
+    until(lambda: has_made_safe(run.path))
+    until(lambda: course(run) == ["held"])
+    assert bench_command("acknowledge", str(run.path), "--reason", "a test").returncode == 0
+    return run, before_s
+
+
+@contextmanager
+def resuming(run: Process) -> Iterator[list[str]]:
+    """The run, resumed until the end of the block; what it told is in the list then."""
+    told: list[str] = []
+    resumed = subprocess.Popen(
+        [sys.executable, "-m", "bench", "resume", str(run.path), "--interrupted"],
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, cwd=ROOT,
+    )  # fmt: skip
+    try:
+        yield told
+    finally:
+        resumed.send_signal(signal.SIGTERM)
+        told.append(resumed.communicate(timeout=60)[1])
+
+
+def soak_credit(run: Process) -> dict[str, Any]:
+    (credit,) = (each for each in journal(run.path) if each.kind == "soak_credit")
+    assert credit.step == "steps/soak~2"
+    return dict(credit.data)
+
+
+def test_a_soak_of_a_resumed_run_has_credit_for_the_time_in_which_its_chamber_was_held(cool, tmp_path):
+    run, before_s = killed_in_its_soak(cool, tmp_path)
+    with resuming(run) as told:
+        until(lambda: "soak_credit" in kinds_since_resumed(run))
+        passed_s = time.monotonic() - before_s
+        until(lambda: "steps/soak~2" in [each.step for each in journal(run.path) if each.kind == "step_ended"])
+    credit = soak_credit(run)
+    assert BEFORE_S <= credit["credit_s"] <= passed_s, credit
+    (again,) = (each for each in journal(run.path) if each.kind == "step_ended" and each.step == "steps/soak~2")
+    assert again.data["soaked_s"] == pytest.approx(max(SOAK_S - credit["credit_s"], 0.0), abs=1.0)
+    assert credit["looks"] >= 1
+    assert credit["longest_gap_s"] < passed_s
+    assert "The soak steps/soak~2 is credited with" in told[0]
+    assert "counted as passed: its chamber was held" in (run.path / "report.html").read_text("utf-8")
+
+
+def test_a_soak_has_no_credit_where_somebody_switched_the_unit_on_meanwhile(cool, tmp_path):
+    run, _ = killed_in_its_soak(cool, tmp_path)
+    cool.switch_supply_on()
+    with resuming(run) as told:
+        until(lambda: "soak_credit" in kinds_since_resumed(run))
+    credit = soak_credit(run)
+    assert (credit["credit_s"], credit["why"]) == (0.0, "supply was found energised")
+    assert "No credit for the soak steps/soak~2: supply was found energised. It is done in full." in told[0]
+    assert "No credit for the soak steps/soak~2: supply was found energised." in (run.path / "report.html").read_text()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +15,7 @@ from bench.app.scenario import known_faults, with_faults
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
 from bench.runner.quiet import Quiet
-from bench.store.reader import digest_of
+from bench.store.reader import RunReader, digest_of
 
 BENCH, SEQUENCE, PRESET = "simulated", "tumble_static", "quick"
 OF_THE_CHAMBER = (
@@ -39,7 +40,7 @@ def thermal(number: int) -> str:
     """A fault of the chamber, for good; every fourth night has none."""
     draw = np.random.default_rng([5, number])
     if number % 4 == 0:
-        rehearsal, _ = _played(())
+        rehearsal, *_ = _played(())
         verdict = rehearsal.result.results.verdict if rehearsal.result.results is not None else "none"
         return "" if verdict == "PASS" else f"without a fault: {verdict} {rehearsal.result.problems}"
     kinds = [kind for kind in OF_THE_CHAMBER if kind in known_faults(_bench().devices["chamber"].description)]
@@ -48,11 +49,22 @@ def thermal(number: int) -> str:
         "kind": kinds[number % len(kinds)],
         "at": f"{draw.uniform(0, 0.8 * _night_s()):.1f} s",
     }
-    rehearsal, _ = _played((FaultSimulation.model_validate(fault),))
+    rehearsal, _, commanded_s = _played((FaultSimulation.model_validate(fault),))
     results = rehearsal.result.results
     if rehearsal.began_s == (None,) or rehearsal.result.outcome.how != "completed":
         return "; ".join(_wrong_with(rehearsal))
-    return "" if results is not None and results.verdict != "PASS" else f"{fault}: nothing was noticed"
+    if results is not None and results.verdict != "PASS":
+        return ""
+    if fault["kind"] == "restart" and rehearsal.began_s[0] < commanded_s:
+        return ""  # the set point that the chamber has lost was none of the run's
+    return f"{fault}: nothing was noticed"
+
+
+def _commanded_s(run: Path) -> float:
+    """When a run first commanded the chamber, in s of bench time."""
+    with RunReader(run) as reader:
+        begun = [event.at_s for event in reader.events("step_begins") if event.data.get("device") == "chamber"]
+    return min(begun, default=math.inf)
 
 
 def _bench() -> BenchFile:
@@ -82,14 +94,14 @@ def _faults(bench: BenchFile, draw: np.random.Generator, number: int) -> tuple[F
     return tuple(sorted(drawn, key=lambda fault: fault.at))
 
 
-def _played(faults: tuple[FaultSimulation, ...]) -> tuple[Rehearsal, str]:
-    """The rehearsal, and the digest of its record."""
+def _played(faults: tuple[FaultSimulation, ...]) -> tuple[Rehearsal, str, float]:
+    """The rehearsal, the digest of its record, and when it first commanded the chamber, in s."""
     with tempfile.TemporaryDirectory() as folder:
         prepared = _prepared(Path(folder))
         loaded = prepared.loaded
         prepared = prepared._replace(loaded=loaded._replace(bench=with_faults(loaded.bench, faults)))
         rehearsal = rehearse(prepared, Quiet())
-        return rehearsal, digest_of(rehearsal.result.path)
+        return rehearsal, digest_of(rehearsal.result.path), _commanded_s(rehearsal.result.path)
 
 
 def _wrong_with(rehearsal: Rehearsal) -> Iterator[str]:

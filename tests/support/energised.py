@@ -73,8 +73,12 @@ class Wires:
     def energise(self) -> None:
         """60 °C, 15 V and 5 mA."""
         self._set_chamber(HOT_C)
-        self._supply("VOLT 15;:CURR 0.12;:OUTP ON;:OUTP?")
+        self.switch_supply_on()
         self._source("CURR 0.005;:OUTP ON;:OUTP?")
+
+    def switch_supply_on(self) -> None:
+        """15 V at the unit."""
+        self._supply("VOLT 15;:CURR 0.12;:OUTP ON;:OUTP?")
 
     def state(self) -> dict[str, float | bool]:
         """The set point in °C, and whether the outputs are on."""

@@ -15,10 +15,10 @@ import pytest
 from bench.app.execute import RunResult
 from bench.engine.state import replayed
 from bench.metrology import gaps as missed
-from bench.reduce.gaps import lines
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
 from bench.report.export.export import export_csv
+from bench.report.gaps import lines
 from bench.report.write import write_report
 from bench.runner.commands import state_to_json
 from bench.runner.quiet import Quiet

@@ -10,10 +10,13 @@ import pytest
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.errors import StoreError
+from bench.loop import REAL_TIME
+from bench.loop import run as run_loop
 from bench.reduce.stored_run import open_run
 from bench.report.verify import examined, verify
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet
+from bench.store import database
 from bench.store.reader import RunReader
 from bench.store.user_state import state_folder
 from bench.store.writer import RunWriter
@@ -131,6 +134,60 @@ def test_a_run_whose_log_is_removed_does_not_go_on_without_it(tmp_path):
     result = meddled(tmp_path / "runs", lambda folder: (folder / "run.db-wal").unlink())
     is_kept(result, state_folder() / "rescued" / result.path.name)
     assert "run.db-wal was removed while the run went on" in result.problems[0]
+
+
+def test_a_run_whose_database_is_truncated_ends_with_what_was_recorded(tmp_path):
+    """What its log still has is copied; the rest of the record would have been written into an empty file."""
+    result = meddled(tmp_path / "runs", lambda folder: os.truncate(folder / "run.db", 0))
+    is_kept(result, state_folder() / "rescued" / result.path.name)
+    assert "run.db was truncated while the run went on; everything recorded until then is in" in result.problems[0]
+
+
+@pytest.mark.parametrize("size", [0, 4096, 1_000_000])
+def test_a_truncated_database_of_which_the_log_has_only_the_end_is_not_said_to_be_kept(tmp_path, size):
+    folder, failures = tmp_path / "run", []
+    folder.mkdir()
+    writer = long_written(folder)
+    writer.on_failure = lambda failure: failures.append(str(failure))
+    os.truncate(folder / "run.db", size)
+    with pytest.raises(StoreError, match="was truncated while the run went on; not all"):
+        run_loop(writer.commit(), REAL_TIME)
+    assert len(failures) == 1
+    assert writer.folder == folder
+    (copy,) = (state_folder() / "rescued/run").iterdir()
+    assert f"{copy} is a copy of what could be read, intact up to row " in failures[0]
+    with pytest.raises(StoreError, match="was truncated"):
+        writer.close()
+
+
+def test_a_run_whose_record_is_lost_by_truncation_ends_safe_and_says_what_is_left(tmp_path, monkeypatch):
+    really = database._make_commits_durable
+
+    def to_the_file_at_once(opened, path):
+        really(opened, path)
+        opened.execute("PRAGMA wal_autocheckpoint=1")
+        opened.execute("PRAGMA cache_size=1")
+
+    monkeypatch.setattr(database, "_make_commits_durable", to_the_file_at_once)
+    result = meddled(tmp_path / "runs", lambda folder: os.truncate(folder / "run.db", 0))
+    assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
+    assert "run.db was truncated while the run went on; not" in result.problems[0]
+    assert result.path.parent == tmp_path / "runs"
+    assert examined(result.path).damage
+
+
+def long_written(folder):
+    """A writer whose log was begun anew several times, as after hours."""
+    writer = RunWriter(folder, noted=False)
+
+    async def write():
+        for _ in range(40):
+            for number in range(200):
+                writer.event("note", text=f"{number}" * 500)
+            await writer.commit()
+
+    run_loop(write(), REAL_TIME)
+    return writer
 
 
 def test_a_report_of_which_the_list_says_nothing_is_not_as_it_was_written(tmp_path):

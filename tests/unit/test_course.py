@@ -94,6 +94,13 @@ def test_a_hold_ends_at_its_time_and_then_the_air_is_on_its_way(tmp_path):
     assert events(found) == ["held", *["reading"] * 60, "hold_ends", "commanded", "arrived"]
 
 
+def test_each_look_at_a_held_chamber_tells_whether_its_controller_is_switched_off(tmp_path):
+    found = course(tmp_path, ", hold: 30 min")
+    found.seen(0.0, ChamberState(HOT_C, HOT_C, HOT_C, 35.0))
+    found.seen(30.0, ChamberState(HOT_C, HOT_C, HOT_C, 0.0))
+    assert [each.from_safe_c for each in found.noted] == [35.0, 0.0]
+
+
 def test_a_hold_of_a_chamber_that_is_not_in_order_is_over_at_once(tmp_path):
     found = course(tmp_path, ", hold: 30 min")
     found.seen(0.0, state(HOT_C, target_c=HOT_C))
@@ -105,6 +112,7 @@ def test_a_hold_that_cannot_be_looked_at_ends_by_its_time(tmp_path):
     found = course(tmp_path, ", hold: 30 min")
     found.unseen(1000.0, "no answer")
     assert not found.hold_is_over
+    assert [(each.event, each.why) for each in found.noted] == [("not_seen", "no answer")]
     found.unseen(1800.0, "no answer")
     assert found.hold_is_over == "its time is over"
     found.unseen(1800.0 + GONE_S + 1, "no answer")

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial
 
-from bench.metrology.least_squares import (
-    NotDetermined,
-    choose_degree,
-    fit_polynomial,
-    least_squares,
-    reject_outliers,
-)
+from bench.metrology.least_squares import NotDetermined, choose_degree, fit_polynomial, least_squares, reject_outliers
 from tests.support import strd
 
 

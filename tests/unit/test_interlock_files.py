@@ -11,12 +11,7 @@ from jsonschema import Draft202012Validator
 from bench.config.bench import load_bench
 from bench.config.channels import channels_of
 from bench.config.document import parse_document
-from bench.config.interlocks import (
-    AgeInterlock,
-    DifferenceInterlock,
-    RateInterlock,
-    ReadingInterlock,
-)
+from bench.config.interlocks import AgeInterlock, DifferenceInterlock, RateInterlock, ReadingInterlock
 from bench.config.schema import bench_schema
 from bench.errors import InputError
 from bench.sequence.load import load_plan

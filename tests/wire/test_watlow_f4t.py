@@ -7,14 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.dialects.watlow_f4t.wire import (
-    BLOCK_COUNT,
-    BLOCK_FIRST,
-    LoopBlock,
-    LoopFormat,
-    LoopRegister,
-    mode_name,
-)
+from drivers.dialects.watlow_f4t.wire import BLOCK_COUNT, BLOCK_FIRST, LoopBlock, LoopFormat, LoopRegister, mode_name
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
 from simulators.physics.settings import WorldSettings

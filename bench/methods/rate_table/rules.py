@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from fractions import Fraction
 
 from bench.config.models import BenchFile
+from bench.sequence.checks_swings import acquired_inside, place_of
 from bench.sequence.measuring import Acquire
 from bench.sequence.method import known_methods
 from bench.sequence.model import ResultEntry
-from bench.sequence.plan import Plan, PlannedStep
+from bench.sequence.plan import Plan
 from bench.sequence.remarks import Found, Rule
 from bench.sequence.stimulus import Oscillate, Rotate
 from drivers.dialects.can_counter.description import CounterOptions
@@ -19,9 +19,7 @@ from drivers.dialects.can_telemetry.description import TelemetryOptions
 LEAST_STEPS = 30.0  # of a swing, pulses or codes: with fewer the steps are much of its uncertainty
 COUNT_SD = 0.29  # of a pulse, that what is left over in a converter varies by
 CODE_PART = 0.1  # of a sine of one code, that rounding changes it by
-FEW_PHASES = 100  # of a swing that the samples come back to; their number divides the errors of the encoder
 RANGE_METHODS, RESPONSE_METHODS = ("gyro_range", "accelerometer_range"), ("gyro_response", "accelerometer_response")
-Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition, and what turns the table meanwhile
 
 
 def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
@@ -29,7 +27,7 @@ def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     for index, entry in _on_a_table(plan):
         found = (
             misfit
-            for planned, motion in _acquired(plan, entry.data)
+            for planned, motion in acquired_inside(plan, entry.data)
             if motion is not None and isinstance(planned.step, Acquire)
             for misfit in _without_encoder(bench, bench.acquired_from(planned.step.role), motion)
         )
@@ -95,7 +93,7 @@ def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A range without a reading at rest, a response without a swing, or an accelerometer's without the slow swing."""
     for index, entry in _on_a_table(plan):
-        motions = [motion for _, motion in _acquired(plan, entry.data)]
+        motions = [motion for _, motion in acquired_inside(plan, entry.data)]
         swings_hz = [motion.highest_hz for motion in motions if isinstance(motion, Oscillate)]
         place = ("results", index, "data")
         if entry.method in RANGE_METHODS and None not in motions:
@@ -125,11 +123,11 @@ def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     for _, entry in _on_a_table(plan):
         if entry.method != "accelerometer_response":
             continue
-        for planned, motion in _acquired(plan, entry.data):
+        for planned, motion in acquired_inside(plan, entry.data):
             for_s = planned.step.duration_s if isinstance(planned.step, Acquire) else None
             found = _small_swings(bench, motion, for_s or 0.0) if isinstance(motion, Oscillate) else iter(())
             if isinstance(motion, Oscillate) and (small := next(found, None)) is not None:
-                yield (*_place_of(plan, motion), "amplitude"), *small
+                yield (*place_of(plan, motion), "amplitude"), *small
 
 
 def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator[tuple[str, str]]:
@@ -160,52 +158,10 @@ def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator
             )
 
 
-def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A swing sampled at only a few phases: the quantisation of the encoder does not average out."""
-    for planned, motion in _acquired(plan, None):
-        step = planned.step
-        if not isinstance(step, Acquire) or not isinstance(motion, Oscillate) or step.duration_s is None:
-            continue
-        for period_s in _periods_s(bench, step.role, motion.role):
-            turns = motion.highest_hz * period_s  # of the swing, from sample to sample
-            near = Fraction(turns).limit_denominator(FEW_PHASES)
-            drift = abs(turns - near) * step.duration_s / period_s
-            if drift * near.denominator < 1:
-                yield (
-                    (*_place_of(plan, motion), "frequency"),
-                    f"{motion.highest_hz:.6g} Hz and a sample every {period_s * 1e3:g} ms meet "
-                    f"at only {near.denominator} phases of the swing, at which the encoder has always the same errors",
-                    "Change the frequency by 0.1 to 0.3 Hz",
-                )
-
-
-def _periods_s(bench: BenchFile, role: str, device: str) -> Iterator[float]:
-    """From latch to latch of what latches the encoder of a device in an acquisition."""
-    for each in bench.acquired_from(role):
-        options = bench.devices[each].options
-        if isinstance(options, CounterOptions) and device in options.positions:
-            yield options.period
-        elif isinstance(options, TelemetryOptions) and device in options.positions:
-            yield options.channels[options.positions[device].channel].period
-
-
 def _on_a_table(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:
     for index, entry in enumerate(plan.sequence.results):
         if entry.method in (*RANGE_METHODS, *RESPONSE_METHODS):
             yield index, entry
-
-
-def _acquired(plan: Plan, label: str | None) -> Iterator[Inside]:
-    """The acquisitions under a label, or all, each with what turns the table while it is done."""
-    turning = {planned.id: planned.step for planned in plan if isinstance(planned.step, (Oscillate, Rotate))}
-    for planned in plan:
-        if isinstance(planned.step, Acquire) and label in (None, planned.step.label):
-            outer = (motion for step_id, motion in turning.items() if planned.id.startswith(f"{step_id}/"))
-            yield planned, next(outer, None)
-
-
-def _place_of(plan: Plan, motion: Oscillate) -> tuple[str | int, ...]:
-    return next(planned.place for planned in plan if planned.step is motion)
 
 
 RULES = (
@@ -218,5 +174,4 @@ RULES = (
         incomplete_table_test,
     ),
     Rule("too-few-pulses", "warning", "an accelerometer resolves the swing", too_few_pulses),
-    Rule("commensurate-swing", "warning", "the samples cover all phases of a swing", commensurate_swing),
 )

@@ -12,17 +12,7 @@ from bench.config.models import BenchFile
 from bench.figures.times_and_sizes import duration
 from bench.sequence.estimate import BenchState, Estimate, Span
 from bench.sequence.orienting import Orient
-from bench.sequence.plan import (
-    Alternatives,
-    Attempts,
-    Branches,
-    Meanwhile,
-    Nodes,
-    Passes,
-    Plan,
-    PlannedStep,
-    Section,
-)
+from bench.sequence.plan import Alternatives, Attempts, Branches, Meanwhile, Nodes, Passes, Plan, PlannedStep, Section
 from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 
 WIDTH = 120

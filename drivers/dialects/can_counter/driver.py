@@ -13,13 +13,7 @@ from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.binding import format_of
 from drivers.dialects.can_counter.description import CounterOptions
 from drivers.errors import InstrumentFault, NoAnswer
-from drivers.kinds.frame_source.intake import (
-    SILENT_PERIODS,
-    STANDING_FRAMES,
-    FrameDriver,
-    bound_format,
-    frames_named,
-)
+from drivers.kinds.frame_source.intake import SILENT_PERIODS, STANDING_FRAMES, FrameDriver, bound_format, frames_named
 from drivers.timing.awake import awake_s
 from drivers.transport.frame_link import FrameLink
 from drivers.values import Heard
