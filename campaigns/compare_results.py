@@ -18,7 +18,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 BENCHES = {
-    "gyro_range": ("gyro",), "gyro_response": ("gyro",), "accel_range": ("centrifuge",), "accel_response": ("response",),
+    "gyro_range": ("gyro",), "gyro_response": ("gyro",), "accel_range": ("centrifuge",),
+    "accel_response": ("response",),
     "indexing_static": ("indexing", "indexing_pulses", "indexing_telemetry"),
     "imu_24_position": ("imu", "imu_telemetry"), "imu_start_up": ("imu",), "imu_two_mountings": ("imu_two_axis",),
     "channel_full": ("channel",), "channel_gravity": ("channel",), "channel_skew": ("channel",),
