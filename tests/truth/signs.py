@@ -23,6 +23,7 @@ from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.reduce.stored_run import StoredRun, open_run
+from bench.report.afterwards import Afterwards
 from bench.report.html import render
 from bench.report.revision import Revision
 from bench.sequence.model import ResultEntry
@@ -96,7 +97,7 @@ def differences(folder: Path) -> Iterator[str]:
             yield from _of_unit(method, one, negated_one)
         if usual.verdict != found.verdict:
             yield f"verdict {usual.verdict}, negated {found.verdict}"
-        render(other, found, "", Revision(1, run.began))
+        render(other, found, "", Revision(1, run.began), Afterwards())
 
 
 def _of_unit(method: str, usual: UnitResult, other: UnitResult) -> Iterator[str]:

@@ -239,7 +239,7 @@ def test_what_is_being_brought_to_rest_comes_to_rest_unless_the_run_is_aborted(m
         control = SimpleNamespace(under_way={}, aborting=False)
         watcher = SimpleNamespace(step_begins=write, notice=write)
         planned = SimpleNamespace(id="turn", step=SimpleNamespace(timeout_s=None), waiting=None, phase="steps")
-        bench = SimpleNamespace(journal=journal, rig=SimpleNamespace(safe_within_s=10.0))
+        bench = SimpleNamespace(journal=journal, rig=SimpleNamespace(safe_within_s=10.0), credit=None)
         task = asyncio.create_task(Stepper(SimpleNamespace(), bench, control, watcher, {"turn": 0}).step(planned))
         for cancelled_by in ("the operator", "the monitor"):
             await asyncio.sleep(1)
