@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from bench.methods.indexing.doubts import sweep
 from bench.offline.case import reduce_case, reductions
 from bench.offline.outcome import outcome
 from tests.support.any_case import KINDS, good_case
@@ -30,6 +31,14 @@ def test_a_good_case_raises_no_doubt_and_neither_does_one_that_reads_downwards(t
 @pytest.mark.parametrize("slip", SLIPS, ids=lambda slip: f"{slip.method} {slip.sub} {slip.name}")
 def test_a_slip_is_seen(slip):
     assert missed(slip) == ""
+
+
+@pytest.mark.parametrize(("down_v_per_g", "is_doubted"), [(5.0, False), (-5.0, True), (1.0, True)])
+def test_scale_factors_of_both_ends_that_do_not_agree_are_doubted(down_v_per_g, is_doubted):
+    angle_deg = np.array([-4.0, 0.0, 4.0])
+    lines = {"up": (5.0, 0.0), "down": (down_v_per_g, 0.0)}
+    doubts = list(sweep(angle_deg, np.array([-0.3482, 0.0012, 0.3504]), lines, {}))
+    assert [doubt.flag for doubt in doubts] == ["implausible_scale"] * is_doubted
 
 
 OUTPUTS = (
