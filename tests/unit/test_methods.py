@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from importlib import import_module, metadata
 
 import pytest
 from pydantic import ValidationError
 
+from bench.errors import InputError
 from bench.methods.tumble.method import TEMPERATURE_TUMBLE
-from bench.sequence.method import OUTPUT_UNITS, SHIPPED, known_methods
+from bench.offline.case import reduce_case, reductions
+from bench.sequence.method import OUTPUT_UNITS, SHIPPED, MethodWords, known_methods
+from bench.sequence.rules import every_rule, judge
 from drivers.description import known_drivers
 from drivers.quantity.units import parse_unit
 from drivers.shipped import DRIVERS
 from tests.support.runs import ROOT, SHORT, run_short
-from tests.support.sequences import plan_of, problems_of, steps
+from tests.support.sequences import BENCH, plan_of, problems_of, steps
 
 
 @pytest.mark.parametrize("method", known_methods().values(), ids=lambda method: method.name)
@@ -54,7 +59,35 @@ class Settings(StrictModel):
     depth: int = 1
 
 
-NOISE = MethodDescription("noise", "Noise", "my_noise:reduce", Settings, {"density": "µg/Hz^0.5"})
+NOISE = MethodDescription(
+    "noise", "Noise", "my_noise:reduce", Settings, {"density": "µg/Hz^0.5"},
+    rules="my_noise_parts:RULES", words="my_noise_parts:WORDS", offline="my_noise_parts:REDUCTIONS",
+)
+"""
+PARTS = """\
+from bench.offline.case_file import Reduction, Settings
+from bench.sequence.remarks import Rule
+
+
+class CaseSettings(Settings):
+    depth: int
+
+
+def too_deep(plan, bench):
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.settings.get("depth", 1) > 8:
+            yield ("results", index, "settings", "depth"), "a depth above 8 finds nothing", "Choose 8 or less"
+
+
+def reduced(case):
+    rest = case.record("rest", "U_V")
+    depth = case.settings(CaseSettings).depth
+    return {"depth": depth, "mean": rest.numbers("U_V").mean(), "flags": [], "notes": [], "doubts": []}
+
+
+RULES = (Rule("too-deep", "warning", "a depth finds something", too_deep),)
+WORDS = {"UNITS": {"deaf": "It hears nothing."}}
+REDUCTIONS = {("NOISE", ""): Reduction(reduced, ("rest",))}
 """
 
 
@@ -86,14 +119,19 @@ def test_what_is_in_the_tables_is_there_under_its_name():
 def plugin(tmp_path, monkeypatch):
     """An installed distribution with a method of its own."""
     (tmp_path / "my_noise.py").write_text(PLUGIN)
+    (tmp_path / "my_noise_parts.py").write_text(PARTS)
     information = tmp_path / "my_noise-1.dist-info"
     information.mkdir()
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: my-noise\nVersion: 1\n")
     (information / "entry_points.txt").write_text("[inertial_test_bench.methods]\nnoise = my_noise:NOISE\n")
     monkeypatch.syspath_prepend(tmp_path)
-    known_methods.cache_clear()
+    for cached in (known_methods, reductions):
+        cached.cache_clear()
     yield
-    known_methods.cache_clear()
+    for cached in (known_methods, reductions):
+        cached.cache_clear()
+    for module in ("my_noise", "my_noise_parts"):
+        sys.modules.pop(module, None)
 
 
 def test_a_method_of_a_plug_in_is_known_to_a_sequence(plugin, tmp_path):
@@ -103,3 +141,31 @@ def test_a_method_of_a_plug_in_is_known_to_a_sequence(plugin, tmp_path):
         "4:44: dept: unknown key; did you mean 'depth'?",
         "4:73: max: is in g, expected a quantity in µg/Hz^0.5",
     ]
+
+
+def test_a_plug_in_brings_rules_that_only_its_method_loads(plugin, tmp_path):
+    body = steps("{acquire: counter, for: 1 h, label: rest}") + "results:\n  - {method: noise, data: rest, "
+    assert "my_noise_parts" not in sys.modules
+    judge(plan_of(tmp_path, steps("{acquire: counter, for: 1 h, label: rest}")), BENCH)
+    assert "my_noise_parts" not in sys.modules
+    found = judge(plan_of(tmp_path, body + "settings: {depth: 9}}\n"), BENCH)
+    assert "a depth above 8 finds nothing. Choose 8 or less [too-deep]" in [remark.text for remark in found]
+    assert "too-deep" in {rule.name for rule in every_rule()}
+
+
+def test_a_plug_in_brings_the_words_of_its_flags(plugin):
+    words = MethodWords("UNITS", {"generic": "A word."})
+    assert (words["generic"], words["deaf"]) == ("A word.", "It hears nothing.")
+    assert "rest_missing" in words
+    assert "nothing_known" not in words
+
+
+def test_a_plug_in_reduces_cases_of_its_own(plugin, tmp_path):
+    (tmp_path / "rest.csv").write_text("U_V\n1.0\n2.0\n")
+    case = {"schema": "itb-case/1", "method": "NOISE", "settings": {"depth": 3}, "records": {"rest": "rest.csv"}}
+    (tmp_path / "case.json").write_text(json.dumps(case))
+    found = reduce_case(tmp_path / "case.json")
+    assert (found["method"], found["depth"], found["mean"]) == ("NOISE", 3, 1.5)
+    (tmp_path / "case.json").write_text(json.dumps({**case, "settings": {"dept": 3}}))
+    with pytest.raises(InputError, match="did you mean 'depth'"):
+        reduce_case(tmp_path / "case.json")
