@@ -83,6 +83,7 @@ IMU_CALIBRATION = MethodDescription(
     meaning=MEANING,
     closes=True,
     drawn_by="bench.methods.imu.shown:imu_plots",
+    rules="bench.methods.imu.rules:RULES",
     words="bench.methods.imu.words:WORDS",
     spans="bench.methods.imu.shown:visits",
     offline="bench.methods.imu.offline:REDUCTIONS",

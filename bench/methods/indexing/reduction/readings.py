@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from bench.methods.indexing.names import CLOCKING, PASS, REVERSE, VERIFICATION
 from bench.methods.indexing.reduction.sweep import SweepRecord
 from bench.metrology.acquisition import Acquisition, Counts
 from bench.metrology.bench_uncertainty import BenchRecord
@@ -22,7 +23,6 @@ from bench.metrology.orientation import unit_axes
 from bench.metrology.outputs import STABLE_PART_S, Output, mean_output, measured, steadiness
 from bench.metrology.run_data import RunData, UnitUnderTest
 
-CLOCKING, VERIFICATION = "clocking", "verification"
 OTHER_SIDE = {"below": "above", "above": "below", "": ""}
 TURN_DEG = 1e-3  # by which the head is turned in thought, to see what that does
 
@@ -78,9 +78,9 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             number=number,
             step=acquisition.step,
             kind=kind_of(acquisition.step),
-            attempt=int(acquisition.loops.get("pass", 1)),
+            attempt=int(acquisition.loops.get(PASS, 1)),
             end="up" if axes[2] > 0 else "down",
-            direction="rev" if "reverse" in acquisition.loops else "fwd",
+            direction="rev" if REVERSE in acquisition.loops else "fwd",
             angle_rad=float(np.arcsin(np.clip(axes[0], -1, 1))),
             head_rad=float(np.radians(acquisition.angle_deg)),
             turn=turn,
