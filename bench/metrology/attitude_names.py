@@ -1,4 +1,4 @@
-"""The 24 attitudes in which the axes of a cube lie along east, north and up, by their names (methods.md 4.2)."""
+"""The 24 attitudes in which the axes of a cube lie along east, north and up, by their names (equations 4.2)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """How well the line of a run is known by its own readings: what one count is worth, and what scatters beside it.
 
 The errors of counts in neighbouring gates cancel each other, since what one has more the next has less: only the ends
-of the record matter (methods.md 1.7). Residuals of the gates would make far too much of them. So the part of the count
+of the record matter (equations 1.7). Residuals of the gates would make far too much of them. So the part of the count
 is worked out from the latches that gates share. The rest is looked for in slow waves of the gates, nearly as slow as
 the line: there the count leaves next to nothing, and what comes and goes within a minute or two does not tilt a line
 either. A chamber's limit cycle, which the thermometer tells a little later than the converter has it, does reach into

@@ -1,4 +1,4 @@
-"""The fitting kernel: linear least squares, polynomials, outliers, and the choice of a degree (methods.md 1.8).
+"""The fitting kernel: linear least squares, polynomials, outliers, and the choice of a degree (equations 1.8).
 
 A design matrix is scaled column by column and solved by its singular values. These also tell what the data cannot tell:
 coefficients that are not determined raise NotDetermined, which names them; nothing is ever set to zero quietly.

@@ -1,4 +1,4 @@
-"""Nonlinear least squares by the Gauss-Newton method with an analytic Jacobian (methods.md 1.8).
+"""Nonlinear least squares by the Gauss-Newton method with an analytic Jacobian (equations 1.8).
 
 Each step is a linear fit by the kernel of `bench.metrology.least_squares`: on a column-scaled design, by its singular
 values. A step that does not make the residuals smaller is shortened.

@@ -1,4 +1,4 @@
-"""Normal gravity: that of the WGS 84 ellipsoid, from latitude and height alone (methods.md 1.2)."""
+"""Normal gravity: that of the WGS 84 ellipsoid, from latitude and height alone (equations 1.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a unit lies during an acquisition, as far as the bench knows: nominal angles, mounts and level (methods.md 8.1).
+"""How a unit lies during an acquisition, as far as the bench knows: nominal angles, mounts and level (equations 8.1).
 
 The level frame is east, north, up. In the frame of a unit x is the input axis, y the output axis, z the pendulous axis;
 at rest an axis that points up reads +1 g.

@@ -19,7 +19,7 @@ NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
 NO_CODES = Codes(
     np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0), 1, 1.0, 1.0, lost=0, dropped=0, invalid=0
 )
-STABLE_PART_S = 10.0  # whose means are compared (methods.md 3.2)
+STABLE_PART_S = 10.0  # whose means are compared (equations 3.2)
 
 
 Measured = Counts | Voltages | Codes

@@ -1,4 +1,4 @@
-"""Numbers that no instrument of a bench gives: other units, exchanged columns (methods.md 1.1, 1.10).
+"""Numbers that no instrument of a bench gives: other units, exchanged columns (equations 1.1, 1.10).
 
 The bounds are those of physics and of the apparatus, wide enough for every sensor of the methods; what is beyond them
 is doubted, not corrected.

@@ -1,4 +1,4 @@
-"""From cumulative counts to a mean pulse rate (methods.md 1.7).
+"""From cumulative counts to a mean pulse rate (equations 1.7).
 
 A mean comes from the first and the last cumulative reading and the device's own clock at both; what lies between only
 decides whether it may be used.

@@ -1,4 +1,4 @@
-"""What a working thermometer cannot say: an open sensor, a jump (methods.md 1.10)."""
+"""What a working thermometer cannot say: an open sensor, a jump (equations 1.10)."""
 
 from __future__ import annotations
 

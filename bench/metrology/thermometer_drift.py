@@ -1,4 +1,4 @@
-"""What a thermometer whose error changes within a run does to differences between its times (methods.md 6.2).
+"""What a thermometer whose error changes within a run does to differences between its times (equations 6.2).
 
 The error is taken to change evenly from the beginning of the run to its end. At bench time t it is D s(t), with s from
 -½ to ½ and one D for the whole run, of which a certificate states the standard uncertainty. What depends on

@@ -1,4 +1,4 @@
-"""Accelerometers as tilt meters (methods.md 6.4): one up to ±90°, two at right angles over the full circle.
+"""Accelerometers as tilt meters (equations 6.4): one up to ±90°, two at right angles over the full circle.
 
 Uncertainties are to first order (JCGM 100, 5.1). A misalignment of the input axis on what is tilted adds to the tilt
 as it is, and is not among them.

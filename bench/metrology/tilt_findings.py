@@ -1,4 +1,4 @@
-"""What a bias that drifts makes of an accelerometer as a tilt meter, and what compensation leaves (methods.md 6.4).
+"""What a bias that drifts makes of an accelerometer as a tilt meter, and what compensation leaves (equations 6.4).
 
 Held level it indicates asin((U - K0) / K1), with a constant K0, or with the model of K0 over temperature: the static
 one of a tumble, the dynamic one of a ramp, for a use that sees fast changes. The span of what it indicates is what a

@@ -1,4 +1,4 @@
-"""From counts to velocity: the integral of a channel's specific force, compensated for temperature (methods.md 2.5).
+"""From counts to velocity: the integral of a channel's specific force, compensated for temperature (equations 2.5).
 
 At a specific force a the channel gives D = D_ref (1 + α ΔT) + β ΔT with D_ref = K1 (a + K0) and ΔT = T - Tref. The two
 drifts are those of item 7, and each alone is one of the shared models: α = κ, β = 0 on the basis "normalised"; α = 0,

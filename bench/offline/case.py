@@ -1,6 +1,6 @@
 """Off-line reduction of recorded data: `case.json` and CSV records in, the result as plain JSON types out.
 
-The formats, the names of settings and results, and the units in them are those of methods.md section 9.
+The formats, the names of settings and results, and the units in them are those of equations 9.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A case file and its records, as every off-line reduction sees them; the formats are those of methods.md section 9."""
+"""A case file and its records, as every off-line reduction sees them; the formats are those of equations 9."""
 
 from __future__ import annotations
 

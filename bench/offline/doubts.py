@@ -1,4 +1,4 @@
-"""What makes the result of a case doubtful: data that no bench of the method gives (methods.md 1.10)."""
+"""What makes the result of a case doubtful: data that no bench of the method gives (equations 1.10)."""
 
 from __future__ import annotations
 

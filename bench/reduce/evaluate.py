@@ -111,7 +111,7 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
 
 
 def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
-    """A run that left something out is incomplete, whatever the rest of it says, as a unit is (methods.md 1.10).
+    """A run that left something out is incomplete, whatever the rest of it says, as a unit is (equations 1.10).
 
     So is one whose results combine data from both sides of an interruption, unless their budgets contain it.
 

@@ -189,7 +189,7 @@ def _rotate(step: Rotate, table: DeviceEntry, from_deg: float) -> Found:
 
 
 def _oscillate(step: Oscillate, table: DeviceEntry) -> Found:
-    """A sine asks for amplitude x omega of rate and amplitude x omega squared of acceleration (methods.md 5.1).
+    """A sine asks for amplitude x omega of rate and amplitude x omega squared of acceleration (equations 5.1).
 
     The acceleration asks for a torque, and the amplitude must be at least 20 counts of the encoder.
     """

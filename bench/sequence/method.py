@@ -56,7 +56,7 @@ class MethodDescription(NamedTuple):
     each at one input level, each a window of which only the means are wanted, each on a table at rest or in motion, or
     each a record of its own. `first_dwell` is the number that the report gives to the first of its dwells. `drawn_by`
     is "module:function", which turns a unit's results into what a report shows of them beside the tables that all
-    methods have. `after` names the standards that it is made after (methods.md 7), which is no claim of conformity.
+    methods have. `after` names the standards that it is made after (equations 7), which is no claim of conformity.
     `rules`, `words`, `spans` and `offline` are "module:attribute" as well: its Rules on a plan, the mapping of its
     words, the function that divides the run into spans, and its reductions of recorded cases; empty for none.
     `meaning` says what its results contain, `measures` what kind of unit it is for, `needs_calibration` whether it

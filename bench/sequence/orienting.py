@@ -1,4 +1,4 @@
-"""Attitudes: how the axes of a unit point, and to which angles the axes of a table go for it (methods.md 4.2, 8.1).
+"""Attitudes: how the axes of a unit point, and to which angles the axes of a table go for it (equations 4.2, 8.1).
 
 Everything here is by quarter turns: axes of tables point along the compass or the vertical, attitudes do, and mounts
 must. The frame is east, north, up; vectors and the rows of matrices are of whole numbers.

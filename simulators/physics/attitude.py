@@ -1,4 +1,4 @@
-"""How a unit lies: from the axes of the table, the fixture and the mount to directions in the unit (methods.md 8.1).
+"""How a unit lies: from the axes of the table, the fixture and the mount to directions in the unit (equations 8.1).
 
 Frames: level (east, north, up); fixture, whose x, y, z turn with the table; unit, where x is the input axis, y the
 output axis and z the pendulous axis. A rotation is a matrix (n, 3, 3) that turns components in one frame into those in

@@ -1,4 +1,4 @@
-"""A charge-balancing converter: from charge to counts of + and - pulses (methods.md section 8.5)."""
+"""A charge-balancing converter: from charge to counts of + and - pulses (equations 8.5)."""
 
 from __future__ import annotations
 

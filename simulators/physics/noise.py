@@ -1,4 +1,4 @@
-"""Noise of sensors: white noise, and a slow wander of the zero (methods.md section 8.4)."""
+"""Noise of sensors: white noise, and a slow wander of the zero (equations 8.4)."""
 
 from __future__ import annotations
 

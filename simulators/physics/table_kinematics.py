@@ -1,6 +1,6 @@
 """What the table carries its fixture through: where up is there, how it turns, and what that makes a place sense.
 
-f = up + (w x (w x r) + dw/dt x r) / g          in local g, in the frame of the fixture (methods.md 8.1)
+f = up + (w x (w x r) + dw/dt x r) / g          in local g, in the frame of the fixture (equations 8.1)
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from simulators.physics.servo import Loop, Ripple
 
 Array = NDArray[np.float64]
 EAST: Vector = (1.0, 0.0, 0.0)
-EARTH_DPS = math.degrees(7.292115e-5)  # methods.md 1.1
+EARTH_DPS = math.degrees(7.292115e-5)  # equations 1.1
 NOWHERE: Vector = (0.0, 0.0, 0.0)
 Stands = tuple[float | None, ...]
 """Where each axis really stands, °; None for one that moves."""

@@ -1,4 +1,4 @@
-"""Temperatures: set point → chamber air → case → sensor → thermometer, stepped exactly (methods.md section 8.3).
+"""Temperatures: set point → chamber air → case → sensor → thermometer, stepped exactly (equations 8.3).
 
     air      a'' = w²(s - a) - 2 z w a'          s the set point in force, ramped by the controller
     case     tau_c c' = a + limit cycle - c + heating

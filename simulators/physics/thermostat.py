@@ -1,4 +1,4 @@
-"""A heater in the case of an accelerometer that holds its sensor at one temperature (methods.md 8.3).
+"""A heater in the case of an accelerometer that holds its sensor at one temperature (equations 8.3).
 
     sensor   tau T' = case + rise - T       rise between `least_rise` and `most_rise`, in proportion to the error
 

@@ -1,4 +1,4 @@
-"""One physics for all simulated instruments: attitude, gravity, temperatures, power (methods.md section 8).
+"""One physics for all simulated instruments: attitude, gravity, temperatures, power (equations 8).
 
 Time here is *true* time: the host's clock, which the bench runs on, is itself an instrument with an error. The world
 is worked out lazily. Whoever looks asks for it "up to now"; whoever changes a stimulus first lets everybody who

@@ -2,7 +2,7 @@
 
 They are defined as the results are: the model equation of the tumble put through the noiseless channel at the positions
 that the sequence visits. So K1 contains K3, K2 the converter's asymmetry, and K0 the converter's zero
-(methods.md 8.8). A dwell is evaluated at its *indicated* temperature with the hysteresis, drift and warm-up it then
+(equations 8.8). A dwell is evaluated at its *indicated* temperature with the hysteresis, drift and warm-up it then
 had. Of a leg of a temperature ramp all is told: what the noiseless channel put out, over what an ideal thermometer at
 the unit, as slow as the real one, said meanwhile.
 """
@@ -27,7 +27,7 @@ LEG_EVERY_S = 10.0
 STEPPED = {"turned_on_g": -3, "turned_on_scale": -2}  # columns of a unit's history, by their names in the truth
 LAST_LATCH_S = 0.1  # before the end of a leg, perhaps; a sample that ends behind it is not whole
 # Share of a further term that no other one explains, above which the angles of a run separate it. Of eight angles and
-# more these are 1, 0.32 and 0.08 to 0.15; at six, a degree off the level, K3 has 0.02 (methods.md 1.5).
+# more these are 1, 0.32 and 0.08 to 0.15; at six, a degree off the level, K3 has 0.02 (equations 1.5).
 OWN_SHARE = {"Kip": 0.3, "K3": 0.2, "asymmetry": 0.06}
 
 
@@ -248,7 +248,7 @@ def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
 
 
 def _scale_factor(truth: UnitTruth, temperature_c: Array, through: Through) -> Array:
-    """Half the difference of the outputs at +1 g and -1 g, in the unit of the output per g (methods.md 1.6)."""
+    """Half the difference of the outputs at +1 g and -1 g, in the unit of the output per g (equations 1.6)."""
     nothing = np.zeros_like(temperature_c)
     up, down = (
         truth.output(truth.current_a((nothing + g, nothing, nothing), temperature_c, nothing), through) for g in (1, -1)

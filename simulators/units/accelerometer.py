@@ -1,4 +1,4 @@
-"""The unit under test: specific force and temperature in, current and pulses out (methods.md sections 8.4 and 8.5)."""
+"""The unit under test: specific force and temperature in, current and pulses out (equations 8.4 and 8.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A gyro: turning, specific force and temperature in, pulses out (methods.md section 8.6).
+"""A gyro: turning, specific force and temperature in, pulses out (equations 8.6).
 
     W = KG(T) (1 + asymmetry sign w + q3 w²) (w + D0(T) + g-sensitivity · f + noise),   w along the input axis
 
@@ -56,7 +56,7 @@ class GyroNoiseModel(StrictModel):
 
 
 class GyroModel(StrictModel):
-    """The gyro of methods.md 8.6; bandwidth and damping go together, without them it follows at once."""
+    """The gyro of equations 8.6; bandwidth and damping go together, without them it follows at once."""
 
     range: Annotated[float, InUnit("°/s", above=0)] = 400.0
     reference_temperature: Celsius = 20.0

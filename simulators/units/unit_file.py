@@ -123,7 +123,7 @@ class NoiseModel(StrictModel):
 
 
 class AccelerometerModel(StrictModel):
-    """The accelerometer of methods.md 8.4. One without a damping follows at once, whatever its bandwidth."""
+    """The accelerometer of equations 8.4. One without a damping follows at once, whatever its bandwidth."""
 
     range: Annotated[float, InUnit("g", above=0)] = 20.0
     reference_temperature: Celsius = 20.0
@@ -150,7 +150,7 @@ class AccelerometerModel(StrictModel):
 
 
 class ConverterModel(StrictModel):
-    """The current-to-frequency converter of methods.md 8.5."""
+    """The current-to-frequency converter of equations 8.5."""
 
     S: Annotated[Draw, DrawIn("Hz/A")]
     alpha: Annotated[Draw, DrawIn("1/°C")] = Draw(0)

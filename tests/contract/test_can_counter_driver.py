@@ -511,7 +511,7 @@ def test_a_slow_counter_that_stands_still_is_seen_over_blocks_of_one_latch() -> 
 
 
 def test_a_restart_goes_on_and_is_in_the_counts() -> None:
-    """The driver hands out what comes; the reading is not used (methods.md 1.7)."""
+    """The driver hands out what comes; the reading is not used (equations 1.7)."""
 
     async def use(bench: Bench, driver: CanCounter) -> None:
         async def restart() -> None:

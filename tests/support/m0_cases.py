@@ -1,4 +1,4 @@
-"""Cases of method M0 made from a known channel (methods.md 8.4, 8.5): records, settings, and the truth behind them."""
+"""Cases of method M0 made from a known channel (equations 8.4, 8.5): records, settings, and the truth behind them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Cases of method M2 made from a known inertial unit: records, settings, and the truth behind them.
 
-What gravity and earth rate do in the 24 attitudes is typed here from the table of methods.md 4.2, its columns f/g and
+What gravity and earth rate do in the 24 attitudes is typed here from the table of equations 4.2, its columns f/g and
 wx wy wz; the reduction makes them from its directions of x, y and z.
 """
 

@@ -48,7 +48,7 @@ def is_hysteretic(truth: dict) -> bool:
 
 
 def true_figures(truth: dict) -> dict[str, float]:
-    """The figures by the definitions of methods.md 3.4, from the noiseless outputs on an ideal bench.
+    """The figures by the definitions of equations 3.4, from the noiseless outputs on an ideal bench.
 
     A line over the sine for each end, b and G; both ends together are four linear equations for bias, scale factor,
     c1 δ and c_xz, whose factors are the lines of the cosine and of the sine times the cosine.

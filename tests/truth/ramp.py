@@ -61,7 +61,7 @@ def compared(truth: dict, results: dict) -> list[Comparison]:
 
 
 def true_figures(legs: dict) -> dict[str, float]:
-    """The figures of the definitions in methods.md 6.3, of legs without noise."""
+    """The figures of the definitions in equations 6.3, of legs without noise."""
     level, upright = ({key: leg for key, leg in legs.items() if f"position={at}/" in key} for at in ("0", "90"))
     level = {key: _one_way(leg) for key, leg in level.items()}
     temperature_c = np.concatenate([leg["temperature_c"] for leg in level.values()])

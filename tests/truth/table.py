@@ -1,4 +1,4 @@
-"""The tests on a rate table against the truth: what a perfect bench would find of the units as drawn (methods.md 8.8).
+"""The tests on a rate table against the truth: what a perfect bench would find of the units as drawn (equations 8.8).
 
     python -m tests.truth.table --seeds 40 --wires 3
 

@@ -1,4 +1,4 @@
-"""The truth of the tests on a rate table: what a perfect bench would find of the units as drawn (methods.md 8.8).
+"""The truth of the tests on a rate table: what a perfect bench would find of the units as drawn (equations 8.8).
 
 The units have been on for long. By quantity, as a function of the conditions that a finding states.
 """

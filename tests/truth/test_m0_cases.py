@@ -1,4 +1,4 @@
-"""Cases of M0, made from a known channel (methods.md 8.4, 8.5), reduced and held against the truth."""
+"""Cases of M0, made from a known channel (equations 8.4, 8.5), reduced and held against the truth."""
 
 import json
 
@@ -81,7 +81,7 @@ def test_a_good_channel_shares_its_model(tmp_path, rng):
 
 
 def test_a_part_in_proportion_to_the_level_departs_raw_and_not_normalised(tmp_path, rng):
-    # 42 % at g/√3 and 1100 % at 12 g although the converter is consistent: methods.md 2.5.
+    # 42 % at g/√3 and 1100 % at 12 g although the converter is consistent: equations 2.5.
     result = reduced(tmp_path, campaign(rng, SCALE, noise_counts=0.5), compare_basis="raw")
     found = result["deviation"]
     assert found["skew"]["dk_raw"] == pytest.approx(0.42, abs=0.01)
@@ -688,6 +688,6 @@ def test_the_uncertainty_of_the_drift_is_its_scatter(experiments):
 
 
 def test_counting_alone_scatters_less_than_its_uncertainty(rng):
-    # The errors of adjacent gates have opposite signs: methods.md 2.5.
+    # The errors of adjacent gates have opposite signs: equations 2.5.
     runs = [analysed(run_columns(rng, SCALE, 1.0, noise_counts=0.0)) for _ in range(100)]
     assert spread([(run.slope_pps_per_c - SCALE.slope(1)) / run.u_slope_pps_per_c for run in runs]) < 0.5

@@ -34,7 +34,7 @@ def test_a_perfect_bench_finds_the_unit(tmp_path, rng):
     unit = Unit(cxz=2e-5)
     result = reduced(tmp_path, sweep=sweep(unit, rng))
     found = result["combined"]
-    # The figures of methods.md section 12 for this combination.
+    # Figures worked by hand for this combination.
     assert found["b_V"] == pytest.approx(unit.c0, abs=0.03e-6)
     assert found["G_V_per_g"] == pytest.approx(unit.c1, rel=0.2e-6)  # cos δ is 0.18 ppm below 1
     assert found["delta_rad"] == pytest.approx(unit.delta_rad, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Static and tilt cases of M4, made from a known accelerometer (methods.md 8.4), reduced and held against the truth."""
+"""Static and tilt cases of M4, made from a known accelerometer (equations 8.4), reduced and held against the truth."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Dynamic cases of M4, made from a known accelerometer (methods.md 8.3, 8.4), reduced and held against the truth."""
+"""Dynamic cases of M4, made from a known accelerometer (equations 8.3, 8.4), reduced and held against the truth."""
 
 import numpy as np
 import pytest
@@ -130,7 +130,7 @@ def test_pure_lag_is_told_from_hysteresis(tmp_path, rng, interval_s, tau_s):
     profile = ramps(interval_s)
     behind_c = lagging_c(profile["t_s"], profile["T_C"], tau_s)
     result = reduced(tmp_path, dynamic_columns(profile, rng, output_v=1.4e-5 * behind_c, noise_ug=2.0), **LIMITS)
-    loop_ug = 2 * 1.4e-5 * 0.05 * tau_s / UG  # 2 B1 s tau of methods.md 6.3, once it is fully open
+    loop_ug = 2 * 1.4e-5 * 0.05 * tau_s / UG  # 2 B1 s tau of equations 6.3, once it is fully open
     assert result["flags"] == []
     assert "lag" in result["notes"][0]
     assert result["jumps"] == []

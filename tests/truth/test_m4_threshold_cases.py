@@ -1,4 +1,4 @@
-"""Ladders counted by a converter with a dead band (methods.md 8.5), reduced and held against the true threshold."""
+"""Ladders counted by a converter with a dead band (equations 8.5), reduced and held against the true threshold."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Method M2 on real data that others published, and beside their own program (methods.md section 10).
+"""Method M2 on real data that others published, and beside their own program.
 
 Of the three turns of the session that about z is here whole, so that the scale factor of gyro z is reduced as well;
 those about x and y, which would be as many rows each again, are not.

@@ -1,4 +1,4 @@
-"""A channel calibrated on one ramp at 1 g, its velocity compensated on another ramp at another level (methods.md 2)."""
+"""A channel calibrated on one ramp at 1 g, its velocity compensated on another ramp at another level (equations 2)."""
 
 import numpy as np
 import pytest

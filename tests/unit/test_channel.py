@@ -1,4 +1,4 @@
-"""M0: figures printed in methods.md section 2, typed by hand; keys of the result; what is refused."""
+"""M0: figures printed in equations 2, typed by hand; keys of the result; what is refused."""
 
 import json
 import math

@@ -92,7 +92,7 @@ def test_wherever_counters_start_and_however_wide_they_are(
     assert not rate.problems or abs(rate_pps) < 10
 
 
-# How well it is known (methods.md 1.7)
+# How well it is known (equations 1.7)
 
 
 def test_the_error_is_below_a_count_and_its_standard_deviation_is_0_408_counts() -> None:

@@ -6,7 +6,7 @@ from bench.metrology.normal_gravity import normal_gravity_mps2
 
 @pytest.mark.parametrize(
     ("latitude_deg", "height_m", "expected_mps2"),
-    [  # methods.md 1.2
+    [  # equations 1.2
         (45, 0, 9.806197769),
         (0, 0, 9.7803253359),
         (90, 0, 9.8321849379),

@@ -102,7 +102,7 @@ def test_a_place_on_a_swinging_table_is_pulled_and_pushed(arm_m):
     x, y, z = fixture.force_g(at_s, arm_m)
     before, now, after = (np.radians(axis.true_deg(at_s + by)) for by in (-step_s, 0.0, step_s))
     w, change = (after - before) / (2 * step_s), (after - 2 * now + before) / step_s**2
-    assert x * 9.8 == pytest.approx(-(w**2) * arm_m[0] - change * arm_m[1], abs=2e-4)  # methods.md 5.5 (8)
+    assert x * 9.8 == pytest.approx(-(w**2) * arm_m[0] - change * arm_m[1], abs=2e-4)  # equations 5.5 (8)
     assert y * 9.8 == pytest.approx(-(w**2) * arm_m[1] + change * arm_m[0], abs=2e-4)
     assert z == pytest.approx(np.ones(101))
 

@@ -11,7 +11,7 @@ from tests.support.strd_nonlinear import MODELS, reference, with_jacobian
 def test_reference_sets_of_nist(name):
     known = reference(name)
     fit = fit_nonlinear(with_jacobian(MODELS[name], known.x), known.y, known.start)
-    # Certified to 11 digits; methods.md 1.8 asks for 6.
+    # Certified to 11 digits; equations 1.8 asks for 6.
     assert np.max(np.abs(fit.parameters / known.parameters - 1)) < 1e-6
     assert np.max(np.abs(fit.u / known.deviations - 1)) < 1e-6
     assert np.sum(fit.residuals**2) == pytest.approx(known.residual_sum, rel=1e-9)

@@ -56,7 +56,7 @@ def test_on_a_head_the_input_axis_is_raised_by_the_sum_of_all_angles(sense, offs
 
 
 def test_a_unit_on_its_other_end_feels_gravity_along_its_seat_the_other_way():
-    """(sin th, 0, s cos th) g, s = -1 for the end that is down (methods.md 3.3)."""
+    """(sin th, 0, s cos th) g, s = -1 for the end that is down (equations 3.3)."""
     head_deg = 20.0
     how = ({"head": SOUTH}, EAST, UP, (head_deg,), (0.0, 180.0, 0.0), 0.0)
     expected = [np.sin(np.radians(head_deg)), 0.0, -np.cos(np.radians(head_deg))]
@@ -64,7 +64,7 @@ def test_a_unit_on_its_other_end_feels_gravity_along_its_seat_the_other_way():
 
 
 def test_a_tilted_seat_is_felt_as_the_cosine_of_the_clocking():
-    """U(psi) = m + p cos psi + q sin psi (methods.md 3.4): at 90° the other axis of the seat is felt."""
+    """U(psi) = m + p cos psi + q sin psi (equations 3.4): at 90° the other axis of the seat is felt."""
     tilted = [
         specific_force_g(*lying({"head": SOUTH}, EAST, UP, (0.1,), (0.0, 0.0, clock_deg), 0.0))[0]
         for clock_deg in (0.0, 90.0, 180.0, 270.0)

@@ -156,7 +156,7 @@ def worst_of_counting(f_hz, *, sample_hz=1000.0, seconds=0.5):
 def test_counting_errors_that_repeat_do_not_average_out():
     repeated, u_repeated = worst_of_counting(100.0)
     spread, _ = worst_of_counting(101.3)
-    assert repeated == pytest.approx(0.0030, rel=0.2)  # methods.md 5.3: 0.3 % rms
+    assert repeated == pytest.approx(0.0030, rel=0.2)  # equations 5.3: 0.3 % rms
     assert u_repeated == pytest.approx(repeated, rel=0.25)
     assert spread < 3e-4
 

@@ -135,7 +135,7 @@ def test_both_ends_are_combined_by_the_published_formulas():
     assert both.misalignment_rad.value == pytest.approx((up.bias_v - down.bias_v) / (2 * g * c_bar), rel=1e-12)
     coupling = (up.scale_v_per_g - down.scale_v_per_g) / (2 * k_bar)
     assert both.coupling_v_per_g2.value == pytest.approx(coupling, rel=1e-6)
-    assert k_bar == pytest.approx(0.990, abs=0.001)  # methods.md section 12
+    assert k_bar == pytest.approx(0.990, abs=0.001)  # worked by hand
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from bench.metrology.results.finding import BudgetLine, Subject
 
 SET_C = np.linspace(-40, 70, 23)
 REFERENCE_C = 25.0
-T1, T2, T3 = 1e-5, 3e-8, 4e-10  # g per power of °C, methods.md 8.7
+T1, T2, T3 = 1e-5, 3e-8, 4e-10  # g per power of °C, equations 8.7
 
 
 def bias_g(temperature_c):

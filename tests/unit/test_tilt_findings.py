@@ -18,7 +18,7 @@ def found(bias_g, modelled_g, sd_g=1e-6, **changed):
 
 def test_the_span_is_what_the_bias_drifts_over_the_temperatures_and_the_model_takes_it():
     spans = found(BIAS_G, BIAS_G, sd_g=0.0)
-    # methods.md 6.5: 1.1e-5 g/°C over 100 °C
+    # equations 6.5: 1.1e-5 g/°C over 100 °C
     assert spans["tilt/uncompensated"].value == pytest.approx(np.degrees(1.1e-3), rel=1e-6)
     assert spans["tilt/compensated"].value == pytest.approx(0.0, abs=1e-12)
     assert spans["tilt/uncompensated"].id == "tumble/a/tilt/uncompensated"

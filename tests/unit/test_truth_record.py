@@ -98,7 +98,7 @@ def as_counts(raw: Any) -> Counts:
 
 
 def test_the_constants_are_those_of_the_channel() -> None:
-    """K1 holds K3, K0 the converter's zero, K2 its asymmetry (methods.md 8.8)."""
+    """K1 holds K3, K0 the converter's zero, K2 its asymmetry (equations 8.8)."""
     truth = draw_unit(unit(converter={"S": "10 kHz/mA", "full_scale": "25 mA", "max_rate": "256 kHz",
                                       "zero": "2 pulse/s", "asymmetry": "30 ppm"},
                            accelerometer={"K0": {"at_reference": "0 g"}, "K1": {"at_reference": "1.13 mA/g"},
@@ -112,7 +112,7 @@ def test_the_constants_are_those_of_the_channel() -> None:
     assert found["misalignment"] == pytest.approx(0, abs=1e-12)
 
 
-# Each error of a bench, where methods.md 1.9 says
+# Each error of a bench, where equations 1.9 says
 
 
 def bench_error(head_deg: tuple[float, ...] = FOUR_DEG, **settings: Any) -> dict[str, float]:

@@ -14,7 +14,7 @@ THERE_AND_BACK = np.radians([0.0, 90, 180, 270, 270, 180, 90, 0])
 
 
 def accelerometer(angle_rad, *, k0=1e-3, k1=1.13, k2=2e-5, k3=0.0, kip=0.0, d=1e-3):
-    """Output in V of the model equation of methods.md 1.4."""
+    """Output in V of the model equation of equations 1.4."""
     a, a_p = np.sin(angle_rad), np.cos(angle_rad)
     along = a + d * a_p
     return k1 * (k0 + along + k2 * along**2 + k3 * along**3 + kip * along * a_p)
@@ -40,7 +40,7 @@ def test_the_mean_of_four_readings_is_not_the_bias():
 
 def test_what_four_points_cannot_separate():
     tumble = solve_tumble(FOUR, accelerometer(FOUR, k3=-3e-5, kip=5e-6, d=1e-3))
-    # Figures of methods.md section 12: the misalignment enters in second order.
+    # Worked by hand: the misalignment enters in second order.
     assert tumble.k0_g - 1e-3 == pytest.approx(0, abs=0.06e-6)
     assert tumble.k1 / 1.13 - 1 == pytest.approx(-30.08e-6, abs=0.5e-6)
     assert tumble.k2_g_per_g2 - 2e-5 == pytest.approx(0, abs=0.06e-6)
@@ -208,7 +208,7 @@ def evenly(count, offset_deg=1.0):
     ],
 )  # fmt: skip
 def test_angles_tell_the_terms_that_they_can(count, extra):
-    """Four do not tell K3 from K1, six are blind to it: methods.md 1.5."""
+    """Four do not tell K3 from K1, six are blind to it: equations 1.5."""
     assert further_terms(evenly(count)) == extra
     assert further_terms(np.concatenate([evenly(count), evenly(count)[::-1]])) == extra, "repeats tell nothing new"
 

@@ -1,4 +1,4 @@
-"""Doubts about a case of method M0: data that no channel gives (methods.md 1.10)."""
+"""Doubts about a case of method M0: data that no channel gives (equations 1.10)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cases of method M0: an accelerometer channel over temperature and input level (methods.md 2.5 and 9)."""
+"""Cases of method M0: an accelerometer channel over temperature and input level (equations 2.5 and 9)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doubts about a case of method M2: data that no table or inertial unit gives (methods.md 1.10)."""
+"""Doubts about a case of method M2: data that no table or inertial unit gives (equations 1.10)."""
 
 from __future__ import annotations
 

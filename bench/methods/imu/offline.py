@@ -1,4 +1,4 @@
-"""Cases of method M2: an inertial unit calibrated over temperature and compensated (methods.md sections 4 and 9).
+"""Cases of method M2: an inertial unit calibrated over temperature and compensated (equations 4 and 9).
 
 Beside the published keys stand `u`, which repeats `table` and `ls24` with standard uncertainties (type A), and
 `model_check`, which tells how well the knots of each channel tell each other.

@@ -1,4 +1,4 @@
-"""Doubts about a case of method M1: data that no indexing table gives (methods.md 1.10)."""
+"""Doubts about a case of method M1: data that no indexing table gives (equations 1.10)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Off-line reduction of method M1: static calibration on an indexing table (methods.md 3 and 9)."""
+"""Off-line reduction of method M1: static calibration on an indexing table (equations 3 and 9)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doubts about a case of method M4b: data that no chamber or accelerometer gives (methods.md 1.10)."""
+"""Doubts about a case of method M4b: data that no chamber or accelerometer gives (equations 1.10)."""
 
 from __future__ import annotations
 

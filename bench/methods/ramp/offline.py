@@ -1,4 +1,4 @@
-"""Cases of method M4b: a ramp of temperature at one position (methods.md 6.3 and 9)."""
+"""Cases of method M4b: a ramp of temperature at one position (equations 6.3 and 9)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cases of method M3: range and frequency response on a single-axis table (methods.md sections 5 and 9)."""
+"""Cases of method M3: range and frequency response on a single-axis table (equations 5 and 9)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doubts about cases of method M4a and of a tilt meter: data that no bench gives (methods.md 1.10)."""
+"""Doubts about cases of method M4a and of a tilt meter: data that no bench gives (equations 1.10)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cases of method M4a, the static tumble, and of an accelerometer as a tilt meter (methods.md 6 and 9)."""
+"""Cases of method M4a, the static tumble, and of an accelerometer as a tilt meter (equations 6 and 9)."""
 
 from __future__ import annotations
 

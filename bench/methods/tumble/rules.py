@@ -16,7 +16,7 @@ from bench.sequence.stimulus import Move, Ramp
 from bench.sequence.travel import angles_before
 
 TUMBLE, REPEATABILITY = "temperature_tumble", "repeatability"
-TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: methods.md 1.5
+TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: equations 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
 LEAST_REPETITIONS = 3
 FURTHER = ("K3", "Kip", "asymmetry")  # that eight angles and more tell

@@ -1,4 +1,4 @@
-"""What a report shows of a static tumble: its plots, and what its angles tell apart (methods.md 1.5)."""
+"""What a report shows of a static tumble: its plots, and what its angles tell apart (equations 1.5)."""
 
 from __future__ import annotations
 

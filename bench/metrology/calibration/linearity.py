@@ -3,7 +3,7 @@
     x = v · (1 + e + a · sign v + q · v/F + c · (v/F)²)
 
 x is the reading without its bias by the stated scale factor, v what is true, F the end of the range. For a gyro these
-are the terms of methods.md 8.6, for an accelerometer the second-order one of 1.4.
+are the terms of equations 8.6, for an accelerometer the second-order one of 1.4.
 """
 
 from __future__ import annotations

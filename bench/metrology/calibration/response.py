@@ -1,4 +1,4 @@
-"""The amplitude and the phase of a sine, from what a sensor of known response made of it (methods.md 5.3 and 5.5)."""
+"""The amplitude and the phase of a sine, from what a sensor of known response made of it (equations 5.3 and 5.5)."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ class Equation:
 
 @dataclass(frozen=True, slots=True)
 class KnotModel:
-    """A quantity over temperature by straight lines between knots, the end values beyond them (methods.md 4.5)."""
+    """A quantity over temperature by straight lines between knots, the end values beyond them (equations 4.5)."""
 
     id: str
     uut: str

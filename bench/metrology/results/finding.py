@@ -224,7 +224,7 @@ class UnitResult:
 
     @property
     def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE", "NOT JUDGED"]:
-        """INCOMPLETE when something is left out, invalid, or nothing found (methods.md 1.10); else by the limits.
+        """INCOMPLETE when something is left out, invalid, or nothing found (equations 1.10); else by the limits.
 
         NOT JUDGED where no finding has a limit.
 

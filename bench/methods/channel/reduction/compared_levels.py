@@ -58,7 +58,7 @@ class Level:
 
     @property
     def name(self) -> str:
-        """As methods.md calls it."""
+        """The name of the level."""
         return self.data.level.name
 
     @property
@@ -208,7 +208,7 @@ def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:
 
 
 def compared_levels(levels: Mapping[str, Level], settings: Mapping[str, Any]) -> Iterator[Compared]:
-    """Every level held against its reference, where the run has that (methods.md 2.5, step 6)."""
+    """Every level held against its reference, where the run has that (equations 2.5, step 6)."""
     for level in levels.values():
         reference = levels.get(reference_of(level, levels, settings["reference_policy"]))
         if reference is None or reference is level:

@@ -1,4 +1,4 @@
-"""An accelerometer channel at several input levels: whether a drift found at 1 g holds at another (methods.md 2.5).
+"""An accelerometer channel at several input levels: whether a drift found at 1 g holds at another (equations 2.5).
 
 The slope of a channel with D = S0 (1 + α (T - T0)) I + b0 + β (T - T0) is k = S0 α I + β: one part that is the same at
 all levels, and one in proportion to the level. If all is of the first kind the levels have one slope k, if all is of

@@ -39,7 +39,7 @@ class InputLevel:
 
     @property
     def name(self) -> str:
-        """As methods.md calls it: up_1g, skew, src_12g."""
+        """The name of the level: up_1g, skew, src_12g."""
         level_g = round(self.level_g if self.told_g is None else self.told_g, LEVEL_DIGITS_G) + 0.0
         if self.kind == "source":
             return f"src_{level_g:g}g"

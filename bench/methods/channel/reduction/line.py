@@ -1,4 +1,4 @@
-"""One run of an accelerometer channel over temperature: its pulse rate and how it drifts (methods.md 2.5 and 2.7).
+"""One run of an accelerometer channel over temperature: its pulse rate and how it drifts (equations 2.5 and 2.7).
 
 Two consecutive readings of the counters make a gate: a mean rate at a mean temperature of the converter. A straight
 line goes through the gates of a run. Where a converter makes volts or codes their mean stands in place of the rate, and
@@ -215,7 +215,7 @@ def _gates(readings: ChannelRecord, counter_bits: int) -> Gates:
 
 
 def _good_gates(gates: Gates, rules: ChannelRules, excluded: Counter[str]) -> Gates:
-    """The gates that can be used; the others are counted under the first reason that holds (methods.md 1.7)."""
+    """The gates that can be used; the others are counted under the first reason that holds (equations 1.7)."""
     possible = gates.seconds * rules.max_rate_pps
     pulses = np.maximum(gates.positive, gates.negative)
     reasons = {
@@ -285,7 +285,7 @@ def ramp_of(time_s: Array, temperature_c: Array) -> ConverterRamp:
 
 
 def _shortage(used: int, scheduled: int, outliers: int) -> tuple[str, ...]:
-    """Why the run is invalid for what was left out of it (methods.md 1.8, 1.10), in words; empty if it is not."""
+    """Why the run is invalid for what was left out of it (equations 1.8, 1.10), in words; empty if it is not."""
     if used < LEAST_GATES:
         return (f"only {used} of {scheduled} gates could be used",)
     if used < LEAST_SHARE * scheduled:

@@ -1,4 +1,4 @@
-"""Method M0 on line: a channel over the temperature of its converter at several input levels (methods.md section 2).
+"""Method M0 on line: a channel over the temperature of its converter at several input levels (equations 2).
 
 Every level has a line of its own, D = D_ref + k (T - T_ref). Levels are compared with each other where a run has more
 than one; the slopes of all of them together tell the converter's two temperature coefficients.

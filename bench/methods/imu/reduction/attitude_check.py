@@ -1,4 +1,4 @@
-"""Whether a unit stood as it was meant to: what gravity and earth rate say of its attitudes (methods.md 4.7)."""
+"""Whether a unit stood as it was meant to: what gravity and earth rate say of its attitudes (equations 4.7)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Least squares over the 24 attitudes of a set point: bias, nonlinearity, misalignment, g-sensitivity (methods.md 4.4).
+"""Least squares over the 24 attitudes of a set point: bias, nonlinearity, misalignment, g-sensitivity (equations 4.4).
 
 All channels were read in all attitudes. That separates what the eight attitudes of one axis leave together: K2 from the
 bias of an accelerometer, g-sensitivity from the zero of a gyro, and it gives the misalignments. K3 stays in K1.

@@ -1,4 +1,4 @@
-"""The 24 attitudes in which the axes of a cube lie along east, north and up (methods.md 4.2).
+"""The 24 attitudes in which the axes of a cube lie along east, north and up (equations 4.2).
 
 Attitude Ax1 to Ax4 have the x axis up, Ax5 to Ax8 down, each at four headings; Ay and Az likewise. At rest an axis that
 points up reads +1 g. The frame is east, north, up; a letter W, S or D is the opposite of E, N or U.

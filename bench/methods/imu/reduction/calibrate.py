@@ -1,4 +1,4 @@
-"""Calibration of an inertial unit at each temperature: zeros and scale factors of six channels (methods.md 4.4, 4.7).
+"""Calibration of an inertial unit at each temperature: zeros and scale factors of six channels (equations 4.4, 4.7).
 
 Each axis is calibrated by the eight attitudes in which it is vertical and by the six rates at which it was turned. The
 mean of the eight is the zero, for in it gravity, earth rate and what leaks in from the other axes cancel. The
@@ -115,7 +115,7 @@ class SetPoint:
 class ImuCalibration:
     """Set points from hot to cold; `scatter` is that of x, y and z.
 
-    `flags` are those of methods.md 4.7, `notes` say what has no flag; `excluded` counts rows and thermometer readings
+    `flags` are those of equations 4.7, `notes` say what has no flag; `excluded` counts rows and thermometer readings
     that were left out, by reason.
     """
 

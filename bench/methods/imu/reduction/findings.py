@@ -1,4 +1,4 @@
-"""What is found of one axis of an inertial unit at one visit of a set point, each with its budget (methods.md 4.4)."""
+"""What is found of one axis of an inertial unit at one visit of a set point, each with its budget (equations 4.4)."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class AxisAtVisit:
         )  # fmt: skip
 
     def _leakage(self, rates: list[Turning]) -> float:
-        """What earth rate across a misaligned gyro leaves, relative; it is gone over whole turns (methods.md 4.3)."""
+        """What earth rate across a misaligned gyro leaves, relative; it is gone over whole turns (equations 4.3)."""
         leaking_dps = float(local_earth_rate_dps(self.bench.latitude_deg)[1]) * self._gyro_misalignment_rad()
         total = 0.0
         for weight, each in zip(rate_weights(rates), rates, strict=True):

@@ -1,4 +1,4 @@
-"""Compensation of an inertial unit for temperature: zero and scale factor straight between knots (methods.md 4.5).
+"""Compensation of an inertial unit for temperature: zero and scale factor straight between knots (equations 4.5).
 
 With them a reading becomes a physical value, and what the unit would have read at its nominal temperature.
 """

@@ -1,4 +1,4 @@
-"""Readings of an inertial unit in 24 attitudes and at six rates, from rows into arrays (methods.md 4.3, 4.7, 9).
+"""Readings of an inertial unit in 24 attitudes and at six rates, from rows into arrays (equations 4.3, 4.7, 9).
 
 A row whose counts, dwell or place in the schedule is missing is passed over, and of several rows of one position in one
 visit the last good one counts, so that an operator can repeat what went wrong.

@@ -1,4 +1,4 @@
-"""Method M2 on counts and codes: an inertial unit calibrated at every set point, and compensated (methods.md 4).
+"""Method M2 on counts and codes: an inertial unit calibrated at every set point, and compensated (equations 4).
 
 Type A is the scatter of the readings about their fits, pooled over the run; type B comes from the certificates of the
 bench by what each error of the table does to each attitude. The temperature is what the unit's thermometers say.

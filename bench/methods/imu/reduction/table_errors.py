@@ -1,4 +1,4 @@
-"""What the errors of a table do to the attitudes of a unit, and so to what is worked out from them (methods.md 8.1).
+"""What the errors of a table do to the attitudes of a unit, and so to what is worked out from them (equations 8.1).
 
 Every error is a small rotation of the unit. The zero and the harmonics of an axis turn it about where the axis then
 points; an axis that is not square to the one that carries it, in proportion to how far it has turned; the base as a

@@ -1,4 +1,4 @@
-"""Visits of set points: a set point that comes again is measured anew, not corrected (methods.md 4.3, 4.5)."""
+"""Visits of set points: a set point that comes again is measured anew, not corrected (equations 4.3, 4.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the windows of a run to the readings of an inertial unit, by visits of set points (methods.md 4.3).
+"""From the windows of a run to the readings of an inertial unit, by visits of set points (equations 4.3).
 
 Which attitude a window is of, and about which axis it was turned, follows from the angles that the table read back and
 from the mount, not from what the sequence calls it.

@@ -1,4 +1,4 @@
-"""What makes results of an indexing table uncertain, by how each depends on every reading (methods.md 1.9).
+"""What makes results of an indexing table uncertain, by how each depends on every reading (equations 1.9).
 
 A result is an `Estimate` over the readings of both sweeps and of the clocking. The errors of the head turn the input
 axis at every reading, whichever way it then lies: so an error that all positions share leaves what the clocking takes

@@ -1,4 +1,4 @@
-"""Static calibration of an accelerometer on an indexing table, with the unit on both of its ends (methods.md 3).
+"""Static calibration of an accelerometer on an indexing table, with the unit on both of its ends (equations 3).
 
 The sweep of each end gives a line; both lines give the unit's bias and scale factor, free of misalignment and cross
 coupling; all dwells together give the model with the terms asked for.

@@ -1,4 +1,4 @@
-"""Bias, scale factor and tilts of a unit as they depend on every reading on an indexing table (methods.md 3.4)."""
+"""Bias, scale factor and tilts of a unit as they depend on every reading on an indexing table (equations 3.4)."""
 
 from __future__ import annotations
 

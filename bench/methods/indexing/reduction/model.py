@@ -1,4 +1,4 @@
-"""The model of an accelerometer fitted to the sweeps of both its ends at once (methods.md 3.3 and 3.4).
+"""The model of an accelerometer fitted to the sweeps of both its ends at once (equations 3.3 and 3.4).
 
 U = c0 + c1 a + c2 a² + c3 a³ + c_xz a a_z, with the specific force a = sin(θ + s δ) along the input axis and
 a_z = s cos(θ + s δ) along the seat's normal, in g; θ is the angle of the table, s = +1 with the unit's +z up and -1

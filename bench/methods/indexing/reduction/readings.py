@@ -1,4 +1,4 @@
-"""From the acquisitions of a run to the readings of a calibration on an indexing table (methods.md 3.2).
+"""From the acquisitions of a run to the readings of a calibration on an indexing table (equations 3.2).
 
 The end that a unit stands on, its angle and how it is clocked follow from the geometry of the bench. Readings in a
 group `clocking` are those of the clocking, those in a group `verification` are not fitted, all others are the sweeps;

@@ -1,4 +1,4 @@
-"""Method M1: scale factor, bias, misalignment and cross coupling from small angles on both ends (methods.md 3).
+"""Method M1: scale factor, bias, misalignment and cross coupling from small angles on both ends (equations 3).
 
 What the arithmetic calls V is in the unit of the output, V or pulse/s. The clocking sees the whole tilt of the seat,
 that of the head's zero, of the fixture and of the platform in it: b5 is what it finds beyond b3 and b4, and b - b3 - b4
@@ -30,7 +30,7 @@ from bench.metrology.results.curves import Constant
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
-LEAST_FOR_K2_RAD = np.radians(30.0) * 0.999  # smaller angles do not tell K2 and K3: methods.md 3.4
+LEAST_FOR_K2_RAD = np.radians(30.0) * 0.999  # smaller angles do not tell K2 and K3: equations 3.4
 SMALL_TERMS = ("c0", "c1", "cxz", "delta")
 ALL_TERMS = ("c0", "c1", "c2", "c3", "cxz", "delta")
 

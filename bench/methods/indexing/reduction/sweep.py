@@ -1,4 +1,4 @@
-"""A sweep of small angles on an indexing table with the unit on one of its two ends (methods.md 3.3, 3.4 and 3.6).
+"""A sweep of small angles on an indexing table with the unit on one of its two ends (equations 3.3, 3.4 and 3.6).
 
 The table turns the input axis by θ from the horizontal, up to the largest angle and back, and the output at rest is
 U = b + G sin θ: `b` and `G` are the bias and the scale factor of this end. With the misalignment and the cross coupling

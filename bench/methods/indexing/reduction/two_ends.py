@@ -1,4 +1,4 @@
-"""Both ends of a unit together: bias and scale factor free of misalignment and cross coupling (methods.md 3.4).
+"""Both ends of a unit together: bias and scale factor free of misalignment and cross coupling (equations 3.4).
 
 Over small angles the output at the end with the sign s is U = c0 + c1 sin θ + s c1 δ cos θ + s c_xz sin θ cos θ. Its
 line has b = c0 + s c1 δ c̄ and G = c1 + s c_xz k̄, with c̄ and k̄ about 1, so that the means of both ends are the unit's

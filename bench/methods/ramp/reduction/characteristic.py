@@ -1,4 +1,4 @@
-"""Dynamic temperature characteristic: one position, the temperature ramped up and down (methods.md 6.3).
+"""Dynamic temperature characteristic: one position, the temperature ramped up and down (equations 6.3).
 
 A straight line through all data, and what departs from it: residuals, the loop between rising and falling temperature,
 the difference between cycles, jumps, and a model in which the output lags behind the thermometer.

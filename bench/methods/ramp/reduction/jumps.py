@@ -1,4 +1,4 @@
-"""Steps in a slowly changing record: "jumps" of an accelerometer's bias on a temperature ramp (methods.md 6.3)."""
+"""Steps in a slowly changing record: "jumps" of an accelerometer's bias on a temperature ramp (equations 6.3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A temperature ramp of one unit reduced: its scale factor, and what its legs at 0 g do (methods.md 6.3)."""
+"""A temperature ramp of one unit reduced: its scale factor, and what its legs at 0 g do (equations 6.3)."""
 
 from __future__ import annotations
 

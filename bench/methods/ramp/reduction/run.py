@@ -1,4 +1,4 @@
-"""Method M4b: how the bias follows a temperature that never rests (methods.md 6.3).
+"""Method M4b: how the bias follows a temperature that never rests (equations 6.3).
 
 The output at 0 g differs from K0 by the misalignment of the input axis, a constant; its changes are those of K0. The
 scale factor comes from the same run, from its 0 g and 1 g parts. The temperature is what the unit's thermometer says.
@@ -104,7 +104,7 @@ def _is_level(leg: RampLeg) -> bool:
 
 
 def _at_first_angle(legs: Sequence[RampLeg]) -> list[RampLeg]:
-    """The legs at the angle of the first: the method is of one position (methods.md 6.3)."""
+    """The legs at the angle of the first: the method is of one position (equations 6.3)."""
     return [leg for leg in legs if np.isclose(leg.angle_rad, legs[0].angle_rad, rtol=0, atol=SAME_ANGLE_RAD)]
 
 

@@ -1,4 +1,4 @@
-"""The scale factor over temperature, from the 0 g and the 1 g part of a ramp (methods.md 6.3: U90 - U0 gives K1).
+"""The scale factor over temperature, from the 0 g and the 1 g part of a ramp (equations 6.3: U90 - U0 gives K1).
 
 The difference of the two readings is K1 times the difference of their specific forces. It holds K2, K3 and the
 misalignment of the input axis too, which the two positions do not tell from K1. Rising and falling temperature are kept
@@ -15,7 +15,7 @@ import numpy as np
 from bench.methods.ramp.reduction.samples import RampLeg
 from bench.metrology.least_squares import Array, NotDetermined, PolynomialFit, fit_polynomial
 
-DEGREE = 4  # that of K0 and K1 over temperature in methods.md 6.2
+DEGREE = 4  # that of K0 and K1 over temperature in equations 6.2
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Records taken on a rate table, cut into the blocks in which the table did one thing (methods.md 1.10)."""
+"""Records taken on a rate table, cut into the blocks in which the table did one thing (equations 1.10)."""
 
 from __future__ import annotations
 

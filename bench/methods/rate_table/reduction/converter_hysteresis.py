@@ -1,4 +1,4 @@
-"""The play of a converter with a + and a - threshold, taken out of what it counts on a swing (methods.md 8.5).
+"""The play of a converter with a + and a - threshold, taken out of what it counts on a swing (equations 8.5).
 
 One integrator with two thresholds pulses the other way only when its charge has gone one pulse farther back than it
 would have to go forward. The counts follow the charge as a shaft with play follows a hand: behind it by half the play

@@ -1,4 +1,4 @@
-"""What the steps of a counter do to a sine that is fitted to its counts (methods.md 5.3, 8.5).
+"""What the steps of a counter do to a sine that is fitted to its counts (equations 5.3, 8.5).
 
 A count is its charge rounded: what is off is a saw tooth of the charge, Σ sin(2π m n) / (π m). On a swing of many
 pulses that is a chirp of hundreds of lines, j times the frequency f of the swing and m times the b pulses a second that

@@ -1,4 +1,4 @@
-"""Frequency response of an accelerometer on a swinging table, by way of its own lever arms (methods.md 5.5).
+"""Frequency response of an accelerometer on a swinging table, by way of its own lever arms (equations 5.5).
 
 At the place (x, y) of the table an input axis along X senses -ω² x - dω/dt y: the y from the sine at the frequency of
 the swing, the x from that at twice the frequency.

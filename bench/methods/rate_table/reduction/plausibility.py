@@ -1,4 +1,4 @@
-"""Records of a rate table that contradict what the table was told: units, exchanged columns (methods.md 5)."""
+"""Records of a rate table that contradict what the table was told: units, exchanged columns (equations 5)."""
 
 from __future__ import annotations
 

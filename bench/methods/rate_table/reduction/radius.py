@@ -1,4 +1,4 @@
-"""Range tests on a table: a gyro against the table's rate, an accelerometer against ω²r (methods.md 5.2 and 5.4).
+"""Range tests on a table: a gyro against the table's rate, an accelerometer against ω²r (equations 5.2 and 5.4).
 
 An error is judged against a fraction of the reading or of the full scale. A point whose table did not do what it was
 told is not judged, and a test with such a point, or with a block that is missing, has no verdict.

@@ -1,4 +1,4 @@
-"""Methods M3a and M3c: errors of a gyro and of an accelerometer over their range (methods.md 5.2 and 5.4).
+"""Methods M3a and M3c: errors of a gyro and of an accelerometer over their range (equations 5.2 and 5.4).
 
 A gyro is held against the rate of the table, an accelerometer against ω²r with the radius that it finds itself at low
 rates. The counter's clock is in the rate of pulses and in the table's alike, and cancels; in codes and volts is none.

@@ -1,4 +1,4 @@
-"""Methods M3b and M3d: gain and phase of a gyro and of an accelerometer over frequency (methods.md 5.3, 5.5).
+"""Methods M3b and M3d: gain and phase of a gyro and of an accelerometer over frequency (equations 5.3, 5.5).
 
 Every frequency is an acquisition of its own, while the table swings. The encoder is latched with the pulses,
 or with the samples that a unit sends, so that the phase between them needs no clock but for the time that passes from

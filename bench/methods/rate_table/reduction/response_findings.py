@@ -1,4 +1,4 @@
-"""The findings of a frequency response, each with its budget (methods.md 1.9).
+"""The findings of a frequency response, each with its budget (equations 1.9).
 
 A gain is a sine of the sensor over one of the encoder, both counted on one clock, which cancels. The scale factor and
 gravity are in the arms of an accelerometer, not in its gains: these are over that at the lever frequency. The errors of

@@ -1,4 +1,4 @@
-"""Gain, phase and bandwidth of a sensor that a table swings at one frequency after the other (methods.md 5.3).
+"""Gain, phase and bandwidth of a sensor that a table swings at one frequency after the other (equations 5.3).
 
 The reference is what the encoder saw, not what the table was told: a table droops.
 """

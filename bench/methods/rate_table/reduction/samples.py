@@ -88,7 +88,7 @@ class TableSamples:
 
 
 def steady(samples: TableSamples, per_pulse: float, clip: float | None = None) -> Steady:
-    """Mean output and table rate over whole turns, or over all of it where there is none (methods.md 1.7).
+    """Mean output and table rate over whole turns, or over all of it where there is none (equations 1.7).
 
     Both are between the same two latches, so that an unevenness of the table is the same in both. Readings at other
     times tell what the output is at that rate.

@@ -1,4 +1,4 @@
-"""What is left of a sine in what was recorded of it, as a factor on its phasor by frequency (methods.md 1.8)."""
+"""What is left of a sine in what was recorded of it, as a factor on its phasor by frequency (equations 1.8)."""
 
 from __future__ import annotations
 

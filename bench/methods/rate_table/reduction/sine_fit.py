@@ -1,4 +1,4 @@
-"""Sines fitted to samples at known or nearly known frequency (IEEE 1057; methods.md 1.8).
+"""Sines fitted to samples at known or nearly known frequency (IEEE 1057; equations 1.8).
 
 A sine is reported as its phasor Z, the complex number with signal = Re[Z exp(i 2π f (t - origin))]: |Z| is the
 amplitude, and two phasors of one origin divided give gain and phase between two signals.

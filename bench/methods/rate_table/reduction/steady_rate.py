@@ -1,4 +1,4 @@
-"""A sensor on a table that turns at a constant rate: mean output and table rate of one block (methods.md 5.2, 5.4)."""
+"""A sensor on a table that turns at a constant rate: mean output and table rate of one block (equations 5.2, 5.4)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Method M4d: threshold and resolution from ladders of small steps of the head (methods.md 6.7).
+"""Method M4d: threshold and resolution from ladders of small steps of the head (equations 6.7).
 
 A ladder is what was acquired at one value of the loop variable `position`; the loop variable `offset` is the step, 0 or
 absent at the position itself. The steps are the angles that were read back. A channel that is silent within its dead

@@ -1,4 +1,4 @@
-"""Threshold and resolution: the smallest change of input that the output follows (methods.md 6.7, after IEEE 1293).
+"""Threshold and resolution: the smallest change of input that the output follows (equations 6.7, after IEEE 1293).
 
 The threshold is the largest, over both senses, of the smallest input steps from a reference position whose output
 change is at least half of what the nominal scale factor lets expect. About a biased input the same is the resolution.

@@ -1,4 +1,4 @@
-"""The temperature coefficients of a model as findings, each with its budget (methods.md 6.7)."""
+"""The temperature coefficients of a model as findings, each with its budget (equations 6.7)."""
 
 from __future__ import annotations
 

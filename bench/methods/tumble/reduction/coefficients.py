@@ -1,4 +1,4 @@
-"""Temperature coefficients of bias and scale factor about a reference temperature (methods.md 6.7).
+"""Temperature coefficients of bias and scale factor about a reference temperature (equations 6.7).
 
 They are the first terms of the model's own series there: K0(T) = K0 + K0T1 (T - Tref) + K0T2 (T - Tref)² + …, and
 K1(T) = K1 [1 + K1T1 (T - Tref) + K1T2 (T - Tref)² + …]. Of a model of the third degree or more they are local: T1 is

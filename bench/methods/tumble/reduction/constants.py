@@ -1,4 +1,4 @@
-"""The constants of a unit at each dwell, with budgets by the derivatives of the solution (methods.md 6.2)."""
+"""The constants of a unit at each dwell, with budgets by the derivatives of the solution (equations 6.2)."""
 
 from __future__ import annotations
 

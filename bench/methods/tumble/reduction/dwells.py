@@ -1,4 +1,4 @@
-"""A dwell of a temperature tumble: the acquisitions at one temperature, solved as a tumble (methods.md 6.2)."""
+"""A dwell of a temperature tumble: the acquisitions at one temperature, solved as a tumble (equations 6.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one-axis tumble: bias, scale factor, misalignment and K2 from readings at known angles (methods.md 1.4 to 1.6).
+"""The one-axis tumble: bias, scale factor, misalignment and K2 from readings at known angles (equations 1.4 to 1.6).
 
 The model is E = c0 + K1 sin θ + (K1 d) cos θ + c2 sin² θ, θ the angle of the input axis above the horizontal, E in
 output units (V, mA or pulse/s). The four-point formulas are its special case at 0°, 90°, 180° and 270°. What a
@@ -22,7 +22,7 @@ FOUR_POINTS_DEG = (0.0, 90.0, 180.0, 270.0)
 TERMS = ("c0", "K1", "d·K1", "c2")
 CONSTANTS = ("K0", "K1", "misalignment", "K2")  # that the terms come to, in their order
 # Further terms and the largest condition number of the column-scaled design with which each is fitted. Eight angles and
-# more have 6 with K3 and Kip, 15 to 20 with the asymmetry; six, a degree off the level, 80 with K3 (methods.md 1.5).
+# more have 6 with K3 and Kip, 15 to 20 with the asymmetry; six, a degree off the level, 80 with K3 (equations 1.5).
 EXTRA = {"Kip": 10.0, "K3": 10.0, "asymmetry": 30.0}
 SAME_ANGLE_RAD = 1e-3
 DRIFT_DOF = 2  # degrees of freedom that readings have without a drift before one is fitted

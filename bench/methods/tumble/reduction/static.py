@@ -1,4 +1,4 @@
-"""Static temperature characteristic: tumbles at soaked temperatures (methods.md 6.2 and 6.6).
+"""Static temperature characteristic: tumbles at soaked temperatures (equations 6.2 and 6.6).
 
 Each dwell gives one bias and one scale factor; over all dwells these give temperature models and the hysteresis between
 rising and falling temperature.
