@@ -21,11 +21,12 @@ from tests.support.runs import ROOT
 
 pytestmark = pytest.mark.integration
 WITHIN_S = 30.0
-AWAY = {**SAFE, "chamber": 45.0}
+AWAY = {**SAFE, "chamber": 90.0}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def served(tmp_path_factory) -> Iterator[Wires]:
+    """A bench of its own, whose air has not been warmed by other tests."""
     with wires(tmp_path_factory.mktemp("served")) as found:
         yield found
 
@@ -47,7 +48,7 @@ def bench(served) -> Iterator[Wires]:
 @pytest.fixture
 def far(bench, tmp_path) -> Path:
     """The bench file with a safe set point that is far from where its air is."""
-    return bench.edited(tmp_path / "own", "chamber", lambda line: line.replace("25 °C}", "45 °C}"))
+    return bench.edited(tmp_path / "own", "chamber", lambda line: line.replace("25 °C}", "90 °C}"))
 
 
 def command(*arguments: str) -> list[str]:
@@ -105,7 +106,7 @@ def test_what_is_on_its_way_is_told_with_how_to_look_and_is_in_the_record_of_the
     run = killed(far, tmp_path)
     done = make_safe()
     assert done.returncode == 0, done.stderr
-    assert "on its way to the set point 45 °C" in done.stderr
+    assert "on its way to the set point 90 °C" in done.stderr
     assert f"'bench make-safe --bench {far} --wait'" in done.stderr
     assert f"'bench devices --bench {far}'" in done.stderr
     assert bench.state() == AWAY
@@ -147,7 +148,7 @@ def test_a_chamber_that_does_not_arrive_is_no_success(bench, far, state):
     bench.energise()  # somebody commands it away
     code, told = waiting.end()
     assert code == 6, told
-    assert "HAS NOT ARRIVED: somebody changed the set point from 45 °C to 60 °C" in told
+    assert "HAS NOT ARRIVED: somebody changed the set point from 90 °C to 60 °C" in told
     assert events(state) == ["commanded", "not_arrived"]
 
 
