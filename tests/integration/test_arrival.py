@@ -60,12 +60,19 @@ def make_safe(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=False, timeout=90)
 
 
+def _heeds_hangups() -> None:
+    """The tests may have been started with nohup."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 class Waiting:
     """`bench make-safe --wait` in a process of its own that has begun to follow it."""
 
     def __init__(self, far: Path) -> None:
         words = command("make-safe", "--bench", str(far), "--wait")
-        self.process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+        self.process = subprocess.Popen(
+            words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=ROOT, preexec_fn=_heeds_hangups
+        )
         addresses, end_s = energising_addresses(load_bench(far).bench).values(), time.monotonic() + WITHIN_S
         while not any(each.process == self.process.pid for each in owners(addresses, LOOKS)):
             assert time.monotonic() < end_s
