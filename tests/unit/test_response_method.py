@@ -100,6 +100,14 @@ def test_a_bandwidth_that_is_not_reached_or_below_the_sweep_is_told():
     assert "above that" in flag_in_words("bandwidth_not_reached")
 
 
+def test_a_gain_that_falls_through_the_bandwidth_twice_is_told():
+    dead, quick = Dynamics(8.0, 0.6, 1e-3), Dynamics(400.0, 0.6, 1e-3)
+    swings = [(10.37, SLOW), (20.37, dead), (30.37, quick), (38.37, quick), (60.37, SLOW)]
+    assert "several_crossings" in gyro(*(gyro_at(hz, dynamics) for hz, dynamics in swings)).flags
+    assert "several_crossings" not in gyro(*map(gyro_at, SWEEP_HZ)).flags
+    assert "more than once" in flag_in_words("several_crossings")
+
+
 def test_frequencies_that_tell_nothing_are_left_out_and_told():
     still = replace(at_rest(50.0), motion=gyro_at(25.37).motion)
     drooped = gyro_at(50.37, amplitude_dps=8.0)

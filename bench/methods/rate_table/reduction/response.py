@@ -187,6 +187,8 @@ class _Sweep:
         flags = ["no_response" if flag == "invalid" else flag for flag in self.remarks.flags]
         if found.bandwidth.status in ("not_reached", "below_at_start"):
             flags.append(f"bandwidth_{found.bandwidth.status}")
+        if found.bandwidth.crossings > 1:
+            flags.append("several_crossings")
         if not points:
             self.left_out.append("response")
         held = {point.frequency_hz for point in found.points}
