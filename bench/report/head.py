@@ -33,7 +33,7 @@ def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *,
             tr("; ").join(dict.fromkeys(_decision_rules(run, measured))) or tr("none: nothing is judged"),
         ),
         (tr("Ambient conditions"), tr("; ").join(_ambient(run)) or tr("not recorded")),
-        (tr("Deviations"), tr("told below") if deviates else tr("none recorded")),
+        (tr("Deviations"), tr("see below") if deviates else tr("none recorded")),
     ]
 
 
