@@ -25,6 +25,7 @@ import numpy as np
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
+from bench.app.resume import prepared_again, read_interrupted
 from bench.errors import BenchError
 from bench.loop import REAL_TIME
 from bench.reduce.reduced_again import reduced_again
@@ -43,6 +44,7 @@ KILLS, CUTS, ALTERATIONS, LOST = 200, 200, 400, 10
 HALF_OF_THE_ROWS, MOST_ROWS = 100, 180  # of a smoke test, which has some more
 IMAGE_BYTES = 64 * 2**20
 SHUTDOWN, NO_LOG_FLUSH = 0x8004587D, struct.pack("I", 2)  # what ext4 has for trying a power cut
+HAD_ENDED = "had ended when it was interrupted"
 ANSWERS = ("damaged", "intact up to an earlier row", "as written, and it is")
 ENDS_WITHIN_S = 2.0
 LONG = """\
@@ -117,8 +119,21 @@ def cut_once(image: Path, disk: Path, moment: Moment) -> list[str]:
         cut_off(disk)
     with mounted(image, disk):
         found = wrong_with(disk / "runs", acknowledged)
+        if acknowledged and not found:
+            found += not_resumable(disk / "runs")
         shutil.rmtree(disk / "runs", ignore_errors=True)
     return found
+
+
+def not_resumable(runs: Path) -> list[str]:
+    """Why an interrupted run cannot go on; one that had ended need not."""
+    (run,) = list_runs(runs)
+    try:
+        if run.state == "interrupted":
+            prepared_again(read_interrupted(run.path))
+    except BenchError as problem:
+        return [] if HAD_ENDED in str(problem) else [f"cannot be resumed: {problem}"]
+    return []
 
 
 def cut_off(disk: Path) -> None:
