@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
@@ -17,7 +16,7 @@ from pydantic import BaseModel, Field
 
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
-from drivers.installed import Installed
+from drivers.installed import Installed, loaded
 from drivers.person import NOBODY, Person
 from drivers.safe_state import NOT_DESCRIBED, SafeState
 from drivers.schema.fields import Spelled, StrictModel
@@ -94,10 +93,7 @@ class DriverDescription(NamedTuple):
 
     def recognised_by(self) -> Recognition | None:
         """How a scan knows the instrument; imports its module. None where it does not."""
-        module, _, name = self.recognition.partition(":")
-        if not module:
-            return None
-        found: Recognition = getattr(import_module(module), name)
+        found: Recognition | None = loaded(self.recognition) if self.recognition else None
         return found
 
 
@@ -132,8 +128,7 @@ def known_drivers() -> Mapping[str, DriverDescription]:
 
 def make_driver(description: DriverDescription, setup: Setup[OptionsT, LimitsT, SafeT]) -> Device:
     """The driver object, not yet connected; imports its module."""
-    module, _, class_name = description.target.partition(":")
-    driver = getattr(import_module(module), class_name)(setup)
+    driver = loaded(description.target)(setup)
     if not isinstance(driver, Device):
         raise TypeError(f"{description.target} is not a device")
     return driver

@@ -29,6 +29,7 @@ from bench.reduce.corrections import corrections_of
 from drivers.description import DriverDescription
 from drivers.dialects.can_counter.description import CounterOptions
 from drivers.dialects.can_telemetry.description import TelemetryOptions
+from drivers.installed import loaded
 from drivers.transport.address import Address
 from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
@@ -41,7 +42,7 @@ from simulators.instruments.can_nodes.can_node import CanNode
 from simulators.instruments.can_nodes.can_telemetry import SimulatedTelemetry
 from simulators.instruments.meters.keysight_3458a import Simulated3458A
 from simulators.instruments.meters.meter_inputs import VoltsOnLoad
-from simulators.instruments.setup import InstrumentSetup, make_instrument, simulator_class
+from simulators.instruments.setup import InstrumentSetup, make_instrument
 from simulators.physics.settings import WorldSettings
 from simulators.physics.source_errors import CurrentSource, Feed
 from simulators.physics.voltmeter import VoltmeterSettings
@@ -183,7 +184,7 @@ _MADE_HERE: Mapping[str, type] = {
 
 def simulator_of(driver: DriverDescription) -> type | None:
     """The class of the simulator of a driver; None where there is none."""
-    made: type | None = simulator_class(driver.simulator) if driver.simulator else _MADE_HERE.get(driver.name)
+    made: type | None = loaded(driver.simulator) if driver.simulator else _MADE_HERE.get(driver.name)
     return made
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -30,6 +29,7 @@ from bench.sequence.waits import Soak, Wait, WaitUntil
 from bench.store.writer import RunWriter
 from drivers.capabilities import Positioner
 from drivers.errors import DriverError
+from drivers.installed import loaded
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import customary_unit
 
@@ -250,6 +250,5 @@ def _told(value: Quantity | str) -> dict[str, Any]:
 async def _custom(step: Custom, bench: Bench) -> Found:
     description = known_steps()[step.name]
     settings = description.settings.model_validate(dict(step.settings))
-    module, _, function = description.target.partition(":")
-    found: Found = await getattr(importlib.import_module(module), function)(settings, bench)
+    found: Found = await loaded(description.target)(settings, bench)
     return found if step.value_name is None else {**found, "as": step.value_name}

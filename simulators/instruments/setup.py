@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
+from drivers.installed import loaded
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.physics.world import World
 from simulators.serving.serve import Instrument
@@ -35,11 +35,5 @@ class InstrumentSetup:
 
 def make_instrument(target: str, setup: InstrumentSetup) -> Instrument:
     """The simulator at `module:Class`; imports its module."""
-    of: Callable[[InstrumentSetup], Instrument] = simulator_class(target).of
+    of: Callable[[InstrumentSetup], Instrument] = loaded(target).of
     return of(setup)
-
-
-def simulator_class(target: str) -> Any:
-    """The class at `module:Class`; imports its module."""
-    module, _, name = target.partition(":")
-    return getattr(import_module(module), name)
