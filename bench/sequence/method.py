@@ -5,9 +5,9 @@ The entry-point group `inertial_test_bench.methods` finds descriptions, a plug-i
 
 from __future__ import annotations
 
-from collections import ChainMap
 from collections.abc import Iterator, Mapping
 from functools import cached_property, lru_cache
+from itertools import chain
 from typing import Literal, NamedTuple
 
 from pydantic import BaseModel
@@ -99,7 +99,8 @@ class MethodWords(Mapping[str, str]):
     @cached_property
     def _all(self) -> Mapping[str, str]:
         targets = dict.fromkeys(method.words for method in known_methods().values() if method.words)
-        return dict(ChainMap({**self._generic}, *(loaded(target).get(self._kind, {}) for target in targets)))
+        of_methods = chain.from_iterable(loaded(target).get(self._kind, {}).items() for target in targets)
+        return {**dict(of_methods), **self._generic}
 
     def __getitem__(self, key: str) -> str:
         return self._generic[key] if key in self._generic else self._all[key]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -139,14 +140,18 @@ OF_AN_ACCELEROMETER = (
     "sequence. "
 )
 
-GYRO_RANGE = MethodDescription(
-    name="gyro_range",
-    title="Range of a gyro (method M3a)",
-    target="bench.methods.rate_table.reduction.range:reduce_gyro",
+on_a_table = partial(
+    MethodDescription,
+    counts_at="table",
     rules="bench.methods.rate_table.rules:RULES",
     words="bench.methods.rate_table.words:WORDS",
     spans="bench.methods.rate_table.shown_range:motions",
     offline="bench.methods.rate_table.offline:REDUCTIONS",
+)
+GYRO_RANGE = on_a_table(
+    name="gyro_range",
+    title="Range of a gyro (method M3a)",
+    target="bench.methods.rate_table.reduction.range:reduce_gyro",
     settings=GyroRangeSettings,
     quantities={
         "rest_rate": "°/s",
@@ -157,7 +162,6 @@ GYRO_RANGE = MethodDescription(
         "asymmetry": "1",
         "nonlinearity/cubic": "1",
     },
-    counts_at="table",
     drawn_by="bench.methods.rate_table.shown_range:range_plots",
     after=("IEEE Std 952", "IEEE Std 292", "IEEE Std 1554"),
     meaning=OF_A_GYRO
@@ -166,17 +170,12 @@ GYRO_RANGE = MethodDescription(
         "factor stated in the sequence; the bias is taken off, and with it earth's rate."
     ),
 )
-GYRO_RESPONSE = MethodDescription(
+GYRO_RESPONSE = on_a_table(
     name="gyro_response",
     title="Frequency response of a gyro (method M3b)",
     target="bench.methods.rate_table.reduction.response:reduce_gyro",
-    rules="bench.methods.rate_table.rules:RULES",
-    words="bench.methods.rate_table.words:WORDS",
-    spans="bench.methods.rate_table.shown_range:motions",
-    offline="bench.methods.rate_table.offline:REDUCTIONS",
     settings=GyroResponseSettings,
     quantities={"gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°"},
-    counts_at="table",
     drawn_by="bench.methods.rate_table.shown_response:response_plots",
     after=("IEEE Std 292", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_A_GYRO
@@ -186,20 +185,15 @@ GYRO_RESPONSE = MethodDescription(
         "the half of that by which it is late is taken out."
     ),
 )
-ACCELEROMETER_RANGE = MethodDescription(
+ACCELEROMETER_RANGE = on_a_table(
     name="accelerometer_range",
     title="Range of an accelerometer on a centrifuge (method M3c)",
     target="bench.methods.rate_table.reduction.range:reduce_accelerometer",
-    rules="bench.methods.rate_table.rules:RULES",
-    words="bench.methods.rate_table.words:WORDS",
-    spans="bench.methods.rate_table.shown_range:motions",
-    offline="bench.methods.rate_table.offline:REDUCTIONS",
     settings=AccelerometerRangeSettings,
     quantities={
         "rest_output": "g", "radius": "m", "acceleration_error": "g", "acceleration_error/relative": "1",
         "saturated_points": "1", "scale_error": "1", "nonlinearity/quadratic": "1",
     },
-    counts_at="table",
     drawn_by="bench.methods.rate_table.shown_range:range_plots",
     after=("IEEE Std 836", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER
@@ -208,19 +202,14 @@ ACCELEROMETER_RANGE = MethodDescription(
         "over the range are those of linearity. A stretch of the arm is in them."
     ),
 )  # fmt: skip
-ACCELEROMETER_RESPONSE = MethodDescription(
+ACCELEROMETER_RESPONSE = on_a_table(
     name="accelerometer_response",
     title="Frequency response of an accelerometer (method M3d)",
     target="bench.methods.rate_table.reduction.response:reduce_accelerometer",
-    rules="bench.methods.rate_table.rules:RULES",
-    words="bench.methods.rate_table.words:WORDS",
-    spans="bench.methods.rate_table.shown_range:motions",
-    offline="bench.methods.rate_table.offline:REDUCTIONS",
     settings=AccelerometerResponseSettings,
     quantities={
         "gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°", "lever_arm/x": "m", "lever_arm/y": "m",
     },
-    counts_at="table",
     drawn_by="bench.methods.rate_table.shown_response:response_plots",
     after=("IEEE Std 836", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER
