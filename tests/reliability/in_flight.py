@@ -9,17 +9,15 @@ began need not: the kernel drops the transaction that the call waits for, and th
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from tests.trials.record import cut_off, ext4, mounted
+from tests.trials.record import Running, cut_off, ext4, mounted
 
 APPENDED_BYTES = 24_000  # about what one commit of a run writes
 SETTLES_S = 0.02
@@ -59,31 +57,17 @@ def cut_once(image: Path, disk: Path, delay_s: float) -> tuple[int, int, int]:
         ) as writer,
     ):
         assert writer.stdout is not None
-        os.set_blocking(writer.stdout.fileno(), False)
+        appending = Running(writer, writer.stdout.fileno())
         time.sleep(delay_s)
-        said = _read(writer.stdout.fileno())
-        before = _newest(said)
+        before = appending.acknowledged
         cut_off(disk)
         time.sleep(SETTLES_S)
         writer.kill()
-        after = _newest(said + _read(writer.stdout.fileno()))
+        after = appending.acknowledged
     with mounted(image, disk):
         kept = path.stat().st_size // APPENDED_BYTES if path.exists() else 0
         path.unlink(missing_ok=True)
     return before, after, kept
-
-
-def _read(pipe: int) -> bytes:
-    said = b""
-    with suppress(BlockingIOError):
-        while data := os.read(pipe, 65536):
-            said += data
-    return said
-
-
-def _newest(said: bytes) -> int:
-    lines = said.split(b"\n")[:-1]
-    return int(lines[-1]) if lines else 0
 
 
 if __name__ == "__main__":
