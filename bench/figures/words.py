@@ -8,7 +8,7 @@ from typing import Any
 
 from bench.config.answers import SCRIPTED
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN
+from bench.figures.numbers import scale_shown
 from bench.metrology.results.finding import LOWER_BOUND, Finding
 from bench.metrology.results.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
 from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
@@ -126,12 +126,12 @@ def leg_in_words(leg: str) -> str:
 
 def unit_shown(quantity: str, unit: str) -> str:
     """The unit in which a quantity is shown; `unit` when it is shown as it is."""
-    return SHOWN.get(quantity, (1.0, unit))[1]
+    return scale_shown(quantity, unit)[1]
 
 
-def limits_in_words(quantity: str, limits: Limits) -> str:
-    """Limits in the unit shown: "-50 to 50", "at most 200", "11300 ± 50"; empty when there are none."""
-    factor = SHOWN.get(quantity, (1.0, ""))[0]
+def limits_in_words(quantity: str, unit: str, limits: Limits) -> str:
+    """Limits in `unit` as they are shown: "-50 to 50", "at most 200", "11300 ± 50"; empty when there are none."""
+    factor, _ = scale_shown(quantity, unit)
     low, high = (None if side is None else f"{side * factor:.12g}" for side in (limits.low, limits.high))
     if limits.target is not None and limits.high is not None:
         return f"{limits.target * factor:.12g} ± {(limits.high - limits.target) * factor:.6g}"
@@ -142,9 +142,9 @@ def limits_in_words(quantity: str, limits: Limits) -> str:
     return tr("at most {high}", high=high) if high is not None else ""
 
 
-def bands_in_words(quantity: str, limits: Limits) -> str:
+def bands_in_words(quantity: str, unit: str, limits: Limits) -> str:
     """What else limits state: "guard band 2 u", "marginal within 50"; empty when they state only themselves."""
-    factor = SHOWN.get(quantity, (1.0, ""))[0]
+    factor, _ = scale_shown(quantity, unit)
     guard = "" if limits.guard_k is None else tr("guard band {k} u", k=f"{limits.guard_k:g}")
     marginal = (
         "" if limits.marginal is None else tr("marginal within {width}", width=f"{limits.marginal * factor:.12g}")

@@ -76,7 +76,8 @@ def _summary_table(unit: UnitResult) -> Iterator[str]:
     """What is judged at the dwells, points or visits, the worst of each; then what is found over all of them."""
     single = {"dwell", "point", "visit"}
     limits = {found.quantity: found.limits for found in unit.findings if single & found.at.keys() and found.limits}
-    judged, over_run = verdict_rows(unit, limits), over_run_rows(unit)
+    units = {found.quantity: found.unit for found in unit.findings}
+    judged, over_run = verdict_rows(unit, limits, units), over_run_rows(unit)
     rows = []
     for row, where in [*((row, "") for row in judged), *((row, row.where) for row in over_run)]:
         verdict = row.verdict + (" marginal" if row.marginal else "")

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import cached_property, lru_cache
 from itertools import chain
-from typing import Literal, NamedTuple
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
 
 from pydantic import BaseModel
 
@@ -32,6 +33,7 @@ SHIPPED: Mapping[str, str] = {
 }
 OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
 OUTPUT_UNITS = ("pulse/s", "V", "code")
+NOTHING: Mapping[str, str] = MappingProxyType({})
 GYRO_OUTPUT = "gyro_output"  # likewise, of the gyros of an inertial unit
 
 
@@ -57,8 +59,11 @@ class MethodDescription(NamedTuple):
     each a record of its own. `first_dwell` is the number that the report gives to the first of its dwells. `drawn_by`
     is "module:function", which turns a unit's results into what a report shows of them beside the tables that all
     methods have. `after` names the standards that it is made after (equations 7), which is no claim of conformity.
-    `rules`, `words`, `spans` and `offline` are "module:attribute" as well: its Rules on a plan, the mapping of its
-    words, the function that divides the run into spans, and its reductions of recorded cases; empty for none.
+    `shown` are the units in which a report shows quantities that it does not show in the unit in which they are found.
+    `rules`, `words`, `translations`, `spans`, `offline` and `truth` are "module:attribute" as well, empty for none: its
+    Rules on a plan, its words by their kinds (`MethodWords`, `texts_of`), translations of its texts by language, the
+    function that divides the run into spans, its reductions of recorded cases, and the function that gives what is true
+    of simulated data, from the RunData of a label and the World of the simulation.
     `meaning` says what its results contain, `measures` what kind of unit it is for, `needs_calibration` whether it
     needs the calibration that was released for each unit, `closes` whether it looks at what was acquired for `closure`,
     as its other data are.
@@ -72,10 +77,13 @@ class MethodDescription(NamedTuple):
     counts_at: CountsAt = "dwells"
     first_dwell: int = 0
     drawn_by: str = ""
+    shown: Mapping[str, str] = NOTHING
     rules: str = ""
     words: str = ""
+    translations: str = ""
     spans: str = ""
     offline: str = ""
+    truth: str = ""
     after: tuple[str, ...] = ()
     meaning: str = CHANNEL
     measures: UnitKind = "channel"
@@ -98,8 +106,7 @@ class MethodWords(Mapping[str, str]):
 
     @cached_property
     def _all(self) -> Mapping[str, str]:
-        targets = dict.fromkeys(method.words for method in known_methods().values() if method.words)
-        of_methods = chain.from_iterable(loaded(target).get(self._kind, {}).items() for target in targets)
+        of_methods = chain.from_iterable(words.items() for words in _words_of_methods(self._kind))
         return {**dict(of_methods), **self._generic}
 
     def __getitem__(self, key: str) -> str:
@@ -110,6 +117,18 @@ class MethodWords(Mapping[str, str]):
 
     def __len__(self) -> int:
         return len(self._all)
+
+
+@lru_cache
+def texts_of(kind: str, generic: tuple[str, ...]) -> tuple[str, ...]:
+    """Texts of one kind without keys, such as `NOTES`: generic ones and those of all installed methods."""
+    return (*generic, *chain.from_iterable(_words_of_methods(kind)))
+
+
+def _words_of_methods(kind: str) -> Iterator[Any]:
+    """The words of one kind that each installed method brings."""
+    targets = dict.fromkeys(method.words for method in known_methods().values() if method.words)
+    return (words[kind] for words in map(loaded, targets) if kind in words)
 
 
 @lru_cache(maxsize=1)

@@ -26,6 +26,7 @@ THRESHOLD = MethodDescription(
     spans="bench.methods.threshold.shown:ladders",
     settings=ThresholdSettings,
     quantities={"threshold": "g", "resolution": "g"},
+    shown={"threshold": "µg", "resolution": "µg"},
     counts_at="steps",
     drawn_by="bench.methods.threshold.shown:ladder_plots",
     after=("IEEE Std 1293", "IEEE Std 1554"),
