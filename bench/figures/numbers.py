@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from bench.figures.languages import tr
 from bench.metrology.results.finding import LOWER_BOUND, Finding, Interval
-from bench.sequence.method import SHIPPED, known_methods
+from bench.sequence.method import shipped_first
 from drivers.quantity.units import parse_unit
 
 
@@ -16,7 +16,7 @@ from drivers.quantity.units import parse_unit
 def scale_shown(quantity: str, unit: str) -> tuple[float, str]:
     """The factor from `unit` to the unit in which a quantity is shown, and that unit.
 
-    Methods state them (`MethodDescription.shown`); the first that is of the kind of `unit` is taken, else `unit` itself.
+    Methods state them (`MethodDescription.shown`): the first of the same dimension is taken, else `unit` itself.
     """
     for symbol in _units_shown().get(quantity, ()):
         own, other = parse_unit(unit), parse_unit(symbol or "1")
@@ -27,11 +27,10 @@ def scale_shown(quantity: str, unit: str) -> tuple[float, str]:
 
 @lru_cache(maxsize=1)
 def _units_shown() -> Mapping[str, list[str]]:
-    """The units in which methods show each quantity; those of shipped methods first, so that they look alike."""
+    """The units in which methods show each quantity."""
     found: dict[str, list[str]] = {}
-    methods = known_methods()
-    for name in (*SHIPPED, *(name for name in methods if name not in SHIPPED)):
-        for quantity, symbol in methods[name].shown.items():
+    for method in shipped_first():
+        for quantity, symbol in method.shown.items():
             found.setdefault(quantity, []).append(symbol)
     return found
 

@@ -26,17 +26,13 @@ from bench.metrology.results.curves import Constant, Equation, KnotModel, Temper
 from bench.metrology.results.finding import CONFIDENCE, LOWER_BOUND, Finding, UnitResult
 from bench.metrology.results.limits import Limits
 from bench.report.note_words import form_in_words
+from bench.sequence.method import MethodWords
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
-VARIABLES = {  # of equations, with their units
-    "temperature_c": "temperature / °C",
-    "frequency_hz": "frequency / Hz",
-    "acceleration_g": "acceleration / g",
-    "input_g": "input / g",
-    "rate_dps": "rate of the table / °/s",
-    "rate_pps": "rate / (pulse/s)",
-}
+VARIABLES = MethodWords(  # of equations, with their units
+    "VARIABLES", {"temperature_c": "temperature / °C", "acceleration_g": "acceleration / g"}
+)
 WORST = {  # by what a finding is of
     "point": "worst of {count} points; {told}",
     "end": "worst of {count} ends; {told}",
@@ -273,7 +269,7 @@ def _range_in_words(name: str, low: float, high: float) -> str:
     """A variable of an equation from `low` to `high`; no thermometer tells more than hundredths of a degree."""
     form = ".2f" if name == "temperature_c" else ".6g"
     ends = tr("{low} to {high}", low=format(low, form), high=format(high, form))
-    return f"{tr(VARIABLES.get(name, name.replace('_', ' ')))} {ends}"
+    return f"{tr(VARIABLES[name] if name in VARIABLES else name.replace('_', ' '))} {ends}"
 
 
 def _symbol(name: str) -> str:

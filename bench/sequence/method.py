@@ -5,6 +5,7 @@ The entry-point group `inertial_test_bench.methods` finds descriptions, a plug-i
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Iterator, Mapping
 from functools import cached_property, lru_cache
 from itertools import chain
@@ -106,8 +107,7 @@ class MethodWords(Mapping[str, str]):
 
     @cached_property
     def _all(self) -> Mapping[str, str]:
-        of_methods = chain.from_iterable(words.items() for words in _words_of_methods(self._kind))
-        return {**dict(of_methods), **self._generic}
+        return ChainMap(dict(self._generic), *(dict(words) for words in _words_of_methods(self._kind)))
 
     def __getitem__(self, key: str) -> str:
         return self._generic[key] if key in self._generic else self._all[key]
@@ -127,7 +127,7 @@ def texts_of(kind: str, generic: tuple[str, ...]) -> tuple[str, ...]:
 
 def _words_of_methods(kind: str) -> Iterator[Any]:
     """The words of one kind that each installed method brings."""
-    targets = dict.fromkeys(method.words for method in known_methods().values() if method.words)
+    targets = dict.fromkeys(method.words for method in shipped_first() if method.words)
     return (words[kind] for words in map(loaded, targets) if kind in words)
 
 
@@ -135,3 +135,9 @@ def _words_of_methods(kind: str) -> Iterator[Any]:
 def known_methods() -> Mapping[str, MethodDescription]:
     """Every installed method by name."""
     return Installed(ENTRY_POINTS, SHIPPED)
+
+
+def shipped_first() -> tuple[MethodDescription, ...]:
+    """Every installed method; a word that a shipped one has is not replaced by a plug-in's."""
+    known = known_methods()
+    return tuple(known[name] for name in sorted(known, key=lambda name: name not in SHIPPED))

@@ -87,6 +87,7 @@ CHANNEL_TEMPERATURE = MethodDescription(
     drawn_by="bench.methods.channel.shown:channel_plots",
     after=("IEEE Std 530", "IEEE Std 1554"),
     rules="bench.methods.channel.rules:RULES",
+    words="bench.methods.channel.words:WORDS",
     spans="bench.methods.channel.shown:levels",
     offline="bench.methods.channel.offline:REDUCTIONS",
 )

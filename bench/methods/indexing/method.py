@@ -90,6 +90,7 @@ INDEXING_STATIC = MethodDescription(
         "K1 are means of both ends, so that they are free of the misalignment of the input axis and of its cross "
         "coupling; by the clocking K0 is free of the tilt of the seat too. K1 contains K3 as far as the angles go."
     ),
+    words="bench.methods.indexing.words:WORDS",
     rules="bench.methods.indexing.rules:RULES",
     spans="bench.methods.indexing.shown:ends",
     offline="bench.methods.indexing.offline:REDUCTIONS",

@@ -33,6 +33,7 @@ TEMPERATURE_RAMP = MethodDescription(
     name="temperature_ramp",
     title="Dynamic temperature test (method M4b)",
     target="bench.methods.ramp.reduction.run:reduce",
+    words="bench.methods.ramp.words:WORDS",
     spans="bench.methods.ramp.shown:legs",
     offline="bench.methods.ramp.offline:REDUCTIONS",
     settings=TemperatureRampSettings,

@@ -22,6 +22,7 @@ THRESHOLD = MethodDescription(
     name="threshold",
     title="Threshold and resolution (method M4d)",
     target="bench.methods.threshold.reduction.run:reduce",
+    words="bench.methods.threshold.words:WORDS",
     rules="bench.methods.threshold.rules:RULES",
     spans="bench.methods.threshold.shown:ladders",
     settings=ThresholdSettings,
