@@ -14,8 +14,10 @@ from bench.app.laboratory import Laboratory
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.run_data import UnitUnderTest
 from bench.reduce.stored_run import StoredRun
-from bench.sequence.method import CountsAt
+from bench.sequence.method import CountsAt, known_methods
+from drivers.installed import loaded
 from simulators.physics.attitude import Mount
+from simulators.physics.world import World
 from simulators.truth.channel import LevelAsMeasured, levels_record
 from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Lies, truth_record
 from simulators.truth.imu import WindowAsMeasured, imu_record
@@ -30,7 +32,17 @@ def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
     truth |= levels_record(world, _levels(stored))
     if world.imus:
         truth |= imu_record(world, list(_windows(stored)))
-    return truth
+    return truth | _own_truth(stored, world)
+
+
+def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
+    """What methods know themselves of the truth of their data, by method and label; nothing where none does."""
+    found: dict[str, dict[str, Any]] = {}
+    for entry in stored.sequence.results:
+        target = known_methods()[entry.method].truth
+        if target:
+            found.setdefault(entry.method, {})[entry.data] = loaded(target)(stored.data(entry.data), world)
+    return {"methods": found} if found else {}
 
 
 def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUnderTest, Acquisition]]:
