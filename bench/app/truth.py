@@ -53,8 +53,8 @@ def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUn
                 yield f"{data.label}/{unit.place}@{acquisition.step}", unit, acquisition
 
 
-def _lies(acquisition: Acquisition) -> Lies:
-    """The angles of the table that the bench knows of, and the mount."""
+def orientation(acquisition: Acquisition) -> Lies:
+    """How the bench knows that a unit lay: the angles of the table, and the mount."""
     mount = acquisition.mount
     angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
@@ -75,7 +75,7 @@ def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquis
         place=unit.place,
         at_s=math.fsum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
         temperature_c=math.fsum(each.temperatures_c[unit.temperature].mean() for each in members) / len(members),
-        lies=tuple(_lies(member) for member in members),
+        lies=tuple(orientation(member) for member in members),
         each_s=tuple((member.begin_s + member.end_s) / 2 for member in members),
     )
 
@@ -89,7 +89,9 @@ def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
 def _readings(stored: StoredRun) -> list[LegAsMeasured]:
     """The single readings of methods that count in records of their own: what each unit became stable at last."""
     return [
-        LegAsMeasured(key, unit.place, each.end_s - (each.over_s or each.end_s - each.begin_s), each.end_s, _lies(each))
+        LegAsMeasured(
+            key, unit.place, each.end_s - (each.over_s or each.end_s - each.begin_s), each.end_s, orientation(each)
+        )
         for key, unit, each in _each(stored, "records")
     ]
 
@@ -97,7 +99,8 @@ def _readings(stored: StoredRun) -> list[LegAsMeasured]:
 def _legs(stored: StoredRun) -> list[LegAsMeasured]:
     """The legs of temperature ramps, an acquisition each."""
     return [
-        LegAsMeasured(key, unit.place, leg.begin_s, leg.end_s, _lies(leg)) for key, unit, leg in _each(stored, "ramps")
+        LegAsMeasured(key, unit.place, leg.begin_s, leg.end_s, orientation(leg))
+        for key, unit, leg in _each(stored, "ramps")
     ]
 
 
@@ -105,7 +108,7 @@ def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
     """The acquisitions at one input level each."""
     return [
         LevelAsMeasured(
-            key, unit.place, level.begin_s, level.end_s, _lies(level),
+            key, unit.place, level.begin_s, level.end_s, orientation(level),
             source_a=level.sources_told_a.get(unit.source, 0.0) if level.input == "source" else None,
         )
         for key, unit, level in _each(stored, "levels")
@@ -119,7 +122,7 @@ def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
             key=f"{data.label}/{unit.place}@position={position:g}",
             place=unit.place,
             at_s=(members[0].begin_s + members[-1].end_s) / 2,
-            lies=_lies(members[0]),
+            lies=orientation(members[0]),
         )
         for data in stored.counted_at("steps")
         for unit in data.units
