@@ -44,7 +44,7 @@ def test_results_are_true_within_their_uncertainty(run):
     ("language", "texts"),
     [
         ("en", ("Readings at rest", "Output at rest, relative to its mean", "ppm/h", "over 0.05")),
-        ("zh", ("静止读数", "各次采集的均值", "静止漂移", "静止输出与漂移试验", "历时 0.05", "读数数量有限")),
+        ("zh", ("静止漂移", "静止输出与漂移试验", "历时 0.05", "读数数量有限")),
     ],
 )
 def test_the_report_has_its_table_plot_and_words(run, language, texts):
