@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, assert_never
 
 from bench.config.models import BenchFile
@@ -40,7 +40,7 @@ Found = Mapping[str, Any]  # what a step found, for the journal
 class Bench:
     """What a step acts with. `angles_deg` are where the last moves went, by role; `numbered` is what sends numbers.
 
-    `credit` is that of a soak of a resumed run.
+    `credit` is that of a soak of a resumed run, `role` the one that a plug-in's step names.
     """
 
     file: BenchFile
@@ -53,6 +53,7 @@ class Bench:
     numbered: Numbered
     angles_deg: dict[str, float] = field(default_factory=dict)
     credit: SoakCredit | None = None
+    role: str | None = None
 
 
 async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C901  one case for each kind of step
@@ -250,5 +251,5 @@ def _told(value: Quantity | str) -> dict[str, Any]:
 async def _custom(step: Custom, bench: Bench) -> Found:
     description = known_steps()[step.name]
     settings = description.settings.model_validate(dict(step.settings))
-    found: Found = await loaded(description.target)(settings, bench)
+    found: Found = await loaded(description.target)(settings, replace(bench, role=step.role))
     return found if step.value_name is None else {**found, "as": step.value_name}
