@@ -12,7 +12,7 @@ from bench.sequence.method import shipped_first
 from drivers.quantity.units import parse_unit
 
 
-@lru_cache
+@lru_cache(maxsize=1024)
 def scale_shown(quantity: str, unit: str) -> tuple[float, str]:
     """The factor from `unit` to the unit in which a quantity is shown, and that unit.
 

@@ -78,18 +78,18 @@ class MethodDescription(NamedTuple):
     counts_at: CountsAt = "dwells"
     first_dwell: int = 0
     drawn_by: str = ""
-    shown: Mapping[str, str] = NOTHING
     rules: str = ""
     words: str = ""
-    translations: str = ""
     spans: str = ""
     offline: str = ""
-    truth: str = ""
     after: tuple[str, ...] = ()
     meaning: str = CHANNEL
     measures: UnitKind = "channel"
     needs_calibration: bool = False
     closes: bool = False
+    shown: Mapping[str, str] = NOTHING
+    translations: str = ""
+    truth: str = ""
 
     def units(self, output_unit: str, gyro_output_unit: str | None = None) -> Mapping[str, str]:
         """The units of the quantities for units whose output is in `output_unit`, that of their gyros maybe another."""
