@@ -15,7 +15,7 @@ from bench.metrology.outputs import windows_of
 from bench.metrology.run_data import PowerCycles, RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record
 from bench.reduce.corrections import Corrections, corrections_of
-from bench.sequence.dwells import DwellNames, first_visit, loop_values
+from bench.sequence.plan.dwells import DwellNames, first_visit, loop_values
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series

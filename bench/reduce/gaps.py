@@ -10,7 +10,7 @@ from typing import Any, Self
 from bench.config.models import BenchFile
 from bench.metrology.gaps import EVENT, Missed
 from bench.metrology.run_data import RunData
-from bench.sequence.dwells import first_visit
+from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import RunReader
 
 

@@ -20,7 +20,7 @@ from bench.metrology.acquisition import Acquisition, Codes, Counts, Positions, T
 from bench.metrology.outputs import windows_of
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record
-from bench.sequence.model import SequenceFile
+from bench.sequence.document.model import SequenceFile
 from drivers.dialects.can_counter.description import CounterOptions
 from drivers.dialects.can_telemetry.description import TelemetryOptions
 from simulators.physics.integrator import Integrator

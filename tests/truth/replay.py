@@ -26,8 +26,8 @@ from bench.metrology.run_data import RunData
 from bench.reduce.evaluate import evaluate
 from bench.reduce.journal import OnTheWay
 from bench.reduce.stored_run import open_run
+from bench.sequence.document.model import SequenceFile
 from bench.sequence.method import known_methods
-from bench.sequence.model import SequenceFile
 from simulators.physics.world import World
 from tests.truth.campaign import run_one
 from tests.truth.foreign import bench_errors

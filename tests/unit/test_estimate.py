@@ -8,10 +8,10 @@ import pytest
 from pydantic import BaseModel
 
 from bench.config.bench import load_bench
-from bench.sequence.custom import StepDescription
-from bench.sequence.estimate import ANSWER_S, COMMAND_S, estimate
+from bench.sequence.estimate.estimate import ANSWER_S, COMMAND_S, estimate
 from bench.sequence.load import load_plan
-from bench.sequence.motion import REST_S, SEEN_AFTER_S, travel_s
+from bench.sequence.plan.motion import REST_S, SEEN_AFTER_S, travel_s
+from bench.sequence.steps.custom import StepDescription
 from tests.support.sequences import BENCH, ROOT, plan_of, steps
 
 RAMP_S = 20 / 40  # the head's 20 °/s at 40 °/s²

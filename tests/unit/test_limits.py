@@ -15,8 +15,8 @@ from bench.metrology.results.limits import Judgement, Limits, judge
 from bench.reduce.evaluate import Results
 from bench.report.tables import over_run_rows, verdict_rows
 from bench.report.terminal import results_text
-from bench.sequence.limits import LimitEntry, limits_in, unit_problems
-from bench.sequence.schema import sequence_schema
+from bench.sequence.document.schema import sequence_schema
+from bench.sequence.steps.limits import LimitEntry, limits_in, unit_problems
 from drivers.quantity.quantities import Quantity, parse
 from drivers.schema.fields import DEFERRED
 
