@@ -10,7 +10,8 @@ from typing import Any
 
 from bench.config.models import BenchFile
 from bench.metrology.acquisition import Acquisition, Codes, Counts, Currents, Motion, Mount, Positions, Turned, Voltages
-from bench.metrology.gaps import Missed, missed_of
+from bench.metrology.gaps import missed_of
+from bench.metrology.missed import Missed
 from bench.metrology.outputs import windows_of
 from bench.metrology.run_data import PowerCycles, RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record

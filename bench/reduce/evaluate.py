@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from bench.metrology.power_cycles import reduced
-from bench.metrology.results.finding import BudgetLine, Finding, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.metrology.unlike_nominal import compared_with_nominal

@@ -28,7 +28,7 @@ from bench.reduce.journal import OnTheWay
 from bench.reduce.stored_run import open_run
 from bench.sequence.document.model import SequenceFile
 from bench.sequence.method import known_methods
-from simulators.physics.world import World
+from simulators.world import World
 from tests.truth.campaign import run_one
 from tests.truth.foreign import bench_errors
 from tests.truth.player import Player, Stimulus, Template

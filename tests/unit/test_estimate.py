@@ -174,7 +174,7 @@ def test_a_plug_in_tells_from_its_settings_how_long_its_step_takes(tmp_path, mon
         seconds: float
 
     steps_known = {"degauss": StepDescription("degauss", "T", "m:f", Settings, takes_s=lambda wish: wish.seconds)}
-    for user in ("check_steps", "estimate"):
+    for user in ("checks.steps", "estimate.estimate"):
         monkeypatch.setattr(f"bench.sequence.{user}.known_steps", lambda: steps_known)
     lines = ("{custom: degauss, with: {seconds: 12}}", "{custom: degauss, with: {seconds: 0}}")
     assert estimated(tmp_path, *lines).steps_s == (12, COMMAND_S)

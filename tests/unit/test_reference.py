@@ -17,7 +17,7 @@ from bench.errors import InputError
 from bench.sequence.language import expressions
 from bench.sequence.load import load_plan
 from bench.sequence.steps.custom import StepDescription
-from bench.sequence.steps.verbs import BLOCKS
+from bench.sequence.steps.nested import BLOCKS
 from drivers.description import DriverDescription, known_drivers
 from drivers.quantity import units
 from drivers.schema.fields import Celsius, Flag, InUnit, Name, Seconds, StrictModel, WholeNumber

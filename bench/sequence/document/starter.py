@@ -14,7 +14,7 @@ from drivers.schema.fields import Name
 from drivers.schema.wording import in_plain_words
 
 _PACKAGE = Path(str(files("bench")))
-_SCHEMA = "../../docs/schema/sequence.schema.json"  # as the starter names it
+_SCHEMA = "../../../docs/schema/sequence.schema.json"  # as the starter names it
 
 
 def write_starter(name: str, folder: Path) -> Path:

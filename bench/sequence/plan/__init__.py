@@ -1,1 +1,1 @@
-"""A plan: the steps of a sequence in order, with loops unrolled and subsequences inserted; poses and motion on the way."""
+"""The plan of a sequence: its steps in order, loops unrolled, subsequences inserted; poses and motion on the way."""

@@ -42,7 +42,7 @@ def expand(
     `broken` are the places of steps and blocks that are not to be looked at. A sequence that is called is kept with the
     document, what it needs and its interlocks with the outline.
     """
-    expansion = Expansion(document, outline, broken, measured)
+    expansion = DocumentPass(document, outline, broken, measured)
     known: dict[str, Value | None] = {}
     setup: Nodes = ()
     steps: Nodes = ()
@@ -69,7 +69,7 @@ class TooMany(Exception):
         self.place = place
 
 
-class Expansion:
+class DocumentPass:
     """One pass over a document, collecting problems on the way; what was wrong once is not looked at again."""
 
     def __init__(self, document: Document, outline: Outline, broken: Collection[Place], measured: Measured) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from pydantic import ValidationError
 
@@ -32,16 +32,32 @@ from bench.sequence.steps.custom import Custom
 from bench.sequence.steps.measuring import Measure
 from bench.sequence.steps.nested import UNROLLED
 from bench.sequence.steps.talk import Prompt
-from bench.sequence.steps.verbs import STEPS
+from bench.sequence.steps.verbs import STEPS, Step
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import NO_DIMENSION
 from drivers.schema.wording import in_plain_words
 
-if TYPE_CHECKING:  # which calls what is here for the steps inside a block
-    from bench.sequence.plan.expand import Expansion
-
 Raw = Mapping[str, Any]
 Seen = Counter[str]
+
+
+class Expansion(Protocol):
+    """The pass over a document that a block is unrolled in."""
+
+    def nodes(self, raw: Sequence[Raw], place: Place, scope: Scope, taken: Collection[str] = ()) -> Nodes:
+        """Return the nodes of a list of steps and blocks; `taken` are labels already used in its ids."""
+
+    def step(self, verb: str, block: Raw, here: Place, scope: Scope) -> Step | None:
+        """Return the step with its expressions evaluated; None if it is wrong, with its problems recorded."""
+
+    def call(self, block: Raw, here: Place, scope: Scope) -> tuple[Scope, Mapping[str, Any], Place]:
+        """Enter a called sequence: return its scope, its phases and its place."""
+
+    def returned(self) -> None:
+        """Leave the called sequence."""
+
+    def note_measured(self, step: Step, scope: Scope) -> None:
+        """Record the name under which later expressions know the value of a step."""
 
 
 class Wrong(ValueProblem):

@@ -14,7 +14,7 @@ from drivers.schema.fields import AnyQuantity, Flag, InUnit, Name, PositiveSecon
 from drivers.schema.wording import telling
 
 
-class Stable(StrictModel):
+class StableOutput(StrictModel):
     """When an output is stable: its means over 10 s, and how much they drift, in g by what the units are made to be."""
 
     sd_g: Annotated[float, InUnit("g", above=0)] = Field(alias="sd", description="maximum scatter of the means")
@@ -42,7 +42,7 @@ class Acquire(StepBase):
     turns: Annotated[float, InUnit("", above=0)] | None = Field(None, description="how many turns of the table")
     of: Name | None = Field(None, description="the table whose turns are counted")
     during: Steps | None = Field(None, description="these steps run meanwhile")
-    until_stable: Stable | None = None
+    until_stable: StableOutput | None = None
     give_up_after_s: PositiveSeconds | None = Field(
         None, alias="give_up_after", description="the longest wait for stability"
     )

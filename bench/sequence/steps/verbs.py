@@ -6,17 +6,15 @@ name states.
 
 from __future__ import annotations
 
-from bench.sequence.steps.blocks import Block, Call, ForEach, Group, If, Parallel, Repeat, Retry, While
+from bench.sequence.steps.blocks import Call, ForEach, Group, If, Parallel, Repeat, Retry, While
 from bench.sequence.steps.custom import Custom
 from bench.sequence.steps.measuring import Acquire, Measure, Tare
+from bench.sequence.steps.nested import BLOCKS
 from bench.sequence.steps.orienting import Orient
 from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.steps.talk import Alarm, Note, Prompt
 from bench.sequence.steps.waits import Soak, Wait, WaitUntil
 from drivers.capabilities import MEASURES_OUTPUTS, THERMOMETER
-from drivers.quantity.units import quoted
-from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import expected, telling
 
 Step = (
     Move | Orient | Rotate | Oscillate | SetOutput | Ramp | Soak | Wait | WaitUntil | Acquire | Measure | Tare | Prompt
@@ -27,10 +25,10 @@ STEPS: dict[str, type[Step]] = {
     "soak": Soak, "wait": Wait, "wait_until": WaitUntil, "acquire": Acquire, "measure": Measure, "tare": Tare,
     "prompt": Prompt, "note": Note, "alarm": Alarm, "custom": Custom,
 }  # fmt: skip
-BLOCKS: dict[str, type[Step | Block]] = {
+BLOCKS.update({
     **STEPS, "for_each": ForEach, "repeat": Repeat, "group": Group, "if": If, "while": While, "parallel": Parallel,
     "call": Call, "retry": Retry,
-}  # fmt: skip
+})  # fmt: skip
 
 # The capability that a verb needs of its role.
 NEEDS: dict[str, tuple[str, ...]] = {
@@ -47,15 +45,3 @@ NEEDS: dict[str, tuple[str, ...]] = {
 def verb_of(step: Step) -> str:
     """The verb that a step begins with in a document."""
     return next(verb for verb, model in STEPS.items() if isinstance(step, model))
-
-
-def block_model(raw: object) -> type[Step | Block]:
-    """The model that a step's first key asks for; PydanticCustomError when it is not a verb."""
-    if not isinstance(raw, dict) or not raw:
-        raise expected("a step: a mapping whose first key is its verb", raw)
-    verb = str(next(iter(raw)))
-    if verb in BLOCKS:
-        return BLOCKS[verb]
-    if later := [key for key in raw if key in BLOCKS]:
-        raise telling(f"the first key of a step is its verb: put '{later[0]}' before {quoted(verb)}")
-    raise telling(f"unknown step {quoted(verb)}{did_you_mean(verb, BLOCKS)}")

@@ -11,8 +11,8 @@ from simulators.physics.motion import AxisErrors
 from simulators.physics.table_kinematics import NOWHERE, TableErrors
 from simulators.physics.thermal import ChamberPhysics
 from simulators.units.accelerometer import Decoding, Through
-from simulators.units.gyro_unit import GyroFile
-from simulators.units.imu import ImuPlace
+from simulators.units.gyro_file import GyroFile
+from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile
 
 
@@ -49,6 +49,22 @@ class PlaceSettings:
     def through(self) -> Through:
         """What its current goes through."""
         return self.decoding if self.load_ohm is None else self.load_ohm
+
+
+@dataclass(frozen=True, slots=True)
+class ImuPlace:
+    """An inertial unit in its place.
+
+    `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` what becomes of the codes of
+    those that it sends; `thermometers` are offset (°C), gain, corrections and drift within a run (°C), by SENSORS.
+    """
+
+    unit: ImuFile
+    channels: Mapping[str, str]
+    supply: str
+    mount_angle_deg: float
+    thermometers: Mapping[str, tuple[float, float, Table, float]]
+    decodings: Mapping[str, Decoding] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

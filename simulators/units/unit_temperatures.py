@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.physics.corrections import Table, read_of
 from simulators.physics.thermal import Thermal
-from simulators.physics.thermostat import Thermostat
+from simulators.units.thermostat import Thermostat
 from simulators.units.unit_file import UnitFile
 
 Array = NDArray[np.float64]

@@ -18,13 +18,14 @@ from simulators.physics.attitude import Mount
 from simulators.physics.chamber_failures import Failure
 from simulators.physics.motion import Axis
 from simulators.physics.profiles import Slew
-from simulators.physics.settings import PlaceSettings, WorldSettings
 from simulators.physics.source_errors import Feed
 from simulators.physics.table_kinematics import Carried, Level
 from simulators.physics.thermal import Thermal, UnitPhysics
 from simulators.units.accelerometer_unit import Input, SimulatedUnit
-from simulators.units.gyro_unit import GyroFile, SimulatedGyro
+from simulators.units.gyro_file import GyroFile
+from simulators.units.gyro_unit import SimulatedGyro
 from simulators.units.imu import SimulatedImu
+from simulators.units.settings import PlaceSettings, WorldSettings
 from simulators.units.unit_file import stream
 
 Array = NDArray[np.float64]
