@@ -17,11 +17,11 @@ from bench.reduce.stored_run import StoredRun
 from bench.sequence.method import CountsAt, known_methods
 from drivers.installed import loaded
 from simulators.physics.attitude import Mount
-from simulators.physics.world import World
 from simulators.truth.channel import LevelAsMeasured, levels_record
 from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Lies, truth_record
 from simulators.truth.imu import WindowAsMeasured, imu_record
 from simulators.truth.ladder import LadderAsMeasured, ladders_record
+from simulators.world import World
 
 
 def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:

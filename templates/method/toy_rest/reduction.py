@@ -11,7 +11,8 @@ import numpy as np
 from bench.metrology.instrument import instrument_u, shared_as
 from bench.metrology.least_squares import Array, least_squares
 from bench.metrology.outputs import mean_output
-from bench.metrology.results.finding import BudgetLine, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 CURVED = "toy_rest_curved"

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from bench.config.models import BenchFile
-from bench.sequence.measuring import Acquire
-from bench.sequence.plan import Plan
-from bench.sequence.remarks import Found, Rule
-from bench.sequence.stimulus import Move
+from bench.sequence.checks.remarks import Found, Rule
+from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Move
 
 from toy_rest.method import DESCRIPTION, ToyRestSettings
 

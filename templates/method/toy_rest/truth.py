@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from bench.app.truth import orientation
 from bench.metrology.run_data import RunData, UnitUnderTest
-from simulators.physics.world import World
 from simulators.truth.constants import LegAsMeasured, noiseless_output
+from simulators.world import World
 
 
 def truth(data: RunData, world: World) -> Mapping[str, Any]:
