@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from bench.config.models import BenchFile
+from bench.sequence.checks.parts import acquired_under
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.plan.plan import Plan
-from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Move
 
 from toy_rest.method import DESCRIPTION, ToyRestSettings
@@ -17,7 +17,7 @@ def too_few_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
         if entry.method != DESCRIPTION.name:
             continue
         fewest = ToyRestSettings.model_validate(entry.settings).fewest
-        count = sum(isinstance(each.step, Acquire) and each.step.label == entry.data for each in plan)
+        count = len(acquired_under(plan, entry.data))
         if count < fewest:
             yield (
                 ("results", index, "data"),
@@ -31,12 +31,8 @@ def moved_at_rest(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     for entry in plan.sequence.results:
         if entry.method != DESCRIPTION.name:
             continue
-        steps = list(plan)
-        read = [
-            number
-            for number, each in enumerate(steps)
-            if isinstance(each.step, Acquire) and each.step.label == entry.data
-        ]
+        steps, acquired = list(plan), set(acquired_under(plan, entry.data))
+        read = [number for number, each in enumerate(steps) if each.id in acquired]
         for each in steps[read[0] : read[-1]] if read else ():
             if isinstance(each.step, Move):
                 yield (
