@@ -134,7 +134,7 @@ def test_a_value_is_decoded_by_factor_and_offset_of_the_dbc() -> None:
     first, second = (decode_samples(forms[name], frames(LINE)) for name in ("first", "second"))
     assert first.values.tolist() == pytest.approx([0.3])
     assert second.values.tolist() == [1000.0], "without a unit it is the code as it came"
-    assert (forms["first"].step, forms["second"].step) == (0.001, 1.0)
+    assert (forms["first"].scale.factor, forms["second"].scale) == (0.001, (1.0, 0.0))
     assert [found.tick.tolist() for found in (first, second)] == [[0x1234]] * 2
     assert [found.sequence.tolist() for found in (first, second)] == [[42]] * 2
 

@@ -11,7 +11,7 @@ from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.description import Nothing, Setup, check_identity
 from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.binding import format_of
-from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_counter.options import CounterOptions
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.kinds.frame_source.intake import SILENT_PERIODS, STANDING_FRAMES, FrameDriver, bound_format, frames_named
 from drivers.timing.awake import awake_s
