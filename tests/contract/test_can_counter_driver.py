@@ -17,8 +17,9 @@ from drivers.capabilities import PulseCounter
 from drivers.description import known_drivers
 from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.description import DESCRIPTION, IDLE_BLOCK_S, CounterOptions
-from drivers.dialects.can_counter.driver import FIRST_FRAME_S, CanCounter
+from drivers.dialects.can_counter.driver import CanCounter
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
+from drivers.kinds.frame_source.counter import FIRST_FRAME_S
 from drivers.transport.can import PythonCan, Slcan
 from simulators.faults.instrument_faults import FaultKind
 from tests.support.counters import OPTIONS, RATE_PPS, Bench, dbc_file, options, with_bench, with_driver

@@ -322,4 +322,4 @@ def test_options_that_do_not_go_together_are_told(change: dict, problem: str) ->
 def test_a_channel_may_be_decoded_to_a_unit() -> None:
     found = options(channels={"x": CHANNELS["x"] | {"unit": "m/s²"}})
     assert isinstance(found, TelemetryOptions)
-    assert (found.channels["x"].output.unit, options().channels["x"].output_unit) == ("m/s²", "code")
+    assert (found.channels["x"].output.unit, options().channels["x"].output.unit) == ("m/s²", "code")

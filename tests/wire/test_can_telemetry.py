@@ -49,7 +49,7 @@ def test_codes_are_signed_and_have_the_time_of_the_unit() -> None:
     assert found.host_s.tolist() == [0.0, 0.03]
     assert found.tick_bits == 24
     assert summary(found) == {"sequence": [1, 2], "lost": 0, "dropped": 0, "invalid": 0}
-    assert X.step == 1.0
+    assert X.scale == (1.0, 0.0)
 
 
 def test_each_channel_has_its_own_frames() -> None:
