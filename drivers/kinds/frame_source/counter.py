@@ -92,7 +92,7 @@ class FreeCounter(FrameDriver[OptionsT]):
             f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
         )
         if heard:
-            remedy = "Check that the DBC is that of this counter."
+            remedy = "Check that the options in the bench file, such as the DBC, are those of this counter."
             return NoAnswer(self.name, problem, received=frames_named(heard), remedy=remedy)
         remedy = "Check that the converter is on, the bus is terminated, and the bit rate is right."
         return NoAnswer(self.name, problem, received="no frame at all", remedy=remedy)
