@@ -5,6 +5,7 @@ import resource
 from pathlib import Path
 
 import pytest
+from bench.store.kept_dbc import kept_format
 
 from bench.app.tracing import read_trace_file
 from bench.config.bench import load_bench
@@ -14,7 +15,6 @@ from bench.offline.calibration_file import read_calibration
 from bench.offline.case import reduce_case
 from bench.offline.csv_record import SIZE_LIMIT_BYTES as TABLE_LIMIT_BYTES
 from bench.offline.csv_record import read_table
-from bench.store.kept_dbc import kept_format
 from bench.store.kept_json import TEXT, read_kept
 from drivers.can.options import DBC_LIMIT_BYTES
 from drivers.errors import CannotConnect
