@@ -10,12 +10,12 @@ from bench.store.decoder import Decoder
 from drivers.can.sent_frames import Sampled
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_node import NodeSetup
-from simulators.physics.world import World
 from simulators.units.accelerometer import Decoding
-from simulators.units.gyro_unit import GyroFile
+from simulators.units.gyro_file import GyroFile
 from simulators.units.imu import CHANNELS, SENSORS
 from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile
+from simulators.world import World
 
 
 def node_setup(

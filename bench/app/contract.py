@@ -28,9 +28,9 @@ from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPla
 from simulators.faults.line_faults import BadLine
 from simulators.instruments.can_nodes.can_node import CanNode, NodeSetup, make_node
 from simulators.instruments.setup import InstrumentSetup, make_instrument
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.serving.serve import Instrument, protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 P = TypeVar("P", bound=asyncio.Protocol)
 NAME = "subject"

@@ -8,7 +8,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from bench.config.devices import DeviceEntry
-from bench.metrology.gaps import EVENT, Missed
+from bench.metrology.gaps import EVENT
+from bench.metrology.missed import Missed
 from bench.quality import Valid
 from bench.store.decoder import Decoder
 from bench.store.missed import missed_in_step

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from bench.config.devices import DeviceEntry
-from bench.metrology.gaps import Missed, missed_of
+from bench.metrology.gaps import missed_of
+from bench.metrology.missed import Missed
 from bench.store.decoder import decoders_of
 from bench.store.reader import RunReader
 from drivers.can.frame_block import FrameBlock

@@ -25,11 +25,11 @@ from simulators.instruments.can_nodes.can_node import (
     temperature_frames,
 )
 from simulators.physics.integrator import Counts, Integrator
-from simulators.physics.world import World
 from simulators.units.accelerometer_unit import SimulatedUnit
 from simulators.units.gyro_unit import SimulatedGyro
 from simulators.units.imu import ImuChannel
 from simulators.units.unit_file import stream
+from simulators.world import World
 
 Array = NDArray[np.float64]
 BOARD_C = 25.0

@@ -26,9 +26,9 @@ from simulators.instruments.can_nodes.can_node import (
     temperature_frames,
 )
 from simulators.instruments.setup import NotSimulated
-from simulators.physics.world import World
 from simulators.units.accelerometer import Sent
 from simulators.units.unit_file import stream
+from simulators.world import World
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
