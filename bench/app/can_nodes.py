@@ -51,9 +51,8 @@ def _places(bench: BenchFile, role: str, units: Mapping[str, object]) -> dict[st
     for name, entry in bench.places.items():
         for key, channel in entry.measured_by.items():
             output = outputs.get(channel)
-            if output is None or (
-                entry.channels is None and key != ("channel", "telemetry")[isinstance(output, Sampled)]
-            ):
+            wanted = "telemetry" if isinstance(output, Sampled) else "channel"
+            if output is None or (entry.channels is None and key != wanted):
                 continue
             found[channel] = name
             if isinstance(output, Sampled):

@@ -19,6 +19,9 @@ from drivers.errors import LinkLost
 from drivers.installed import loaded
 from simulators.faults.frame_faults import FrameFault, carry
 from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.units.gyro_unit import SimulatedGyro
+from simulators.units.imu import ImuChannel
 from simulators.units.unit_file import stream
 from simulators.world import World
 
@@ -48,6 +51,15 @@ class NodeSetup:
     boards: Mapping[str, str] = field(default_factory=dict)
     imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     encoder_skew_s: float = 0.0
+
+    @property
+    def units(self) -> Mapping[str, SimulatedUnit | SimulatedGyro | ImuChannel]:
+        """The simulated units, or the sensors of inertial ones, on its channels."""
+        imus, counted = self.world.imus, self.world.counted
+        return {
+            channel: imus[place].channels[channel] if place in imus else counted[place]
+            for channel, place in self.places.items()
+        }
 
 
 def make_node(target: str, setup: NodeSetup) -> CanNode:

@@ -30,7 +30,7 @@ class SimulatedToyCounter(CanNode):
         options: ToyCounterOptions = setup.options
         self._options, self._thermometer_of = options, setup.readings.get(TEMPERATURE)
         self._latch_s = options.period / (1 + self._world.settings.device_clock)  # true seconds
-        self._units = {channel: self._world.counted[place] for channel, place in setup.places.items()}
+        self._units = setup.units
         self._restarts = self._shown = 0
         self._begin(self._world.now())
         self._world.integrate_with(self._before_change)
