@@ -140,9 +140,7 @@ def test_the_dbc_of_another_counter_is_told_with_the_frames_that_come(tmp_path: 
                    ("CM_ SG_ 256", "// "))  # fmt: skip
 
     async def use(bench: Bench) -> None:
-        with pytest.raises(
-            NoAnswer, match=r"no Latch frame \(0x18ff0100\).*received 0x100, 0x101, .*such as the DBC"
-        ):
+        with pytest.raises(NoAnswer, match=r"no Latch frame \(0x18ff0100\).*received 0x100, 0x101, .*such as the DBC"):
             await bench.driver(tmp_path).__aenter__()
 
     with_bench(use)
