@@ -1,4 +1,4 @@
-"""The YAML in the how-to pages, as files that can be checked and run."""
+"""The YAML in the how-to pages and the README, as files that can be checked and run."""
 
 from __future__ import annotations
 
@@ -103,7 +103,8 @@ class Example:
 def examples() -> list[Example]:
     """Every sequence in the pages, and every piece of one."""
     return [
-        Example(page, line, yaml) for page in PAGES if page.stem not in FOLLOWED for line, yaml in blocks(page)
+        Example(page, line, yaml)
+        for page in (ROOT / "README.md", *PAGES) if page.stem not in FOLLOWED for line, yaml in blocks(page)
         if not yaml.startswith(_ANSWERS)
     ]  # fmt: skip
 
