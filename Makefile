@@ -94,7 +94,7 @@ benchmark: $(VENV)/.dev
 # Programs that other people wrote, for the tests that let them talk to ours.
 peers: $(VENV)/.dev
 	./.ci/install_peers
-	$(BIN)/pip install --quiet -e '.[peers]'
+	$(BIN)/pip install --quiet -e '.[peers,docs]'
 	$(BIN)/pip install --quiet --no-deps 'qcodes==0.58.*'  # with all that its drivers can do without, ten times as large
 	$(BIN)/pip install --quiet --no-deps 'dvg-devices==1.8.*' 'dvg-debug-functions==2.*' 'daqmon==0.1.*'  # without their windows
 

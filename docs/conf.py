@@ -27,21 +27,31 @@ html_copy_source = False
 html_show_sphinx = False
 html_static_path = ["_site"]
 html_css_files = ["site.css"]
+html_search_scorer = str(Path(__file__).parent / "_site/scorer.js")
 highlight_language = "text"
 
 # A directive would show as text on a forge: the pages have none, and their contents are here. Page → caption → pages.
+# A pattern stands for the pages that are not named before it.
 CONTENTS = {
     "README": {
-        "How to": ["docs/how-to/*"],
+        "How to": [
+            "Overview <docs/how-to/README>", "docs/how-to/first_steps", "docs/how-to/write_a_sequence",
+            "docs/how-to/connect_a_bench", "docs/how-to/rehearse_a_bad_night", "docs/how-to/unattended",
+            "docs/how-to/resume_a_run", "docs/how-to/*",
+        ],
         "Explanation": ["docs/glossary", "docs/explanation/*"],
-        "Equations": ["bench/metrology/README", "bench/methods/*/README", "simulators/README", "bench/offline/README"],
+        "Equations": [
+            "bench/metrology/README", "bench/methods/channel/README", "bench/methods/indexing/README",
+            "bench/methods/imu/README", "bench/methods/rate_table/README", "bench/methods/tumble/README",
+            "bench/methods/*/README", "simulators/README", "bench/offline/README",
+        ],
         "Reference": ["docs/instruments/README", "docs/reference/README"],
         "Project": ["CHANGELOG", "CONTRIBUTING", "docs/decisions/README"],
     },
     "docs/instruments/README": {"": ["*"]},
     "docs/reference/README": {"": ["*"]},
     "docs/decisions/README": {"": ["*"]},
-}
+}  # fmt: skip
 
 
 def add_contents(_app: Sphinx, page: str, source: list[str]) -> None:

@@ -32,7 +32,7 @@ _MODULES = {
     "qcodes": ("qcodes", "pyvisa_py"), "pyvisa": ("pyvisa", "pyvisa_py"), "cts_chamber": ("cts_chamber", "pyvisa_py"),
     "pyModbusTCP": ("pyModbusTCP",), "watlow_f4": ("watlow_f4", "minimalmodbus"),
     "dvg_devices": ("dvg_devices", "dvg_debug_functions", "pyvisa_py"), "daqmon": ("daqmon",),
-    "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",),
+    "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",), "sphinx": ("sphinx", "furo", "myst_parser"),
 }  # fmt: skip
 
 
