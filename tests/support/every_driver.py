@@ -12,12 +12,12 @@ from bench.app.drawn import AnyUnitFile
 from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_files
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
+from campaigns.line_faults.cases import CASES
 from drivers.capabilities import Device
 from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver, unheard
 from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.faults.line_faults import BadLine
-from tests.line_faults.cases import CASES
 from tests.support.runs import ROOT
 
 Call = Callable[[Any], Awaitable[object]]
