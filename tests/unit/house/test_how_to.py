@@ -6,7 +6,6 @@ import shutil
 import pytest
 import yaml
 
-from bench.cli.main import COMMANDS
 from bench.config.bench import load_bench
 from bench.sequence.load import load_judged_plan
 from tests.support.how_to import FOLDER, PAGES, bench_pieces, examples
@@ -14,10 +13,6 @@ from tests.support.runs import ROOT
 
 LINK = re.compile(r"\]\(([^)#:]*)#?([^)]*)\)")
 HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
-FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-COMMAND = re.compile(r"^`?bench ([a-z][a-z-]*)", re.MULTILINE)
-INLINE = re.compile(r"`[^`\n]+`")
-COMING = {"rehearse"}  # to be taken out when the command is there
 NOT_USED_IN_A_PIECE = {"unused-need"}  # a piece stands in a file that needs more than the piece does
 
 
@@ -58,15 +53,6 @@ def leads_somewhere(page, path, anchor):
         return False
     headings = HEADING.findall(file.read_text("utf-8")) if anchor else [""]
     return anchor in [re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings]
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_page_names_commands_that_there_are(page):
-    known = {words.partition(" ")[0] for words in COMMANDS}
-    text = page.read_text("utf-8")
-    typed = [block for language, block in FENCE.findall(text) if not language]
-    named = set(COMMAND.findall("\n".join([*typed, *INLINE.findall(FENCE.sub("", text))])))
-    assert named - known - COMING == set()
 
 
 def test_the_index_lists_every_page():
