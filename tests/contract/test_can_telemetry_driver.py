@@ -294,6 +294,7 @@ def test_through_a_serial_line_adapter_it_is_the_same() -> None:
             assert len(codes.values) in (499, 500, 501)
             assert codes.lost == 0
             assert set(codes.values.tolist()) == {HALF_G}
+        await asyncio.sleep(0.1)  # the adapter sees that its line is closed
 
     with_bench(use)
 
