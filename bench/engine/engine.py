@@ -65,7 +65,7 @@ class Engine:
         self.journal = journal
         self.desk = Desk(observer.asked)
         self._control = Control(self.journal, observer.notice, observer.held)
-        numbered = Numbered({role: entry.options for role, entry in file.devices.items()})
+        numbered = Numbered(file.devices)
         credit = past.credit if past is not None else None
         bench = Bench(file, rig, monitor, journal.writer, journal, self.desk, observer.notice, numbered, credit=credit)
         monitor.units.angles_deg = bench.angles_deg
