@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 SEQUENCE = Path(__file__).parents[1] / "sequences" / "toy_rest.yaml"
-SHORT = ("--set", "warm_up=20 min", "--set", "readings=20")
+SHORT = ("--set", "warm_up=10 min")  # while the drift is several times its uncertainty
 
 
 def bench(*words, code=0):
@@ -36,15 +36,15 @@ def test_results_are_true_within_their_uncertainty(run):
     for quantity, true in truth.items():
         assert abs(found[quantity]["value"] - true) <= found[quantity]["expanded"], quantity
     assert 0 < found["rest_mean"]["expanded"] < 1e-5 * truth["rest_mean"]
-    assert 0 < found["rest_drift"]["expanded"] < 2e-4
+    assert 0 < found["rest_drift"]["expanded"] < abs(truth["rest_drift"]) / 3
     assert found["rest_drift"]["verdict"] == "PASS"
 
 
 @pytest.mark.parametrize(
     ("language", "texts"),
     [
-        ("en", ("Readings at rest", "Output at rest, relative to its mean", "ppm/h", "over 0.05")),
-        ("zh", ("静止漂移", "静止输出与漂移试验", "历时 0.05", "读数数量有限")),
+        ("en", ("Readings at rest", "Output at rest, relative to its mean", "ppm/h", "over 0.16")),
+        ("zh", ("静止漂移", "静止输出与漂移试验", "历时 0.16", "读数数量有限")),
     ],
 )
 def test_the_report_has_its_table_plot_and_words(run, language, texts):
