@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
-from drivers.description import IdentityPin
+from drivers.description import Setup
 from drivers.dialects.modbus_chamber.profile import (
     ChamberProfile,
     CodeRegister,
@@ -14,40 +14,30 @@ from drivers.dialects.modbus_chamber.profile import (
     WrittenRegister,
 )
 from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
-from drivers.transport.modbus import ModbusLink
 from drivers.values import Identity
 
 COLDEST_C, HOTTEST_C = -273.15, 2000.0
 
 
-class ProfiledController:
+class ProfiledController(Connected):
     """A Controller; the wire tells what the profile says that it tells.
 
     Every controller is told a set point only when another is there, since many wear out a memory with each.
     """
 
-    def __init__(
-        self, link: ModbusLink, pin: IdentityPin, profile: ChamberProfile, note: Callable[[str], object]
-    ) -> None:
-        self.limits_c: tuple[float, float] | None = None
+    def __init__(self, setup: Setup[Any, ChamberLimits, ChamberSafe], profile: ChamberProfile) -> None:
         self.can_start = profile.mode is not None and profile.mode.start is not None
-        self._link, self._pin, self._profile = link, pin, profile
-        self._registers = ProvedRegisters(link, self._identify, note)
+        self._pin, self._profile = setup.identity, profile
+        self._registers = ProvedRegisters(setup, self._identify, gap_s=profile.gap)
+        self._link = self._registers.link
+        super().__init__(self._registers)
 
-    async def connect(self) -> None:
-        """Reconnect and identify."""
-        await self._registers.connect()
-
-    def close(self) -> None:
-        """Closes the connection; the next request would open it again."""
-        self._link.close()
-
-    async def identify(self) -> Identity:
+    def _identity(self) -> Identity:
         """The names as the bench file and the profile state them; the fingerprint is what the wire tells."""
-        await self._registers.identify()
         low_c, high_c = self.limits_c or (0.0, 0.0)
         told = [each.means for each in self._profile.must_be]
         if self._profile.limits is not None:

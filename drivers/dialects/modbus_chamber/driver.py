@@ -8,7 +8,6 @@ from drivers.dialects.modbus_chamber.description import ModbusChamberOptions
 from drivers.errors import CannotConnect
 from drivers.kinds.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.transport.modbus import ModbusLink
 
 
 class ModbusChamber(Chamber):
@@ -21,14 +20,9 @@ class ModbusChamber(Chamber):
                 setup.name, f"the profile {options.profile.path} of its controller is gone",
                 remedy="Put the file back beside the bench file.",
             )  # fmt: skip
-        link = ModbusLink(
-            setup.name, setup.wires, setup.address, unit_id=options.unit_id, answer_s=options.answer_timeout,
-            gap_s=profile.gap,
-        )  # fmt: skip
         how: ChamberOptions = options
         if profile.ramp is not None:
             how = ChamberOptions.model_construct(
                 **{name: getattr(options, name) for name in ChamberOptions.model_fields}
             )
-        controller = ProfiledController(link, setup.identity, profile, setup.note)
-        super().__init__(setup.name, controller, setup.limits, setup.safe, how)
+        super().__init__(setup.name, ProfiledController(setup, profile), setup.limits, setup.safe, how)
