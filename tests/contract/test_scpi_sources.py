@@ -159,3 +159,26 @@ def test_what_cannot_be_made_safe_says_so_in_time(words: Words) -> None:
             await driver.make_safe()
 
     with_each(words, use)
+
+
+@each_dialect
+@pytest.mark.parametrize("after_s", [0.3, 0.65, 0.75])
+def test_a_setting_that_another_one_ends_is_refused_even_when_its_last_step_shows(
+    words: Words, after_s: float
+) -> None:
+    async def use(source: SourceRig, driver: Any) -> None:
+        source.faults.begin("lag")
+        first = asyncio.ensure_future(driver.set(0.0012, limit=5, output=True))
+        while not source.wire.count(words.steps[-1]):
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(after_s)
+        second = asyncio.ensure_future(driver.set(0.0024, limit=5, output=True))
+        with pytest.raises(Refused, match="the setting was ended by another command"):
+            await first
+        while not second.done():
+            await driver.poll()  # the first one's level is nothing that somebody else has changed
+            await asyncio.sleep(0.05)
+        await second
+        assert source.instrument.current_a == pytest.approx(0.0024)
+
+    with_each(words, use)
