@@ -16,7 +16,7 @@ from drivers.dialects.can_telemetry.description import TelemetryOptions
 from simulators.instruments.can_nodes.can_counter import CounterSettings
 from simulators.instruments.can_nodes.can_telemetry import ChannelSettings, EncoderSettings, TelemetrySettings
 from simulators.units.accelerometer import Decoding
-from simulators.units.gyro_unit import GyroFile
+from simulators.units.gyro_file import GyroFile
 from simulators.units.imu import CHANNELS, SENSORS
 from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile

@@ -27,9 +27,9 @@ from drivers.transport.memory import Line, join
 from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, begin, end, mishaps_of
 from simulators.faults.line_faults import BadLine
 from simulators.instruments.setup import InstrumentSetup, make_instrument
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.serving.serve import protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 P = TypeVar("P", bound=asyncio.Protocol)
 NAME = "subject"

@@ -12,8 +12,8 @@ from bench.engine.crediting import Proved, SoakCredit
 from bench.engine.past import done_of, to_restore, under_way_of
 from bench.engine.soaked import Record, soaked
 from bench.errors import in_words
-from bench.sequence.custom import Custom
-from bench.sequence.waits import Soak
+from bench.sequence.steps.custom import Custom
+from bench.sequence.steps.waits import Soak
 from bench.store.followed import FOLLOWED, read_lines
 from bench.store.reader import RunReader
 from drivers.kinds.chamber.description import ChamberOptions, ChamberSafe

@@ -27,16 +27,16 @@ from simulators.physics.attitude import SOUTH, Fixture, Vector, tilted
 from simulators.physics.corrections import Table
 from simulators.physics.motion import AxisErrors
 from simulators.physics.servo import Loop, Ripple
-from simulators.physics.settings import PlaceSettings, WorldSettings
 from simulators.physics.source_errors import CurrentErrors
 from simulators.physics.table_kinematics import NOWHERE, TableErrors
 from simulators.physics.thermal import ChamberPhysics
 from simulators.physics.voltmeter import VoltmeterSettings
-from simulators.physics.world import World
-from simulators.units.gyro_unit import GyroFile
-from simulators.units.imu import SENSORS, ImuPlace
+from simulators.units.gyro_file import GyroFile
+from simulators.units.imu import SENSORS
 from simulators.units.imu_file import ImuFile
+from simulators.units.settings import ImuPlace, PlaceSettings, WorldSettings
 from simulators.units.unit_file import UnitFile, stream
+from simulators.world import World
 
 AnyUnitFile = UnitFile | GyroFile | ImuFile
 

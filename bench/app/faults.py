@@ -11,8 +11,8 @@ from bench.app.relay import Relay, RunObserver
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
 from bench.errors import StoreError
-from bench.sequence.dwells import first_visit
-from bench.sequence.plan import PlannedStep
+from bench.sequence.plan.dwells import first_visit
+from bench.sequence.plan.plan import PlannedStep
 from bench.store.writer import RunWriter
 from simulators.faults import instrument_faults as faults
 from simulators.faults.instrument_faults import Breakable

@@ -43,14 +43,14 @@ from simulators.instruments.can_nodes.can_telemetry import SimulatedTelemetry
 from simulators.instruments.meters.keysight_3458a import Simulated3458A
 from simulators.instruments.meters.meter_inputs import VoltsOnLoad
 from simulators.instruments.setup import InstrumentSetup, make_instrument
-from simulators.physics.settings import WorldSettings
 from simulators.physics.source_errors import CurrentSource, Feed
 from simulators.physics.voltmeter import VoltmeterSettings
-from simulators.physics.world import World
 from simulators.serving.serve import Instrument, protocol_factory
-from simulators.units.gyro_unit import GyroFile
+from simulators.units.gyro_file import GyroFile
 from simulators.units.imu_file import ImuFile
+from simulators.units.settings import WorldSettings
 from simulators.units.unit_file import UnitFile
+from simulators.world import World
 
 P = TypeVar("P", bound=asyncio.Protocol)
 TCP = Line(latency_s=0.002)

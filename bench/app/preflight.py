@@ -27,9 +27,9 @@ from bench.runner.guard import try_guardian
 from bench.runner.held import energising_addresses, holding, real_addresses, why_locked_out
 from bench.runner.nut import Client, PowerState
 from bench.runner.power import IN_WORDS
-from bench.sequence.plan import Nodes, Section, within
-from bench.sequence.talk import Prompt
-from bench.sequence.values import as_written
+from bench.sequence.language.values import as_written
+from bench.sequence.plan.plan import Nodes, Section, within
+from bench.sequence.steps.talk import Prompt
 from bench.store.energised import energised
 from bench.store.machine_state import machine_folder, problem_to_write
 from bench.store.tried import last_tried

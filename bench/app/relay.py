@@ -9,8 +9,8 @@ from bench.clock import Clock
 from bench.engine.engine import Observer
 from bench.engine.questions import Question
 from bench.quality import Judged
-from bench.sequence.estimate import Estimate
-from bench.sequence.plan import PlannedStep
+from bench.sequence.estimate.estimate import Estimate
+from bench.sequence.plan.plan import PlannedStep
 
 
 class RunObserver(Observer, Protocol):

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bench.config.document import Place, Problem
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.sequence.measuring import Acquire
+from bench.sequence.checks.remarks import Remark
 from bench.sequence.method import known_methods
-from bench.sequence.plan import Plan
-from bench.sequence.remarks import Remark
-from bench.sequence.stimulus import Ramp
+from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Ramp
 from drivers.schema.suggest import did_you_mean
 
 if TYPE_CHECKING:  # checking a sequence that needs none loads no arithmetic

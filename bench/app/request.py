@@ -19,12 +19,12 @@ from bench.config.load import find
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.figures.times_and_sizes import duration
-from bench.sequence.checks_judged import not_judged
-from bench.sequence.estimate import Estimate, estimate
+from bench.sequence.checks.judged import not_judged
+from bench.sequence.checks.remarks import Remark
+from bench.sequence.estimate.estimate import Estimate, estimate
 from bench.sequence.load import load_judged_plan
-from bench.sequence.occupied import occupied
-from bench.sequence.plan import Plan
-from bench.sequence.remarks import Remark
+from bench.sequence.plan.plan import Plan
+from bench.sequence.plan.unit_places import occupied
 from drivers.schema.fields import Instant
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import in_plain_words

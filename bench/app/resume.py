@@ -13,7 +13,7 @@ from bench.app.request import PreparedRun, RunRequest, prepare
 from bench.engine.past import Past, done_of, interrupted_in, past_of, to_restore
 from bench.errors import InputError
 from bench.runner.held import energising_addresses, is_followed
-from bench.sequence.values import as_written
+from bench.sequence.language.values import as_written
 from bench.store.energised import energised
 from bench.store.kept_json import LIMIT_BYTES, read_kept
 from bench.store.latch import latch

@@ -13,7 +13,7 @@ from bench.config.models import BenchFile
 from bench.config.scenario import ScenarioFile
 from bench.config.simulation import FaultSimulation
 from bench.errors import InputError
-from bench.sequence.plan import Plan
+from bench.sequence.plan.plan import Plan
 from drivers.description import DriverDescription
 from drivers.schema.suggest import did_you_mean
 from simulators.faults.instrument_faults import LINE_FAULTS, mishaps_of

@@ -7,8 +7,8 @@ from pathlib import Path
 from bench.app.relay import Relay
 from bench.clock import Clock
 from bench.runner.notify import notify
-from bench.sequence.estimate import Estimate
-from bench.sequence.plan import PlannedStep
+from bench.sequence.estimate.estimate import Estimate
+from bench.sequence.plan.plan import PlannedStep
 
 
 class Service(Relay):

@@ -14,9 +14,9 @@ from bench.config.load import load
 from bench.config.models import BenchFile
 from bench.engine.questions import Answer, Desk, Question
 from bench.errors import InputError
-from bench.sequence.dwells import first_visit
-from bench.sequence.plan import Plan
-from bench.sequence.talk import PhysicalChange, Prompt, TypedInput
+from bench.sequence.plan.dwells import first_visit
+from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.talk import PhysicalChange, Prompt, TypedInput
 from drivers.person import Errand
 from drivers.quantity.quantities import Quantity
 from drivers.schema.suggest import did_you_mean

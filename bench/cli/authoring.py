@@ -13,7 +13,7 @@ from bench.cli.exits import INPUT_ERROR, PASS
 
 def schema_of_sequences() -> None:
     """Print the JSON Schema of sequence files."""
-    from bench.sequence.schema import sequence_schema
+    from bench.sequence.document.schema import sequence_schema
 
     _print(sequence_schema())
 
@@ -85,7 +85,7 @@ def new_driver(name: str, kind: str, out: Path) -> None:
 
 def new_sequence(name: str, folder: Path) -> None:
     """Write a commented sequence that runs on the shipped simulated bench, to start from."""
-    from bench.sequence.starter import write_starter
+    from bench.sequence.document.starter import write_starter
 
     sys.stdout.write(f"{write_starter(name, folder)}\n")
 

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Self
 from urllib.parse import quote
 
 from bench.config.document import Document
-from bench.sequence.remarks import Remark, Severity
-from bench.sequence.rules import every_rule
+from bench.sequence.checks.remarks import Remark, Severity
+from bench.sequence.checks.rules import every_rule
 
 INPUT_RULE = "input"  # of what is wrong with a file by itself
 SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"

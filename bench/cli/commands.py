@@ -200,3 +200,6 @@ def _is_option(word: str) -> bool:
     except ValueError:
         return True
     return False
+
+
+COMMANDS: dict[str, Command] = {}  # by their words; bench.cli.main, which imports every module with commands, fills it

@@ -9,7 +9,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 
 from bench.cli import authoring, control, devices, offline, rehearsing, running, stored
-from bench.cli.commands import Command, Helped
+from bench.cli.commands import COMMANDS, Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.cli.interrupts import end_at_once
 from bench.cli.streams import make_usable
@@ -21,7 +21,7 @@ ALL = (
     *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
     *authoring.COMMANDS, *control.COMMANDS,
 )  # fmt: skip
-COMMANDS = {command.words: command for command in ALL}
+COMMANDS.update({command.words: command for command in ALL})
 GROUPS = {
     "runs": "List or verify runs.",
     "devices": "List the instruments of a bench, or find new ones.",

@@ -10,7 +10,7 @@ from bench.app.reference.benches import bench_page, drivers_page
 from bench.app.reference.keys import Blocks, table
 from bench.app.reference.problems import errors_page, rules_page
 from bench.app.reference.sequences import methods_page, sequence_page, steps_page
-from bench.cli.commands import Argument
+from bench.cli.commands import COMMANDS, Argument
 from bench.cli.exits import MEANINGS
 from bench.errors import InputError
 from bench.files import written_whole
@@ -33,8 +33,6 @@ def index_page() -> Blocks:
 
 def commands_page() -> Blocks:
     """Every command with its arguments and options, and the exit codes."""
-    from bench.cli.main import COMMANDS  # which imports what imports this
-
     blocks = [
         "# Commands",
         "Exit codes, the same for `bench run`, `bench rehearse` and `bench reduce`; other commands use those below 5:",

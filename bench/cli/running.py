@@ -19,8 +19,8 @@ if TYPE_CHECKING:  # `bench --help` loads none of it
     from bench.app.execute import RunResult
     from bench.app.request import PreparedRun
     from bench.app.resume import Resumption
-    from bench.sequence.plan import Plan
-    from bench.sequence.remarks import Remark
+    from bench.sequence.checks.remarks import Remark
+    from bench.sequence.plan.plan import Plan
 
 BENCH = option(
     "--bench FILE", "The bench file; default: $BENCH_FILE, or the shipped simulated bench.", variable="BENCH_FILE"

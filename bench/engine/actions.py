@@ -17,15 +17,15 @@ from bench.engine.monitor import Monitor
 from bench.engine.orienting import orient, stop_axes
 from bench.engine.questions import Desk, Question
 from bench.rig import Rig
-from bench.sequence.custom import Custom, known_steps
-from bench.sequence.measuring import Acquire, Measure, Tare
-from bench.sequence.motion import came_from
-from bench.sequence.orienting import Orient
-from bench.sequence.step_fields import is_known
-from bench.sequence.steps import Step
-from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
-from bench.sequence.talk import Alarm, Note, Prompt
-from bench.sequence.waits import Soak, Wait, WaitUntil
+from bench.sequence.plan.motion import came_from
+from bench.sequence.steps.custom import Custom, known_steps
+from bench.sequence.steps.fields import is_known
+from bench.sequence.steps.measuring import Acquire, Measure, Tare
+from bench.sequence.steps.orienting import Orient
+from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
+from bench.sequence.steps.talk import Alarm, Note, Prompt
+from bench.sequence.steps.verbs import Step
+from bench.sequence.steps.waits import Soak, Wait, WaitUntil
 from bench.store.writer import RunWriter
 from drivers.capabilities import Positioner
 from drivers.errors import DriverError

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from bench.engine.journal import Journal
-from bench.sequence.step_fields import StepBase
+from bench.sequence.steps.fields import StepBase
 
 Wish = Literal["skip", "repeat", "hold"]
 OPERATOR = "operator"

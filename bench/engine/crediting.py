@@ -11,11 +11,11 @@ from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.quality import Invalid, Window
 from bench.rig import Rig
-from bench.sequence.custom import Custom
-from bench.sequence.dwells import first_visit
-from bench.sequence.steps import Step
-from bench.sequence.stimulus import Ramp, SetOutput
-from bench.sequence.waits import Soak
+from bench.sequence.plan.dwells import first_visit
+from bench.sequence.steps.custom import Custom
+from bench.sequence.steps.stimulus import Ramp, SetOutput
+from bench.sequence.steps.verbs import Step
+from bench.sequence.steps.waits import Soak
 from drivers.errors import DriverError
 from drivers.timing.awake import patience
 

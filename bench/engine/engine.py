@@ -23,8 +23,8 @@ from bench.engine.units import UnitFailure
 from bench.engine.walk import Walk
 from bench.errors import InputError, StepError, WindowError, in_words
 from bench.rig import Rig
-from bench.sequence.plan import Plan
-from bench.sequence.stimulus import Ramp
+from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.stimulus import Ramp
 from bench.store.writer import RunWriter
 from drivers.errors import DriverError, InstrumentFault
 from drivers.timing.awake import patience

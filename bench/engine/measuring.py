@@ -17,9 +17,9 @@ from bench.errors import StepError
 from bench.metrology.outputs import mean_of
 from bench.metrology.results.limits import judge
 from bench.quality import Fresh, Window
-from bench.sequence.limits import limits_in
-from bench.sequence.measuring import Measure, Tare
-from bench.sequence.readings import BY_NOMINAL, PULSE_RATE, is_pulse_rate, measured_place
+from bench.sequence.language.readings import BY_NOMINAL, PULSE_RATE, is_pulse_rate, measured_place
+from bench.sequence.steps.limits import limits_in
+from bench.sequence.steps.measuring import Measure, Tare
 from bench.store.counts import CountDecoder
 from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import PulseCounter

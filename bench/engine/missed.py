@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from bench.metrology.gaps import EVENT, Missed
+from bench.metrology.gaps import EVENT
+from bench.metrology.missed import Missed
 from bench.quality import Valid
 from bench.store.missed import missed_in_step
 from drivers.can.dbc import Dbc

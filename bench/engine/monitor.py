@@ -17,7 +17,7 @@ from bench.engine.units import Kind, UnitFailure, Units
 from bench.errors import BenchError, WindowError
 from bench.quality import Absent, Fresh, Judged, Latest, Stale, Valid, Window
 from bench.rig import Rig
-from bench.sequence.readings import unit_of
+from bench.sequence.language.readings import unit_of
 from bench.store.writer import RunWriter
 from drivers.capabilities import FrameSource
 from drivers.errors import DriverError

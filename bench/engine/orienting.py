@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from bench.errors import StepError
-from bench.sequence.motion import Side, came_from
-from bench.sequence.orienting import Orient, Pose, Unreachable, targets_deg
+from bench.sequence.plan.motion import Side, came_from
+from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from bench.engine.state import Entry, RunState, advanced
 from bench.engine.units import UnitFailure
-from bench.sequence.dwells import first_visit
-from bench.sequence.expressions import Value
-from bench.sequence.measuring import Acquire
-from bench.sequence.orienting import Orient
-from bench.sequence.plan import Alternatives, Meanwhile, Node, Nodes, Passes, PlannedStep, Section, within
-from bench.sequence.stimulus import Move, Ramp, SetOutput
+from bench.sequence.language.expressions import Value
+from bench.sequence.plan.dwells import first_visit
+from bench.sequence.plan.plan import Alternatives, Meanwhile, Node, Nodes, Passes, PlannedStep, Section, within
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.orienting import Orient
+from bench.sequence.steps.stimulus import Move, Ramp, SetOutput
 
 if TYPE_CHECKING:
     from bench.engine.crediting import SoakCredit

@@ -10,7 +10,7 @@ from typing import Any
 from bench.engine.journal import Journal
 from bench.engine.questions import Answer, Desk, Question
 from bench.errors import StepError
-from bench.sequence.talk import TypedInput
+from bench.sequence.steps.talk import TypedInput
 from drivers.errors import NoAnswer
 from drivers.person import NOBODY, Errand, Person, Typed
 from drivers.quantity.quantities import Quantity

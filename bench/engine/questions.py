@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.errors import InputError, StepError
-from bench.sequence.talk import PhysicalChange, TypedInput
+from bench.sequence.steps.talk import PhysicalChange, TypedInput
 from drivers.person import Errand
 from drivers.quantity.quantities import Quantity, parse
 from drivers.quantity.units import QuantityError

@@ -13,8 +13,8 @@ from bench.engine.outputs import Keeper, Watched, taken_in
 from bench.errors import StepError
 from bench.metrology.outputs import STABLE_PART_S, Output, mean_of, steadiness
 from bench.quality import Valid
-from bench.sequence.measuring import Acquire, Stable
-from bench.sequence.stimulus import TURN_DEG
+from bench.sequence.steps.measuring import Acquire, StableOutput
+from bench.sequence.steps.stimulus import TURN_DEG
 from bench.store.writer import RunWriter
 from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import RateTable
@@ -85,7 +85,7 @@ class _Recorded:
 class _Looks:
     """Which units are stable by what was measured last."""
 
-    def __init__(self, rule: Stable, bench: Bench, watched: Watched) -> None:
+    def __init__(self, rule: StableOutput, bench: Bench, watched: Watched) -> None:
         self._rule, self._bench, self._watched = rule, bench, watched
 
     async def until_stable(self, give_up_after_s: float) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.engine.credit import Chamber, NoCredit, Soaked, expect_at, expect_gap, number
-from bench.sequence.dwells import first_visit
+from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import Event, Series
 
 MOTION = frozenset(

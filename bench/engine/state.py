@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
-from bench.sequence.expressions import Value
+from bench.sequence.language.expressions import Value
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import parse_unit
 

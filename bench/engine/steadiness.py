@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from bench.engine.outputs import Watched, taken_in
 from bench.errors import StepError
 from bench.metrology.outputs import steadiness
-from bench.sequence.readings import units_at
-from bench.sequence.waits import STEADY_PARTS, Steady, WaitUntil
+from bench.sequence.language.readings import units_at
+from bench.sequence.steps.waits import STEADY_PARTS, Steady, WaitUntil
 from drivers.quantity.units import customary_unit
 
 if TYPE_CHECKING:  # which calls the functions here

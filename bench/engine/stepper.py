@@ -12,13 +12,13 @@ from bench.engine.control import Control, StepUnderWay, Wish
 from bench.engine.recording import acquire_during
 from bench.engine.safety import finish
 from bench.errors import BenchError, StepError, StoreError
-from bench.sequence.check_steps import limit_problems
-from bench.sequence.measuring import Acquire
-from bench.sequence.orienting import Orient
-from bench.sequence.plan import Plan, PlannedStep
-from bench.sequence.steps import Step
-from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate
-from bench.sequence.waiting import completed
+from bench.sequence.checks.steps import limit_problems
+from bench.sequence.plan.plan import Plan, PlannedStep
+from bench.sequence.plan.waiting import completed
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.orienting import Orient
+from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate
+from bench.sequence.steps.verbs import Step
 from drivers.errors import DriverError
 
 Body = Callable[[], Awaitable[None]]  # does the steps that are done meanwhile

@@ -16,7 +16,7 @@ import numpy as np
 from bench.engine.monitor import Monitor
 from bench.errors import StepError
 from bench.quality import Absent, Fresh, Window
-from bench.sequence.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
+from bench.sequence.steps.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
 
 
 async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:

@@ -17,8 +17,7 @@ from bench.engine.questions import Question
 from bench.engine.safety import grouped, outlast
 from bench.engine.stepper import Stepper, Stopped, Watcher
 from bench.errors import BenchError, StepError, StoreError
-from bench.sequence.measuring import Acquire
-from bench.sequence.plan import (
+from bench.sequence.plan.plan import (
     Alternatives,
     Attempts,
     Branches,
@@ -31,10 +30,11 @@ from bench.sequence.plan import (
     Section,
     leaves,
 )
-from bench.sequence.step_fields import OnFailure
-from bench.sequence.stimulus import Move
-from bench.sequence.talk import A_DAY_S
-from bench.sequence.waiting import completed, is_true
+from bench.sequence.plan.waiting import completed, is_true
+from bench.sequence.steps.fields import OnFailure
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Move
+from bench.sequence.steps.talk import A_DAY_S
 from drivers.errors import DriverError
 
 AFTER_A_FAILURE = ("stop", "continue", "repeat")

@@ -13,7 +13,7 @@ from bench.metrology.results.finding import LOWER_BOUND, Finding
 from bench.metrology.results.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
 from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
 from bench.sequence.method import MethodWords
-from bench.sequence.talk import DONE
+from bench.sequence.steps.talk import DONE
 
 ENDINGS = {
     "completed": "It completed.",

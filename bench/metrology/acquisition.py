@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:  # which is found in what is here
-    from bench.metrology.gaps import Missed
+from bench.metrology.missed import Missed
 
 Integers = NDArray[np.int64]
 Array = NDArray[np.float64]

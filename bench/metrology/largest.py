@@ -13,8 +13,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from bench.metrology.least_squares import Array
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.coverage import COVERAGE
-from bench.metrology.results.finding import BudgetLine, Interval
+from bench.metrology.results.finding import Interval
 
 TRIALS = 200
 WINDOW = 25  # neighbours through which a parabola gives a value without scatter

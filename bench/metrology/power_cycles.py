@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from bench.metrology.acquisition import Acquisition, Codes, Counts, Shift, Voltages, Window
-from bench.metrology.results.finding import BudgetLine, Finding, UnitResult, combined
+from bench.metrology.results.budget import BudgetLine, combined
+from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.results.limits import U_UNKNOWN
 from bench.metrology.run_data import RunData, UnitUnderTest
 

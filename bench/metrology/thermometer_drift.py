@@ -14,7 +14,7 @@ import numpy as np
 
 from bench.metrology.bench_uncertainty import Drift
 from bench.metrology.least_squares import Array
-from bench.metrology.results.finding import BudgetLine
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.run_data import RunData
 
 DRIFT = "drift within the run"

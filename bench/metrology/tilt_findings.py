@@ -14,7 +14,8 @@ import numpy as np
 
 from bench.metrology.extremes import interval_of_span, span_u
 from bench.metrology.least_squares import Array
-from bench.metrology.results.finding import BudgetLine, Finding, Subject
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, Subject
 from bench.metrology.tilt import indicated_deg
 
 SCATTER = "readings: scatter"

@@ -10,12 +10,13 @@ from typing import Any
 
 from bench.config.models import BenchFile
 from bench.metrology.acquisition import Acquisition, Codes, Counts, Currents, Motion, Mount, Positions, Turned, Voltages
-from bench.metrology.gaps import Missed, missed_of
+from bench.metrology.gaps import missed_of
+from bench.metrology.missed import Missed
 from bench.metrology.outputs import windows_of
 from bench.metrology.run_data import PowerCycles, RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record
 from bench.reduce.corrections import Corrections, corrections_of
-from bench.sequence.dwells import DwellNames, first_visit, loop_values
+from bench.sequence.plan.dwells import DwellNames, first_visit, loop_values
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from bench.store.reader import Event, RunReader, Series

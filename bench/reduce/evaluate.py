@@ -9,15 +9,16 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from bench.metrology.power_cycles import reduced
-from bench.metrology.results.finding import BudgetLine, Finding, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.metrology.unlike_nominal import compared_with_nominal
 from bench.reduce.gaps import MissedIn
 from bench.reduce.journal import OnTheWay, verdicts_of
-from bench.sequence.limits import limits_in
+from bench.sequence.document.model import ResultEntry, SequenceFile
 from bench.sequence.method import known_methods
-from bench.sequence.model import ResultEntry, SequenceFile
+from bench.sequence.steps.limits import limits_in
 from drivers.installed import loaded
 
 SCHEMA = "itb-results/1"

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from bench.config.models import BenchFile
-from bench.metrology.gaps import EVENT, Missed
+from bench.metrology.gaps import EVENT
+from bench.metrology.missed import Missed
 from bench.metrology.run_data import RunData
-from bench.sequence.dwells import first_visit
+from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import RunReader
 
 

@@ -11,7 +11,7 @@ from bench.figures.numbers import decimals
 from bench.figures.times_and_sizes import duration
 from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import Dropped
-from bench.sequence.dwells import first_visit
+from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import Event, RunReader
 
 Verdict = Literal["PASS", "FAIL", "INVALID"]

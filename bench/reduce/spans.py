@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from bench.figures.languages import tr
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.run_data import RunData
+from bench.sequence.document.model import ResultEntry
 from bench.sequence.method import MethodDescription
-from bench.sequence.model import ResultEntry
 from drivers.installed import loaded
 
 

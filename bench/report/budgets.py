@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from bench.figures.languages import tr
 from bench.figures.numbers import SHOWN, decimals
 from bench.figures.words import name_of, quantity_of, shared_in_words, source_in_words, unit_shown, where
-from bench.metrology.results.finding import BudgetLine, Finding, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, UnitResult
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from bench.figures.languages import tr
 from bench.figures.sheet import Sheet
-from bench.metrology.gaps import Gap
+from bench.metrology.missed import Gap
 from bench.reduce.gaps import MissedIn
 from bench.report.flag_words import reading_in_words
 

@@ -28,8 +28,8 @@ from bench.report.flag_words import flag_in_words
 from bench.report.head import head, report_number
 from bench.report.plan_view.timeline import clock
 from bench.report.revision import Revision
-from bench.sequence.limits import limits_in
 from bench.sequence.method import CHANNEL, MethodDescription, known_methods
+from bench.sequence.steps.limits import limits_in
 from drivers.installed import loaded
 
 TEMPLATE = "report.html.j2"

@@ -16,8 +16,8 @@ from bench.figures.words import ENDINGS
 from bench.metrology.acquisition import Codes
 from bench.metrology.run_data import RunData
 from bench.reduce.stored_run import StoredRun
-from bench.sequence.dwells import first_visit
 from bench.sequence.method import known_methods
+from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import Event
 from bench.store.verify import Record
 

@@ -15,7 +15,7 @@ from bench.engine.state import RunState
 from bench.errors import InputError, StoreError
 from bench.quality import Fresh, Invalid, Latest, Stale
 from bench.runner.control import STOPS, Arguments, Handlers
-from bench.sequence.values import in_words
+from bench.sequence.language.values import in_words
 
 
 def commands_of(  # noqa: C901  one small function for each command

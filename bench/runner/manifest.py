@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from bench.config.models import BenchFile
-from bench.sequence.plan import Plan
-from bench.sequence.values import as_written
+from bench.sequence.language.values import as_written
+from bench.sequence.plan.plan import Plan
 from drivers.values import Identity
 
 SCHEMA = "itb-manifest/1"

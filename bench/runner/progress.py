@@ -22,9 +22,9 @@ from bench.config.models import BenchFile
 from bench.engine.questions import Question
 from bench.figures.times_and_sizes import duration, instant
 from bench.quality import Invalid, Judged
-from bench.sequence.estimate import Estimate
-from bench.sequence.plan import Plan, PlannedStep
-from bench.sequence.readings import unit_of
+from bench.sequence.estimate.estimate import Estimate
+from bench.sequence.language.readings import unit_of
+from bench.sequence.plan.plan import Plan, PlannedStep
 
 LINE_EVERY_SHARE = 0.1  # of the run, where there is no terminal
 BAR_STRIDE = 0.002  # of the run, by which the bar moves within a step

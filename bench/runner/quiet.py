@@ -7,8 +7,8 @@ from pathlib import Path
 from bench.clock import Clock
 from bench.engine.questions import Question
 from bench.quality import Judged
-from bench.sequence.estimate import Estimate
-from bench.sequence.plan import PlannedStep
+from bench.sequence.estimate.estimate import Estimate
+from bench.sequence.plan.plan import PlannedStep
 
 
 class Quiet:

@@ -30,8 +30,8 @@ from bench.runner.held import energising_addresses, is_locked_out
 from bench.runner.power import Hold
 from bench.runner.signals import Sent, Signals
 from bench.runner.terminal import answers_from_terminal
-from bench.sequence.plan import Plan
-from bench.sequence.used import devices_used
+from bench.sequence.plan.plan import Plan
+from bench.sequence.plan.used import devices_used
 from bench.store.writer import RunWriter
 from drivers.capabilities import Device
 from drivers.values import Identity

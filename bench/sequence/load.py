@@ -10,17 +10,17 @@ from bench.config.document import Document, Problem, parse_document, read_docume
 from bench.config.load import load
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.sequence.check import check
-from bench.sequence.expand import expand
-from bench.sequence.expressions import Value, ValueProblem
-from bench.sequence.model import Outline, SequenceFile
-from bench.sequence.occupied import occupied
-from bench.sequence.outline import block_around, outline_of
-from bench.sequence.plan import Plan
-from bench.sequence.readings import example_of
-from bench.sequence.remarks import Remark
-from bench.sequence.rules import judge
-from bench.sequence.values import value_of
+from bench.sequence.checks.check import check
+from bench.sequence.checks.remarks import Remark
+from bench.sequence.checks.rules import judge
+from bench.sequence.document.model import Outline, SequenceFile
+from bench.sequence.document.outline import block_around, outline_of
+from bench.sequence.language.expressions import Value, ValueProblem
+from bench.sequence.language.readings import example_of
+from bench.sequence.language.values import value_of
+from bench.sequence.plan.expand import expand
+from bench.sequence.plan.plan import Plan
+from bench.sequence.plan.unit_places import occupied
 from drivers.schema.fields import DEFERRED
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import in_words

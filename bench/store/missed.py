@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from bench.metrology.gaps import Missed, missed_of
+from bench.metrology.gaps import missed_of
+from bench.metrology.missed import Missed
 from bench.store.codes import CodeDecoder
 from bench.store.counts import CountDecoder
 from bench.store.reader import RunReader

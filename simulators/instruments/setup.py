@@ -11,8 +11,8 @@ from typing import Any
 
 from drivers.installed import loaded
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.physics.world import World
 from simulators.serving.serve import Instrument
+from simulators.world import World
 
 
 @dataclass(frozen=True, slots=True)

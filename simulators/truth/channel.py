@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.physics.world import World
 from simulators.truth.constants import Lies, gravity_in_unit
 from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.world import World
 
 Array = NDArray[np.float64]
 EVERY_S = 10.0

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from simulators.physics.attitude import Mount, to_unit
 from simulators.physics.voltmeter import VoltmeterSettings
-from simulators.physics.world import World
 from simulators.units.accelerometer import Decoding, Through, UnitTruth
 from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.world import World
 
 Array = NDArray[np.float64]
 LEG_EVERY_S = 10.0

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.physics.table_kinematics import earth_dps
-from simulators.physics.world import World
 from simulators.units.accelerometer import Decoding
 from simulators.units.imu_drawn import ImuTruth
+from simulators.world import World
 
 Array = NDArray[np.float64]
 RATES_DPS = (1.0, -1.0, 3.0, -3.0, 5.0, -5.0)

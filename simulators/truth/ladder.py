@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.physics.attitude import to_unit
-from simulators.physics.world import World
 from simulators.truth.constants import Lies
+from simulators.world import World
 
 Array = NDArray[np.float64]
 STEP_DEG = np.array([-0.1, 0.0, 0.1])

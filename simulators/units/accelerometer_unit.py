@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,11 @@ from simulators.physics.attitude import to_unit
 from simulators.physics.dynamics import POINTS, Follower, look_at_s
 from simulators.physics.input_hysteresis import InputHysteresis, Play
 from simulators.physics.noise import Noise
-from simulators.physics.unit_temperatures import Board, Thermometer, Warmth, followed_c
 from simulators.units.accelerometer import Hysteresis, Sent, UnitTruth, draw_unit, noise_of
+from simulators.units.settings import WorldSettings
+from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import UnitFile, stream
-
-if TYPE_CHECKING:  # it is the world that makes it
-    from simulators.physics.settings import WorldSettings
-    from simulators.physics.world import World
+from simulators.units.unit_temperatures import Board, Thermometer, Warmth, followed_c
 
 Array = NDArray[np.float64]
 Input = Literal["accelerometer", "source"]  # what a converter is connected to
@@ -48,7 +46,7 @@ class UnitState(NamedTuple):
 class SimulatedUnit:
     """One unit in its place: the counts of its converter, and the reading of its thermometer."""
 
-    def __init__(self, place: str, file: UnitFile, index: int, settings: WorldSettings, world: World) -> None:
+    def __init__(self, place: str, file: UnitFile, index: int, settings: WorldSettings, world: Surroundings) -> None:
         self.place = place
         self.settings = settings.places[place]
         self.truth: UnitTruth = draw_unit(file, settings.seed, place)

@@ -1,56 +1,27 @@
-"""A unit with one gyro in its place: its file, its output, and the reading of its thermometer."""
+"""A unit with one gyro in its place: its output, and the reading of its thermometer."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from drivers.schema.fields import StrictModel
 from simulators.faults.instrument_faults import OPEN_C, FaultPlan
 from simulators.physics.attitude import to_unit
 from simulators.physics.dynamics import POINTS, Follower, look_at_s, mean_input
 from simulators.physics.noise import Noise
-from simulators.physics.unit_temperatures import Thermometer, followed_c
 from simulators.units.accelerometer import Sent
-from simulators.units.gyro import GyroModel, GyroTruth, Vectors, draw_gyro, noise_of_gyro
-from simulators.units.unit_file import Draw, DrawIn, SupplyModel, TelemetryModel, ThermalModel, stream
-
-if TYPE_CHECKING:  # it is the world that makes it
-    from simulators.physics.settings import WorldSettings
-    from simulators.physics.world import World
+from simulators.units.gyro import GyroTruth, Vectors, draw_gyro, noise_of_gyro
+from simulators.units.gyro_file import GyroFile
+from simulators.units.settings import WorldSettings
+from simulators.units.surroundings import Surroundings
+from simulators.units.unit_file import Draw, stream
+from simulators.units.unit_temperatures import Thermometer, followed_c
 
 Array = NDArray[np.float64]
 LOOK_S = 0.02  # how finely a mean current follows the table
-
-
-class GyroTelemetryModel(TelemetryModel):
-    """What a gyro does that sends codes: S times the rate of its pulses, a zero, and white noise on each sample."""
-
-    S: Annotated[Draw, DrawIn("code·s/pulse")]
-
-
-class CurrentModel(StrictModel):
-    """What flows from a gyro with an analogue output: S times the rate of its pulses, and a zero."""
-
-    S: Annotated[Draw, DrawIn("A·s/pulse")]
-    zero: Annotated[Draw, DrawIn("A")] = Draw(0)
-
-
-class GyroFile(StrictModel):
-    """One `config/uut/*.yaml` with a gyro instead of an accelerometer; its input axis is the x of its place."""
-
-    schema_: Literal["itb-uut/1"] = Field(alias="schema")
-    title: str
-    gyro: GyroModel
-    thermal: ThermalModel = ThermalModel()
-    supply: SupplyModel = SupplyModel()
-    telemetry: GyroTelemetryModel | None = None
-    current: CurrentModel | None = None
 
 
 def draw_gyro_unit(file: GyroFile, seed: int, place: str) -> GyroTruth:
@@ -76,7 +47,7 @@ def draw_gyro_unit(file: GyroFile, seed: int, place: str) -> GyroTruth:
 class SimulatedGyro:
     """One gyro in its place, between the world and whatever measures its output."""
 
-    def __init__(self, place: str, file: GyroFile, index: int, settings: WorldSettings, world: World) -> None:
+    def __init__(self, place: str, file: GyroFile, index: int, settings: WorldSettings, world: Surroundings) -> None:
         self.place = place
         self.settings = settings.places[place]
         self.truth = draw_gyro_unit(file, settings.seed, place)

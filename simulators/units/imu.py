@@ -7,28 +7,25 @@ acts on them has a row for each axis. The accelerometers are taken to be where t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulators.faults.instrument_faults import BROKEN_DRAWS, OPEN_C, FaultPlan
 from simulators.physics.attitude import to_unit
-from simulators.physics.corrections import Table
 from simulators.physics.noise import mean_noise
 from simulators.physics.table_kinematics import Stands, waves_of
 from simulators.physics.thermal import UnitPhysics
-from simulators.physics.unit_temperatures import Thermometer, followed_c
-from simulators.units.accelerometer import Decoding, Hysteresis, Sent, noise_of
+from simulators.units.accelerometer import Hysteresis, Sent, noise_of
 from simulators.units.gyro import noise_of_gyro
 from simulators.units.imu_drawn import draw_imu, stacked
 from simulators.units.imu_file import NAMES, ImuFile
+from simulators.units.settings import WorldSettings
+from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import stream
-
-if TYPE_CHECKING:  # which holds the units here
-    from simulators.physics.settings import WorldSettings
-    from simulators.physics.world import World
+from simulators.units.unit_temperatures import Thermometer, followed_c
 
 Array = NDArray[np.float64]
 Seen = tuple[Array, Array, Array]
@@ -36,22 +33,6 @@ Seen = tuple[Array, Array, Array]
 
 SENSORS = ("accelerometers", "gyros")
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NAMES)
-
-
-@dataclass(frozen=True, slots=True)
-class ImuPlace:
-    """An inertial unit in its place.
-
-    `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` what becomes of the codes of
-    those that it sends; `thermometers` are offset (°C), gain, corrections and drift within a run (°C), by SENSORS.
-    """
-
-    unit: ImuFile
-    channels: Mapping[str, str]
-    supply: str
-    mount_angle_deg: float
-    thermometers: Mapping[str, tuple[float, float, Table, float]]
-    decodings: Mapping[str, Decoding] = field(default_factory=dict)
 
 
 class ImuState(NamedTuple):
@@ -71,7 +52,7 @@ class ImuState(NamedTuple):
 class SimulatedImu:
     """One inertial unit; `sensors` are the numbers of its accelerometers and its gyros in the world's temperatures."""
 
-    def __init__(self, place: str, sensors: tuple[int, int], settings: WorldSettings, world: World) -> None:
+    def __init__(self, place: str, sensors: tuple[int, int], settings: WorldSettings, world: Surroundings) -> None:
         self.place, self.settings, self._world = place, settings.imus[place], world
         self.truth = draw_imu(self.settings.unit, settings.seed, place)
         self._sensors = sensors

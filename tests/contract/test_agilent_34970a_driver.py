@@ -17,8 +17,8 @@ from drivers.transport.memory import Line
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.meters.agilent_34970a import SimulatedScanner
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {

@@ -17,7 +17,7 @@ from simulators.instruments.meters.keysight_3458a import Simulated3458A
 from simulators.instruments.meters.meter_inputs import VoltsOnLoad
 from simulators.physics.attitude import planar
 from simulators.physics.voltmeter import VoltmeterSettings
-from simulators.physics.world import World, WorldSettings
+from simulators.world import World, WorldSettings
 from tests.support.laboratory import STILL_AIR, place, unit
 from tests.support.voltmeter import CYCLE_S, LOAD_OHM, Meter, now_s, with_driver, with_meter
 

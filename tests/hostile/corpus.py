@@ -13,8 +13,8 @@ from typing import Any
 from bench.config.document import SIZE_LIMIT_BYTES, parse_document
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.sequence.model import SequenceFile
-from bench.sequence.steps import BLOCKS
+from bench.sequence.document.model import SequenceFile
+from bench.sequence.steps.nested import BLOCKS
 from drivers.schema.fields import keys_of
 
 Generator = Callable[[random.Random], str | bytes]

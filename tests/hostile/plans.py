@@ -6,7 +6,7 @@ import json
 import random
 from typing import Any
 
-from bench.sequence.steps import BLOCKS
+from bench.sequence.steps.nested import BLOCKS
 from drivers.schema.fields import keys_of
 from tests.hostile import corpus
 

@@ -17,7 +17,7 @@ from bench.config.load import load_file
 from bench.config.scenario import ScenarioFile
 from bench.errors import InputError
 from bench.sequence.load import load_plan
-from bench.sequence.plan import Plan
+from bench.sequence.plan.plan import Plan
 from tests.hostile.corpus import ROOT
 from tests.hostile.documents import Hostile
 from tests.hostile.plans import NEIGHBOURS

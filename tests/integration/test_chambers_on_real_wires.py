@@ -15,11 +15,11 @@ from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.setup import InstrumentSetup, make_instrument
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
 from simulators.serving.pty import serve_pty
 from simulators.serving.serve import Instrument, protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.chambers import LIMITS
 
 pytestmark = pytest.mark.integration

@@ -20,10 +20,10 @@ import pytest
 from bench.loop import run
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.espec_p300 import SimulatedP300
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
 from simulators.serving.serve import protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 pytestmark = pytest.mark.integration
 

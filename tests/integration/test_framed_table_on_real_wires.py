@@ -15,8 +15,8 @@ from drivers.schema.fields import DocumentFile
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.framed import SimulatedFrames
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.integration.test_chambers_on_real_wires import served
 from tests.support.framed import FICTIONAL, OPTIONS, PLAIN
 from tests.support.table import LIMITS

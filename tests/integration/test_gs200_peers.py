@@ -12,9 +12,9 @@ import pytest
 from bench.loop import run
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.yokogawa_gs200 import SimulatedGS200
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.serving.serve import protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 pytestmark = pytest.mark.integration
 

@@ -10,10 +10,10 @@ import pytest
 from bench.loop import run
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
 from simulators.serving.serve import protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 pytestmark = [pytest.mark.integration, pytest.mark.peer("mbpoll")]
 

@@ -20,11 +20,11 @@ from simulators.instruments.chambers.binder import SimulatedBinder
 from simulators.instruments.chambers.modbus_chamber import SimulatedProfile
 from simulators.instruments.chambers.watlow_f4 import SimulatedF4
 from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
 from simulators.serving.pty import serve_pty
 from simulators.serving.serve import Instrument, protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.chambers_modbus import FICTIONAL, HOURLY
 
 pytestmark = pytest.mark.integration

@@ -22,10 +22,10 @@ from drivers.transport.serial import DeviceTransport, join_device, open_serial
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.keithley_6220 import SimulatedKeithley
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.serving.pty import serve_pty
 from simulators.serving.serve import protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 pytestmark = pytest.mark.integration
 

@@ -10,10 +10,10 @@ import pytest
 from bench.loop import run
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.meters.agilent_34970a import SimulatedScanner
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.serving.pty import serve_pty
 from simulators.serving.serve import protocol_factory
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 pytestmark = pytest.mark.integration
 

@@ -20,9 +20,9 @@ from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.serving.socketcand_server import SimulatedServer
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.frames import taken
 from tests.support.laboratory import DBC, counter_form
 

@@ -69,6 +69,6 @@ def test_the_wheel_holds_the_packages_their_data_and_no_tests(wheel):
     assert "bench/shipped/docs/schema/scenario.schema.json" in names
     assert "bench/shipped/config/scenarios/bad_night.yaml" in names
     assert "bench/shipped/templates/driver/thermal_chamber/toy_chamber/wire.py" in names
-    assert "bench/sequence/starter.yaml" in names
+    assert "bench/sequence/document/starter.yaml" in names
     assert any(name.endswith("report.html.j2") for name in names)
     assert "bench/py.typed" in names

@@ -17,7 +17,7 @@ from bench.engine.ending import EndRequest
 from bench.rig import limits_to_make_safe
 from bench.runner.quiet import Quiet
 from bench.runner.signals import Sent, Signals
-from bench.sequence.estimate import Estimate
+from bench.sequence.estimate.estimate import Estimate
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 

@@ -13,8 +13,8 @@ from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.fluke_5700a import SimulatedFluke
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {"range": "22 mA", "compliance": "10 V"}

@@ -15,10 +15,10 @@ from drivers.transport.memory import Line
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
 from simulators.serving.serve import InstrumentProtocol
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 ADDRESS = Address.parse("tcp://127.0.0.1:1502")
 LIMITS = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}

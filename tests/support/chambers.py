@@ -15,9 +15,9 @@ from drivers.kinds.chamber.driver import Chamber
 from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.setup import InstrumentSetup, make_instrument
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 LIMITS = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.physics.world import World
+from simulators.world import World
 from tests.support.chambers import Dialect
 from tests.support.clock import Clock, quiet_chamber
 

@@ -1,8 +1,8 @@
 """A clock that a test turns by hand, and a chamber that goes by it."""
 
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 
 class Clock:

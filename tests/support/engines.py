@@ -20,7 +20,7 @@ from bench.engine.state import RunState
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.rig import Rig, limits_to_make_safe
 from bench.runner.quiet import Quiet
-from bench.sequence.plan import Plan
+from bench.sequence.plan.plan import Plan
 from bench.store.reader import Event, RunReader, Series
 from bench.store.writer import RunWriter
 from drivers.can.frame_block import FrameBlock

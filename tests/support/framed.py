@@ -12,8 +12,8 @@ from drivers.schema.fields import DocumentFile
 from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.framed import SimulatedFrames
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.head import FRAMES
 from tests.support.lines import TappedWire
 from tests.support.table import LIMITS, Turned

@@ -22,8 +22,8 @@ from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.aerotech_ensemble import SimulatedEnsemble
 from simulators.instruments.axes.framed import SimulatedFrames
 from simulators.instruments.axes.newport_xps import SimulatedXps
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 from tests.support.runs import ROOT
 

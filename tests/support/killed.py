@@ -20,9 +20,9 @@ from bench.app.request import RunRequest, prepare
 from bench.app.resume import prepared_again, read_interrupted
 from bench.clock import Clock
 from bench.runner.quiet import Quiet
-from bench.sequence.dwells import first_visit
-from bench.sequence.estimate import Estimate
-from bench.sequence.plan import PlannedStep
+from bench.sequence.estimate.estimate import Estimate
+from bench.sequence.plan.dwells import first_visit
+from bench.sequence.plan.plan import PlannedStep
 from bench.store.reader import Event, RunReader
 from tests.support.runs import ROOT
 

@@ -12,10 +12,10 @@ from drivers.can.dbc import Dbc
 from drivers.dialects.can_counter.wire import CounterFormat, counter_format
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
-from simulators.physics.settings import PlaceSettings, WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
+from simulators.units.settings import PlaceSettings, WorldSettings
 from simulators.units.unit_file import UnitFile
+from simulators.world import World
 
 ROOT = Path(__file__).parents[2]
 DBC = Dbc((ROOT / "config" / "if_counter.dbc").read_text("utf-8"))

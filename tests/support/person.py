@@ -14,8 +14,8 @@ from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.operator_head import HandTurnedHead
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 LIMITS = {"angle": {"min": "-5°", "max": "365°"}}
 

@@ -16,8 +16,8 @@ from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.setup import InstrumentSetup, make_instrument
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 from tests.support.runs import ROOT
 from tests.support.voltmeter import Meter

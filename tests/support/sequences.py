@@ -11,7 +11,7 @@ from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.sequence.load import load_plan
-from bench.sequence.plan import Plan
+from bench.sequence.plan.plan import Plan
 
 ROOT = Path(__file__).parents[2]
 BENCH: BenchFile = load_bench(ROOT / "config/simulated.yaml").bench

@@ -16,8 +16,8 @@ from drivers.transport.memory import Line
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.keithley_6220 import SimulatedKeithley
 from simulators.instruments.sources.yokogawa_gs200 import SimulatedGS200
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {"range": "20 mA", "compliance": "10 V", "terminator": "cr"}

@@ -14,9 +14,9 @@ from drivers.transport.address import Address
 from drivers.transport.memory import Line
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.scpi_supply import SimulatedSupply
-from simulators.physics.settings import PlaceSettings, WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import PlaceSettings, WorldSettings
 from simulators.units.unit_file import UnitFile
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 UNIT = load_file(Path(__file__).parents[2] / "config" / "uut" / "quartz_flexure.yaml", UnitFile)

@@ -12,8 +12,8 @@ from drivers.kinds.table.description import TableLimits
 from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.acutronic_acl import SimulatedAcutrol
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.lines import TappedWire
 
 OPTIONS = {

@@ -16,10 +16,10 @@ from drivers.dialects.can_telemetry.driver import CanTelemetry
 from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_telemetry import ChannelSettings, SimulatedTelemetry, TelemetrySettings
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.units.accelerometer import Decoding
+from simulators.units.settings import WorldSettings
 from simulators.units.unit_file import TelemetryModel, UnitFile
+from simulators.world import World
 from tests.support.counters import Bus
 from tests.support.laboratory import ROOT, STILL_AIR, place, unit
 

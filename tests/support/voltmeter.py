@@ -13,9 +13,9 @@ from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.meters.keysight_3458a import Simulated3458A
 from simulators.instruments.meters.meter_inputs import VoltsOnLoad
 from simulators.physics.attitude import planar
-from simulators.physics.settings import WorldSettings
 from simulators.physics.voltmeter import VoltmeterSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.laboratory import STILL_AIR, place
 from tests.support.lines import TappedWire
 

@@ -21,9 +21,9 @@ from simulators.instruments.sources.fluke_5700a import SimulatedFluke
 from simulators.instruments.sources.keithley_6220 import SimulatedKeithley
 from simulators.instruments.sources.scpi_supply import SimulatedSupply
 from simulators.instruments.sources.yokogawa_gs200 import SimulatedGS200
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support import chambers
 from tests.support.chambers import DIALECTS
 from tests.support.chambers_ascii import ASCII_DIALECTS

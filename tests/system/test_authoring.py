@@ -10,7 +10,7 @@ from bench.config import schema_file
 from bench.config.bench import load_bench
 from bench.config.new_bench import write_bench
 from bench.errors import InputError
-from bench.sequence import starter
+from bench.sequence.document import starter
 from tests.support.runs import ROOT
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.report.plan_view.timeline import turned_by_hand
-from bench.sequence.estimate import estimate
+from bench.sequence.estimate.estimate import estimate
 from bench.store.reader import RunReader
 from tests.support.engines import run_plan
 from tests.support.runs import ROOT, SHORT, run_short

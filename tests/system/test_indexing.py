@@ -20,7 +20,7 @@ from bench.reduce.stored_run import open_run
 from bench.report.flag_words import flag_in_words
 from bench.report.tables import model_sheet
 from bench.store.reader import RunReader
-from simulators.physics.world import World
+from simulators.world import World
 from tests.support.runs import ROOT, read_json, run_short
 from tests.truth.campaign import full_bench
 from tests.truth.indexing import INPUT_HYSTERESIS, QUANTITIES, compare_indexing

@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from bench.errors import InputError
-from bench.sequence.custom import known_steps
+from bench.sequence.steps.custom import known_steps
 from bench.store.reader import RunReader
 from tests.support.runs import run_short
 from tests.support.sequences import BENCH, TAIL, plan_of, problems_of, steps
 
 MODULE = '''
 import asyncio
-from bench.sequence.custom import StepDescription
+from bench.sequence.steps.custom import StepDescription
 from drivers.schema.fields import Seconds, StrictModel
 
 

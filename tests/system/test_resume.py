@@ -19,7 +19,7 @@ from bench.errors import InputError
 from bench.metrology.power_cycles import SOURCE
 from bench.reduce.stored_run import open_run
 from bench.runner.quiet import Quiet
-from bench.sequence.dwells import first_visit
+from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import digest_of
 from bench.store.runs import RunDirectory
 from bench.store.verify import examine

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.app.request import RunRequest, prepare
 from bench.app.resume import read_interrupted
-from bench.sequence.dwells import first_visit
+from bench.sequence.plan.dwells import first_visit
 from bench.store.verify import examine
 from tests.support.killed import ended, interrupted, interrupted_again, journal, resumed
 from tests.support.runs import ROOT

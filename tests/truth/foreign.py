@@ -16,8 +16,8 @@ import numpy as np
 
 from bench.app import drawn
 from simulators.physics.table_kinematics import Level
-from simulators.physics.world import World
 from simulators.units.unit_file import stream
+from simulators.world import World
 
 Draw = Callable[[np.random.Generator], float]
 DRIFT = 0.1  # of an error, by which it is less when a run begins, and more when it ends

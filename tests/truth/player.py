@@ -20,14 +20,14 @@ from bench.metrology.acquisition import Acquisition, Codes, Counts, Positions, T
 from bench.metrology.outputs import windows_of
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record
-from bench.sequence.model import SequenceFile
+from bench.sequence.document.model import SequenceFile
 from drivers.dialects.can_counter.description import CounterOptions
 from drivers.dialects.can_telemetry.description import TelemetryOptions
 from simulators.physics.integrator import Integrator
 from simulators.physics.source_errors import Feed
-from simulators.physics.world import World
 from simulators.units.imu import SENSORS
 from simulators.units.unit_file import stream
+from simulators.world import World
 from tests.truth.foreign import Drifts
 
 BLOCK_S = 8.0  # computed at once; temperatures change evenly within it

@@ -26,9 +26,9 @@ from bench.metrology.run_data import RunData
 from bench.reduce.evaluate import evaluate
 from bench.reduce.journal import OnTheWay
 from bench.reduce.stored_run import open_run
+from bench.sequence.document.model import SequenceFile
 from bench.sequence.method import known_methods
-from bench.sequence.model import SequenceFile
-from simulators.physics.world import World
+from simulators.world import World
 from tests.truth.campaign import run_one
 from tests.truth.foreign import bench_errors
 from tests.truth.player import Player, Stimulus, Template

@@ -26,7 +26,7 @@ from bench.reduce.stored_run import StoredRun, open_run
 from bench.report.afterwards import Afterwards
 from bench.report.html import render
 from bench.report.revision import Revision
-from bench.sequence.model import ResultEntry
+from bench.sequence.document.model import ResultEntry
 
 TUMBLED = ("K1", "K1_si", "asymmetry")
 ODD = {  # by method: outputs, and outputs for an input, which change their sign with the unit's

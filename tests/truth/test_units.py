@@ -16,7 +16,7 @@ from bench.app.request import RunRequest
 from bench.config.bench import load_bench
 from bench.config.document import read_document
 from bench.config.load import load
-from simulators.units.gyro_unit import GyroFile
+from simulators.units.gyro_file import GyroFile
 from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile
 from tests.truth import bars, cells, units

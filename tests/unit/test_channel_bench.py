@@ -14,7 +14,7 @@ from bench.errors import InputError
 from bench.metrology.acquisition import Currents
 from bench.reduce.certificates import bench_record
 from bench.reduce.corrections import corrections_of
-from bench.sequence.estimate import estimate
+from bench.sequence.estimate.estimate import estimate
 from bench.sequence.load import load_judged_plan
 from simulators.physics.source_errors import CurrentErrors
 from tests.support.ammeter import CABLE, put_into_cable

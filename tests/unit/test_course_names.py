@@ -7,8 +7,8 @@ import numpy as np
 from bench.metrology.acquisition import Acquisition, Motion
 from bench.metrology.run_data import RunData
 from bench.reduce.spans import spans_of
+from bench.sequence.document.model import ResultEntry
 from bench.sequence.method import known_methods
-from bench.sequence.model import ResultEntry
 from tests.unit.test_channel_method import BENCH, UNIT, Made, four_levels
 from tests.unit.test_imu_windows import BENCH as TABLE
 from tests.unit.test_imu_windows import UNIT as INERTIAL

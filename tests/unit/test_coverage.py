@@ -5,8 +5,9 @@ import pytest
 
 from bench.methods.rate_table.reduction.blocks import TableRecord
 from bench.methods.rate_table.reduction.radius import LinearityLimit, gyro_range
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.coverage import coverage_factor
-from bench.metrology.results.finding import BudgetLine, Subject
+from bench.metrology.results.finding import Subject
 from bench.metrology.results.limits import Limits
 
 # Table G.2 of JCGM 100:2008, column 95.45 %.

@@ -8,10 +8,10 @@ import pytest
 from pydantic import BaseModel
 
 from bench.config.bench import load_bench
-from bench.sequence.custom import StepDescription
-from bench.sequence.estimate import ANSWER_S, COMMAND_S, estimate
+from bench.sequence.estimate.estimate import ANSWER_S, COMMAND_S, estimate
 from bench.sequence.load import load_plan
-from bench.sequence.motion import REST_S, SEEN_AFTER_S, travel_s
+from bench.sequence.plan.motion import REST_S, SEEN_AFTER_S, travel_s
+from bench.sequence.steps.custom import StepDescription
 from tests.support.sequences import BENCH, ROOT, plan_of, steps
 
 RAMP_S = 20 / 40  # the head's 20 °/s at 40 °/s²
@@ -174,7 +174,7 @@ def test_a_plug_in_tells_from_its_settings_how_long_its_step_takes(tmp_path, mon
         seconds: float
 
     steps_known = {"degauss": StepDescription("degauss", "T", "m:f", Settings, takes_s=lambda wish: wish.seconds)}
-    for user in ("check_steps", "estimate"):
+    for user in ("checks.steps", "estimate.estimate"):
         monkeypatch.setattr(f"bench.sequence.{user}.known_steps", lambda: steps_known)
     lines = ("{custom: degauss, with: {seconds: 12}}", "{custom: degauss, with: {seconds: 0}}")
     assert estimated(tmp_path, *lines).steps_s == (12, COMMAND_S)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from bench.sequence import expand
+from bench.sequence.language.values import in_words
 from bench.sequence.load import load_plan
-from bench.sequence.measuring import Acquire
-from bench.sequence.stimulus import Move, Ramp
-from bench.sequence.values import in_words
-from bench.sequence.waits import Soak, Wait
+from bench.sequence.plan import expand
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Move, Ramp
+from bench.sequence.steps.waits import Soak, Wait
 from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
 
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.sequence.expressions import LENGTH_LIMIT, ValueProblem, evaluate, scalar_of
-from bench.sequence.values import in_words
+from bench.sequence.language.expressions import LENGTH_LIMIT, ValueProblem, evaluate, scalar_of
+from bench.sequence.language.values import in_words
 from drivers.quantity.quantities import Quantity, parse
 from drivers.quantity.units import quoted
 

@@ -17,7 +17,7 @@ from bench.errors import InputError
 ROOT = Path(__file__).parents[2]
 FILE = Path("f.yaml")
 SEQUENCES = sorted((ROOT / "sequences").glob("*.yaml"))
-SHIPPED = [*SEQUENCES, *sorted((ROOT / "config").rglob("*.yaml")), ROOT / "bench/sequence/starter.yaml"]
+SHIPPED = [*SEQUENCES, *sorted((ROOT / "config").rglob("*.yaml")), ROOT / "bench/sequence/document/starter.yaml"]
 DENSE = """\
 # of all
 

@@ -17,7 +17,7 @@ from simulators.physics.motion import Axis, AxisErrors
 from simulators.physics.profiles import Slew
 from simulators.physics.table_kinematics import EARTH_DPS, Carried, Level, TableErrors
 from simulators.units.gyro import GyroModel, draw_gyro, noise_of_gyro
-from simulators.units.gyro_unit import GyroFile
+from simulators.units.gyro_file import GyroFile
 from tests.support.laboratory import LATCH, ROOT, Laboratory, place
 
 TABLE = Fixture((UP,), EAST, UP)

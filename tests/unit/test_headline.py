@@ -6,7 +6,8 @@ import pytest
 
 from bench.figures.languages import language
 from bench.figures.words import of_those_within_u
-from bench.metrology.results.finding import BudgetLine, Subject, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Subject, UnitResult
 from bench.metrology.results.limits import Limits
 from bench.reduce.evaluate import Results
 from bench.report.terminal import results_text

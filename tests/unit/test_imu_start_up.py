@@ -16,8 +16,9 @@ from bench.methods.imu.start_up.run import reduce
 from bench.methods.imu.start_up.shown import start_up_plots
 from bench.metrology.acquisition import Mount, Turned
 from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, KnotModel
-from bench.metrology.results.finding import BudgetLine, Interval, Subject, UnitResult
+from bench.metrology.results.finding import Interval, Subject, UnitResult
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import ReleasedCalibration, RunData
 from bench.reduce.evaluate import Results

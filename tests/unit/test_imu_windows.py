@@ -14,7 +14,7 @@ from bench.metrology.acquisition import Acquisition, Mount, Turned, Window
 from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.report.flag_words import flag_in_words
-from bench.sequence.orienting import Orient, Pose, targets_deg
+from bench.sequence.steps.orienting import Orient, Pose, targets_deg
 from tests.support.runs import ROOT
 
 BENCH = load_bench(ROOT / "config/imu.yaml").bench

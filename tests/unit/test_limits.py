@@ -10,13 +10,14 @@ from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
 from bench.figures.words import bands_in_words, limits_in_words
-from bench.metrology.results.finding import BudgetLine, Finding, Subject, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, Subject, UnitResult
 from bench.metrology.results.limits import Judgement, Limits, judge
 from bench.reduce.evaluate import Results
 from bench.report.tables import over_run_rows, verdict_rows
 from bench.report.terminal import results_text
-from bench.sequence.limits import LimitEntry, limits_in, unit_problems
-from bench.sequence.schema import sequence_schema
+from bench.sequence.document.schema import sequence_schema
+from bench.sequence.steps.limits import LimitEntry, limits_in, unit_problems
 from drivers.quantity.quantities import Quantity, parse
 from drivers.schema.fields import DEFERRED
 

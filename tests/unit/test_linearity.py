@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.metrology.calibration.linearity import DEPARTURE, Linearity, LinearityPoint, fit_linearity
-from bench.metrology.results.finding import BudgetLine
+from bench.metrology.results.budget import BudgetLine
 
 FULL = 400.0
 TERMS = ("scale_error", "asymmetry", "cubic")

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from bench.errors import InputError
 from bench.methods.tumble.method import TEMPERATURE_TUMBLE
 from bench.offline.case import reduce_case, reductions
+from bench.sequence.checks.rules import every_rule, judge
 from bench.sequence.method import OUTPUT_UNITS, SHIPPED, MethodWords, known_methods
-from bench.sequence.rules import every_rule, judge
 from drivers.description import known_drivers
 from drivers.quantity.units import parse_unit
 from drivers.shipped import DRIVERS
@@ -66,7 +66,7 @@ NOISE = MethodDescription(
 """
 PARTS = """\
 from bench.offline.case_file import Reduction, Settings
-from bench.sequence.remarks import Rule
+from bench.sequence.checks.remarks import Rule
 
 
 class CaseSettings(Settings):

@@ -8,7 +8,8 @@ import pytest
 
 from bench.figures.languages import language
 from bench.metrology.acquisition import Codes, Counts
-from bench.metrology.gaps import MOST_LISTED, Gap, Missed, gap_columns, missed_in
+from bench.metrology.gaps import MOST_LISTED, gap_columns, missed_in
+from bench.metrology.missed import Gap, Missed
 from bench.reduce.gaps import MissedIn
 from bench.report.gaps import lines, sheets
 from drivers.can.sequence_numbers import gaps_in

@@ -13,7 +13,7 @@ from bench.config.bench import load_bench
 from bench.engine.units import Units
 from bench.errors import InputError
 from bench.sequence.load import load_sequence
-from bench.sequence.occupied import occupied
+from bench.sequence.plan.unit_places import occupied
 from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile
 from tests.support.runs import ROOT

@@ -9,7 +9,7 @@ from bench.config.bench import load_bench
 from bench.methods.imu.reduction.attitudes import ATTITUDES, BODY_AXES, NAMES
 from bench.metrology.acquisition import Mount
 from bench.metrology.orientation import turned_axes
-from bench.sequence.orienting import Orient, Pose, Unreachable, targets_deg
+from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
 from tests.support.runs import ROOT
 
 THREE, TWO = (load_bench(ROOT / "config" / f"{name}.yaml").bench for name in ("imu", "imu_two_axis"))

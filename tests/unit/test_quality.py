@@ -26,8 +26,8 @@ from bench.quality import Fresh, Invalid, Stale, Valid, Window
 from bench.report.status_text import status_lines
 from bench.rig import Rig
 from bench.runner.commands import _latest_to_json
-from bench.sequence.measuring import Measure
-from bench.sequence.waits import Soak, WaitUntil
+from bench.sequence.steps.measuring import Measure
+from bench.sequence.steps.waits import Soak, WaitUntil
 from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
 from drivers.capabilities import Meter

@@ -14,10 +14,10 @@ from bench.app.reference.keys import keys, part, table
 from bench.cli.reference import PAGES, page_text, write_pages
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.sequence import expressions
-from bench.sequence.custom import StepDescription
+from bench.sequence.language import expressions
 from bench.sequence.load import load_plan
-from bench.sequence.steps import BLOCKS
+from bench.sequence.steps.custom import StepDescription
+from bench.sequence.steps.nested import BLOCKS
 from drivers.description import DriverDescription, known_drivers
 from drivers.quantity import units
 from drivers.schema.fields import Celsius, Flag, InUnit, Name, Seconds, StrictModel, WholeNumber

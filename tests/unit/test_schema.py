@@ -17,9 +17,9 @@ from bench.config.load import load
 from bench.config.models import BenchFile
 from bench.config.schema import bench_schema
 from bench.errors import InputError
+from bench.sequence.document.schema import sequence_schema
 from bench.sequence.load import load_plan
-from bench.sequence.schema import sequence_schema
-from bench.sequence.steps import BLOCKS
+from bench.sequence.steps.nested import BLOCKS
 from drivers.quantity.quantities import parse
 from drivers.schema.fields import UNIT_KEYWORD
 
@@ -29,7 +29,7 @@ SCHEMAS = {"sequence": sequence_schema(), "bench": bench_schema()}
 SEQUENCE_TEXT = (ROOT / "sequences/tumble_static.yaml").read_text("utf-8")
 BENCH_TEXT = (ROOT / "config/simulated.yaml").read_text("utf-8")
 SHIPPED = {
-    "sequence": [*sorted((ROOT / "sequences").glob("*.yaml")), ROOT / "bench/sequence/starter.yaml"],
+    "sequence": [*sorted((ROOT / "sequences").glob("*.yaml")), ROOT / "bench/sequence/document/starter.yaml"],
     "bench": sorted((ROOT / "config").glob("*.yaml")),
 }
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from bench.sequence.expressions import ValueProblem
-from bench.sequence.values import LIST_LIMIT, as_written, holds_expression, in_words, spelled, value_of
+from bench.sequence.language.expressions import ValueProblem
+from bench.sequence.language.values import LIST_LIMIT, as_written, holds_expression, in_words, spelled, value_of
 from drivers.quantity.quantities import Quantity, parse
 
 NAMES = {"t": parse("20 °C"), "n": parse("3"), "angles": (parse("0°"), parse("90°"))}

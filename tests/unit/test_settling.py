@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bench.config.bench import load_bench
-from bench.sequence.lags import after_its_end, followed, gain, lag_poles, loop_poles, over_after_s
-from bench.sequence.settling import Settling
-from bench.sequence.waits import Soak, WaitUntil
+from bench.sequence.estimate.lags import after_its_end, followed, gain, lag_poles, loop_poles, over_after_s
+from bench.sequence.estimate.settling import Settling
+from bench.sequence.steps.waits import Soak, WaitUntil
 from simulators.physics.thermal import ChamberPhysics, Thermal, UnitPhysics
 from tests.support.runs import copy_bench
 from tests.support.sequences import BENCH, ROOT

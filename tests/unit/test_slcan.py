@@ -16,9 +16,9 @@ from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.serving.slcan_adapter import UNREAD_LIMIT_BYTES, SimulatedAdapter
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.laboratory import DBC, counter_form
 
 LINES = b"t1008A08601000500002A\rt1016010203040506\rT1ABCDEF02ffEE\rt7FF0\r"

@@ -21,9 +21,9 @@ from bench.engine.crediting import Proved, SoakCredit
 from bench.engine.past import past_of, under_way_of
 from bench.engine.soaked import Record, soaked
 from bench.quality import Invalid, Stale, Window
-from bench.sequence.plan import Branches, Passes, PlannedStep
-from bench.sequence.stimulus import Ramp, SetOutput
-from bench.sequence.waits import Soak
+from bench.sequence.plan.plan import Branches, Passes, PlannedStep
+from bench.sequence.steps.stimulus import Ramp, SetOutput
+from bench.sequence.steps.waits import Soak
 from bench.store.followed import FOLLOWED, course_of, read_lines
 from bench.store.reader import Event, Series
 from drivers.errors import InstrumentFault

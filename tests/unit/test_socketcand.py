@@ -16,9 +16,9 @@ from drivers.transport.memory import Line, join
 from drivers.transport.socketcand import Socketcand, open_socketcand, parse, render
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
 from simulators.serving.socketcand_server import SimulatedServer
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 from tests.support.laboratory import DBC, counter_form
 
 ADDRESS = Address.parse("socketcand://192.168.1.30:29536/can0")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bench.config.document import read_document
-from bench.sequence.plan import Alternatives, Attempts, Branches, Meanwhile, Passes, PlannedStep, Section, leaves
-from bench.sequence.values import in_words
+from bench.sequence.language.values import in_words
+from bench.sequence.plan.plan import Alternatives, Attempts, Branches, Meanwhile, Passes, PlannedStep, Section, leaves
 from drivers.errors import CODES
 from tests.support.sequences import TAIL, plan_of, problems_of, steps
 
@@ -557,7 +557,8 @@ def test_a_sequence_that_is_called_in_a_long_loop_is_read_once(tmp_path, monkeyp
     called(tmp_path)
     read = []
     monkeypatch.setattr(
-        "bench.sequence.called.read_document", lambda path, real=read_document: read.append(path) or real(path)
+        "bench.sequence.plan.subsequences.read_document",
+        lambda path, real=read_document: read.append(path) or real(path),
     )
     plan = plan_of(tmp_path, steps("{repeat: 500, steps: [call: turn.yaml]}"))
     assert len(plan) == 2000

@@ -4,7 +4,8 @@ import pytest
 from bench.methods.tumble.reduction.coefficient_findings import CONTAINED, Origin, coefficient_findings
 from bench.methods.tumble.reduction.coefficients import bias_coefficients, scale_coefficients
 from bench.metrology.least_squares import fit_polynomial
-from bench.metrology.results.finding import BudgetLine, Subject
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Subject
 
 SET_C = np.linspace(-40, 70, 23)
 REFERENCE_C = 25.0

@@ -25,7 +25,7 @@ from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, Drift
 from bench.metrology.results.finding import Finding
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record
-from simulators.physics.unit_temperatures import Thermometer
+from simulators.units.unit_temperatures import Thermometer
 from tests.support.runs import ROOT
 
 DRIFT_C = 0.06

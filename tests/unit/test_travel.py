@@ -6,9 +6,9 @@ import pytest
 
 from bench.config.bench import load_bench
 from bench.sequence.load import load_plan
-from bench.sequence.measuring import Acquire
-from bench.sequence.stimulus import Move
-from bench.sequence.travel import PASSES_LOOKED_AT, angles_before, poses_before
+from bench.sequence.plan.poses import PASSES_LOOKED_AT, angles_before, poses_before
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Move
 from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
 
 TABLE = load_bench(ROOT / "config/rate_table.yaml").bench

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from bench.metrology.results.finding import BudgetLine, Subject
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Subject
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE, compared_with_nominal
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bench.app.request import RunRequest, load_checked
-from bench.sequence.used import devices_used
+from bench.sequence.plan.used import devices_used
 from tests.support.runs import ROOT
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.sequence.stimulus import THERE_DEG, TURN_DEG, Move
+from bench.sequence.steps.stimulus import THERE_DEG, TURN_DEG, Move
 from drivers.schema.fields import DEFERRED
 
 ANGLES = st.floats(-2000, 2000)

@@ -16,8 +16,8 @@ from drivers.dialects.acutronic_acl.wire import (
 )
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.acutronic_acl import SimulatedAcutrol
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 NO_INPUTS = InterlockInput(0)
 OK = b"\x00\x00\x00\x00\x02\x00\x00\x00OK"

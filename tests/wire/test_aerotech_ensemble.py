@@ -10,8 +10,8 @@ from drivers.dialects.aerotech_ensemble import wire
 from drivers.dialects.aerotech_ensemble.wire import AxisFault, AxisStatus, Command, Move, Outcome, Reply
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.aerotech_ensemble import SimulatedEnsemble
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 
 class Clock:

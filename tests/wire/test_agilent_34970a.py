@@ -9,8 +9,8 @@ from drivers.dialects.agilent_34970a import wire
 from drivers.dialects.agilent_34970a.wire import Sample, Sensor, State
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.meters.agilent_34970a import SimulatedScanner
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 SENSORS = [Sensor(101, "FRTD", "85"), Sensor(102, "TC", "K"), Sensor(103, "RTD", "91")]
 

@@ -8,7 +8,7 @@ from drivers.dialects.binder.wire import Kind, Mode, mode_of, registers_of, valu
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.binder import ANSWER_AFTER_S, SimulatedBinder
 from simulators.instruments.modbus import crc16
-from simulators.physics.world import World
+from simulators.world import World
 from tests.support.clock import Clock, quiet_chamber
 
 

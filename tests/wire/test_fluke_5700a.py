@@ -10,8 +10,8 @@ from drivers.dialects.fluke_5700a import wire
 from drivers.dialects.fluke_5700a.wire import OFF, Event, Setting, State, Status
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.fluke_5700a import ILLEGAL_LIMIT, SimulatedFluke
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 
 class Clock:

@@ -11,7 +11,7 @@ from drivers.dialects.framed.status import StatusReader
 from drivers.dialects.framed.wire import Checksum, ChecksumKind, FrameFormat, NumberFormat, Splitter
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.framed import SimulatedFrames
-from simulators.physics.world import World
+from simulators.world import World
 from tests.support.clock import Clock, quiet_chamber
 from tests.support.framed import FICTIONAL, PLAIN
 

@@ -9,8 +9,8 @@ from drivers.dialects.keithley_6220.wire import Condition, State
 from drivers.kinds.source.setting import Setting
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.keithley_6220 import SimulatedKeithley
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 
 def a_source(**settings: object) -> SimulatedKeithley:

@@ -8,7 +8,7 @@ from drivers.dialects.modbus_chamber.wire import ValueFormat, ValueType
 from drivers.kinds.chamber.words import WordOrder
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.modbus_chamber import SimulatedProfile
-from simulators.physics.world import World
+from simulators.world import World
 from tests.support.chambers_modbus import FICTIONAL, PLAIN
 from tests.support.clock import Clock, quiet_chamber
 

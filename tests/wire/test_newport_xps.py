@@ -6,8 +6,8 @@ from drivers.dialects.newport_xps import wire
 from drivers.dialects.newport_xps.wire import Call, GroupState, Profile, Reply
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.newport_xps import SimulatedXps
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 
 class Clock:

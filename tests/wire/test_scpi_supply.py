@@ -11,9 +11,9 @@ from drivers.dialects.scpi_supply import wire
 from drivers.dialects.scpi_supply.wire import Setting, State
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.scpi_supply import SimulatedSupply
-from simulators.physics.settings import PlaceSettings, WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import PlaceSettings, WorldSettings
 from simulators.units.unit_file import UnitFile
+from simulators.world import World
 
 UNIT = load_file(Path(__file__).parents[2] / "config" / "uut" / "quartz_flexure.yaml", UnitFile)
 

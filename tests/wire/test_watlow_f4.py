@@ -8,7 +8,7 @@ from drivers.dialects.watlow_f4.wire import Measured, TemperatureFormat, event_o
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.watlow_f4 import SimulatedF4
 from simulators.instruments.modbus import crc16
-from simulators.physics.world import World
+from simulators.world import World
 from tests.support.clock import Clock, quiet_chamber
 
 READ_100 = "01 03 00 64 00 01 c5 d5"

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from drivers.dialects.watlow_f4t.wire import BLOCK_COUNT, BLOCK_FIRST, LoopBlock, LoopFormat, LoopRegister, mode_name
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.watlow_f4t import SimulatedF4T
-from simulators.physics.settings import WorldSettings
 from simulators.physics.thermal import ChamberPhysics
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 LOW_FIRST, HIGH_FIRST = LoopFormat(), LoopFormat(word_order="high_first")
 QUIET = ChamberPhysics(start_c=25.0, limit_cycle_c=0.0)

@@ -7,8 +7,8 @@ from drivers.dialects.yokogawa_gs200.wire import Condition, State
 from drivers.kinds.source.setting import Setting
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.sources.yokogawa_gs200 import SimulatedGS200
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 
 @pytest.fixture

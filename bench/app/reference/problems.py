@@ -9,7 +9,7 @@ import bench.errors
 import drivers.errors
 from bench.app.reference.keys import Blocks, table
 from bench.errors import BenchError
-from bench.sequence.rules import every_rule
+from bench.sequence.checks.rules import every_rule
 from drivers.errors import DriverError
 
 

@@ -8,12 +8,13 @@ from importlib.resources import files
 from pathlib import Path
 
 from bench.app.reference.keys import Blocks, keys, part, table
-from bench.sequence.custom import Custom, known_steps
-from bench.sequence.expressions import Value, evaluate
+from bench.sequence.document.model import SequenceFile
+from bench.sequence.language.expressions import Value, evaluate
+from bench.sequence.language.values import in_words
 from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription, known_methods
-from bench.sequence.model import SequenceFile
-from bench.sequence.steps import BLOCKS, NEEDS, STEPS
-from bench.sequence.values import in_words
+from bench.sequence.steps.custom import Custom, known_steps
+from bench.sequence.steps.nested import BLOCKS
+from bench.sequence.steps.verbs import NEEDS, STEPS
 from drivers.quantity.quantities import parse
 from drivers.schema.fields import keys_of
 
@@ -63,7 +64,8 @@ def sequence_page() -> Blocks:
     return [
         "# Sequence files",
         "A file in `sequences/`: the steps of a test, and its results. `bench new sequence NAME` "
-        "writes [one to start from](../../bench/sequence/starter.yaml), `bench check FILE` reports every problem. "
+        "writes [one to start from](../../bench/sequence/document/starter.yaml), "
+        "`bench check FILE` reports every problem. "
         "For the contents of `setup`, `steps` and `teardown`, see [steps](steps.md).",
         "NAME is chosen by you. A key with an empty default is optional.",
         *keys(SequenceFile, 2),

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
-from bench.sequence.measuring import Acquire
-from bench.sequence.model import ResultEntry
-from bench.sequence.plan import Plan, PlannedStep
-from bench.sequence.remarks import Found, Rule
-from bench.sequence.stimulus import Ramp
+from bench.sequence.checks.remarks import Found, Rule
+from bench.sequence.document.model import ResultEntry
+from bench.sequence.plan.plan import Plan, PlannedStep
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Ramp
 
 if TYPE_CHECKING:
     from bench.methods.channel.method import ChannelSettings

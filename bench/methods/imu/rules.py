@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 
 from bench.config.models import BenchFile
 from bench.metrology.attitude_names import ATTITUDES
-from bench.sequence.checks_swings import acquired_inside
-from bench.sequence.orienting import AXES, Attitude, Orient
-from bench.sequence.plan import Plan
-from bench.sequence.remarks import Found, Rule
-from bench.sequence.stimulus import Rotate
+from bench.sequence.checks.remarks import Found, Rule
+from bench.sequence.checks.swings import acquired_inside
+from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.orienting import AXES, Attitude, Orient
+from bench.sequence.steps.stimulus import Rotate
 
 METHOD = "imu_calibration"
 LEAST_RATES = 6  # of an axis, of both directions

@@ -6,9 +6,9 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from bench.sequence.custom import StepDescription
 from bench.sequence.method import OUTPUT, MethodDescription
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
+from bench.sequence.steps.custom import StepDescription
 from drivers.schema.fields import InUnit, Name, Number, Ratio, StrictModel
 from drivers.schema.wording import telling
 

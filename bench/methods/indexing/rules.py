@@ -7,13 +7,13 @@ from collections.abc import Iterator
 
 from bench.config.models import BenchFile
 from bench.methods.indexing.names import CLOCKING, REVERSE, VERIFICATION
-from bench.sequence.measuring import Acquire
-from bench.sequence.model import ResultEntry
-from bench.sequence.plan import Plan
-from bench.sequence.remarks import Found, Rule
-from bench.sequence.stimulus import Move
-from bench.sequence.talk import Prompt
-from bench.sequence.travel import angles_before
+from bench.sequence.checks.remarks import Found, Rule
+from bench.sequence.document.model import ResultEntry
+from bench.sequence.plan.plan import Plan
+from bench.sequence.plan.poses import angles_before
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Move
+from bench.sequence.steps.talk import Prompt
 
 METHOD = "indexing_static"
 LEAST_ANGLES = 3  # of a line, so that something is left that tells how good it is

@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 
 from bench.config.models import BenchFile
-from bench.sequence.checks_swings import acquired_inside, place_of
-from bench.sequence.measuring import Acquire
+from bench.sequence.checks.remarks import Found, Rule
+from bench.sequence.checks.swings import acquired_inside, place_of
+from bench.sequence.document.model import ResultEntry
 from bench.sequence.method import known_methods
-from bench.sequence.model import ResultEntry
-from bench.sequence.plan import Plan
-from bench.sequence.remarks import Found, Rule
-from bench.sequence.stimulus import Oscillate, Rotate
+from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Oscillate, Rotate
 from drivers.dialects.can_counter.description import CounterOptions
 from drivers.dialects.can_telemetry.description import TelemetryOptions
 

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
-from bench.sequence.dwells import loop_values
-from bench.sequence.limits import limits_in
-from bench.sequence.measuring import Acquire
-from bench.sequence.model import ResultEntry
-from bench.sequence.plan import Plan
-from bench.sequence.remarks import Found, Rule
-from bench.sequence.stimulus import Move
-from bench.sequence.travel import angles_before
+from bench.sequence.checks.remarks import Found, Rule
+from bench.sequence.document.model import ResultEntry
+from bench.sequence.plan.dwells import loop_values
+from bench.sequence.plan.plan import Plan
+from bench.sequence.plan.poses import angles_before
+from bench.sequence.steps.limits import limits_in
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Move
 
 ARCSEC_PER_DEG = 3600
 

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
-from bench.sequence.dwells import DwellNames
-from bench.sequence.measuring import Acquire
-from bench.sequence.model import ResultEntry
-from bench.sequence.plan import Plan
-from bench.sequence.remarks import Found, Rule
-from bench.sequence.stimulus import Move, Ramp
-from bench.sequence.travel import angles_before
+from bench.sequence.checks.remarks import Found, Rule
+from bench.sequence.document.model import ResultEntry
+from bench.sequence.plan.dwells import DwellNames
+from bench.sequence.plan.plan import Plan
+from bench.sequence.plan.poses import angles_before
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Move, Ramp
 
 TUMBLE, REPEATABILITY = "temperature_tumble", "repeatability"
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: equations 1.5

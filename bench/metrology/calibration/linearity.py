@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.coverage import effective_dof
-from bench.metrology.results.finding import BudgetLine
 
 FORM = (
     "x = v · (1 + scale_error + asymmetry · sign v + quadratic · v/F + cubic · (v/F)²), x = (output - offset) / scale"

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from bench.metrology.results.budget import BudgetLine, combined
 from bench.metrology.results.coverage import COVERAGE, coverage_factor, effective_dof
 from bench.metrology.results.curves import Model
 from bench.metrology.results.limits import U_UNKNOWN, Limits, judge
@@ -16,29 +17,9 @@ if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
     from bench.metrology.calibration.temperature import Compensation
 
 CONFIDENCE = 0.95  # of an interval
-NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
 NOT_CLOSED = "not_closed"  # the flag of a finding of a unit or bench that changed over the run
 LOWER_BOUND = "more_than"  # the flag of a value of which is only known that it is more
 Verdict = Literal["PASS", "FAIL", "INVALID"]
-
-
-@dataclass(frozen=True, slots=True)
-class BudgetLine:
-    """One source of uncertainty: `u` in the unit of the finding, `dof` None for unlimited.
-
-    Lines of several findings with the same `shared` are one and the same error and not independent. An `alias` is
-    something that the value contains and that this method cannot separate from it.
-    """
-
-    source: str
-    type: Literal["A", "B", "alias"]
-    u: float
-    dof: int | None = None
-    shared: str | None = None
-
-    def times(self, factor: float) -> BudgetLine:
-        """The line for a value that is `factor` times the one it is of."""
-        return replace(self, u=float(self.u * factor))
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,14 +219,3 @@ class UnitResult:
         if verdicts == {None}:
             return "NOT JUDGED"
         return "FAIL" if "FAIL" in verdicts else "PASS"
-
-
-def combined(lines: Sequence[BudgetLine]) -> tuple[BudgetLine, ...]:
-    """The lines of a budget that contribute, largest first; an alias is kept whatever it is worth.
-
-    A line may be made with the sign of a value or of a derivative; the sign is no part of an uncertainty.
-    """
-    lines = [replace(line, u=abs(line.u)) for line in lines]
-    least = NEGLIGIBLE * max((line.u for line in lines), default=0.0)
-    kept = [line for line in lines if line.u > least or line.type == "alias"]
-    return tuple(sorted(kept, key=lambda line: -line.u))

@@ -9,15 +9,15 @@ from typing import Literal
 
 from bench.config.models import BenchFile
 from bench.report.plan_view.timeline import output_unit
-from bench.sequence.estimate import Estimate, Span
-from bench.sequence.measuring import Acquire, Measure, Tare
-from bench.sequence.motion import rate_change_s
-from bench.sequence.orienting import Orient
-from bench.sequence.plan import Alternatives, Meanwhile, Nodes, Passes, Plan, PlannedStep, leaves, within
-from bench.sequence.steps import Step
-from bench.sequence.stimulus import TURN_DEG, Move, Oscillate, Ramp, Rotate, SetOutput
-from bench.sequence.talk import Prompt
-from bench.sequence.waits import Soak, Wait, WaitUntil
+from bench.sequence.estimate.estimate import Estimate, Span
+from bench.sequence.plan.motion import rate_change_s
+from bench.sequence.plan.plan import Alternatives, Meanwhile, Nodes, Passes, Plan, PlannedStep, leaves, within
+from bench.sequence.steps.measuring import Acquire, Measure, Tare
+from bench.sequence.steps.orienting import Orient
+from bench.sequence.steps.stimulus import TURN_DEG, Move, Oscillate, Ramp, Rotate, SetOutput
+from bench.sequence.steps.talk import Prompt
+from bench.sequence.steps.verbs import Step
+from bench.sequence.steps.waits import Soak, Wait, WaitUntil
 
 Points = list[tuple[float, float]]  # time in s, and the value there; straight lines join them, a NaN parts them
 

@@ -10,10 +10,20 @@ from typing import Any, assert_never
 
 from bench.config.models import BenchFile
 from bench.figures.times_and_sizes import duration
-from bench.sequence.estimate import BenchState, Estimate, Span
-from bench.sequence.orienting import Orient
-from bench.sequence.plan import Alternatives, Attempts, Branches, Meanwhile, Nodes, Passes, Plan, PlannedStep, Section
-from bench.sequence.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
+from bench.sequence.estimate.estimate import BenchState, Estimate, Span
+from bench.sequence.plan.plan import (
+    Alternatives,
+    Attempts,
+    Branches,
+    Meanwhile,
+    Nodes,
+    Passes,
+    Plan,
+    PlannedStep,
+    Section,
+)
+from bench.sequence.steps.orienting import Orient
+from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 
 WIDTH = 120
 RESUMED = "resumed"

@@ -24,7 +24,7 @@ from drivers.protocols import scpi
 from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.instruments.setup import InstrumentSetup
 from simulators.physics.profiles import Slew
-from simulators.physics.world import World
+from simulators.world import World
 
 BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out
 TURN_DEG = 360.0

@@ -14,8 +14,8 @@ from drivers.dialects.aerotech_ensemble import wire
 from drivers.dialects.aerotech_ensemble.wire import AxisFault, AxisStatus, Outcome, Reply
 from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
 from simulators.serving.serve import Later
+from simulators.world import World
 
 DEFAULT_RATE_DPS = 10.0
 VERSION = "5.06.001"

@@ -15,8 +15,8 @@ from drivers.dialects.framed.wire import NumberFormat, Raw, Splitter
 from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.instruments.setup import InstrumentSetup
 from simulators.physics.profiles import Slew
-from simulators.physics.world import World
 from simulators.serving.serve import Later
+from simulators.world import World
 
 TURN_DEG = 360.0
 SERIAL_NUMBER, FIRMWARE = 1001, 12

@@ -9,8 +9,8 @@ from drivers.dialects.newport_xps import wire
 from drivers.dialects.newport_xps.wire import GroupState, Profile, Reply
 from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
 from simulators.serving.serve import Later
+from simulators.world import World
 
 FIRMWARE = "XPS-C8 Firmware V2.6.1"
 FACTORY_LOGIN = ["Administrator", "Administrator"]

@@ -9,7 +9,7 @@ from typing import ClassVar
 from drivers.certificates.corrections import TURN_DEG
 from drivers.person import Turn
 from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.physics.world import World
+from simulators.world import World
 
 
 class HandTurnedHead:

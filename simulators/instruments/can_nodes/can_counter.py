@@ -16,11 +16,11 @@ from drivers.dialects.can_counter.wire import CounterFormat
 from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.instruments.can_nodes.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
 from simulators.physics.integrator import Counts, Integrator
-from simulators.physics.world import World
 from simulators.units.accelerometer_unit import SimulatedUnit
 from simulators.units.gyro_unit import SimulatedGyro
 from simulators.units.imu import ImuChannel
 from simulators.units.unit_file import stream
+from simulators.world import World
 
 Array = NDArray[np.float64]
 BOARD_C = 25.0

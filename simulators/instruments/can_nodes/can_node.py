@@ -17,8 +17,8 @@ from drivers.can.options import IDLE_BLOCK_S
 from drivers.errors import LinkLost
 from simulators.faults.frame_faults import FrameFault, carry
 from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.physics.world import World
 from simulators.units.unit_file import stream
+from simulators.world import World
 
 Array = NDArray[np.float64]
 T = TypeVar("T", bound=np.generic)

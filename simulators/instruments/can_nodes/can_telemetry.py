@@ -16,9 +16,9 @@ from drivers.can.frame_block import FrameBlock
 from drivers.dialects.can_telemetry.wire import SampleFormat
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
-from simulators.physics.world import World
 from simulators.units.accelerometer import Sent
 from simulators.units.unit_file import stream
+from simulators.world import World
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -29,7 +29,7 @@ from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan
 from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
+from simulators.world import World
 
 ANSWER_AFTER_S = 0.25
 AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on

@@ -7,7 +7,7 @@ from typing import get_args
 
 from simulators.faults.instrument_faults import LOOKED_FOR, MEASURES_AND_OBEYS, OPEN_C, FaultKind, FaultPlan, Mishap
 from simulators.physics.chamber_failures import Failure
-from simulators.physics.world import World
+from simulators.world import World
 
 
 class SimulatedChamber:

@@ -16,7 +16,7 @@ from drivers.dialects.cts.wire import ETX, FULL_SPEED_C_PER_MIN, STX, RampChanne
 from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
 from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
+from simulators.world import World
 
 PROGRAM_C, PROGRAM_C_PER_MIN = 80.0, 1.0
 FRAME_LIMIT_BYTES = 64

@@ -17,7 +17,7 @@ from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
 from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.instruments.scpi import LineSession
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
+from simulators.world import World
 
 RUN = "RUN"
 PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # to where, °C, and how fast, °C/min

@@ -25,7 +25,7 @@ from simulators.instruments.modbus import (
     RegisterError,
 )
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
+from simulators.world import World
 
 AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
 LIMITS_C = (-70.0, 180.0)  # in the registers that hold them

@@ -27,7 +27,7 @@ from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
 from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, ModbusTcpSession, RegisterError
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
+from simulators.world import World
 
 _UNUSED = (2812, 2816, 2818)  # between the values of a loop; read as zero
 _EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)

@@ -31,7 +31,7 @@ from simulators.instruments.scpi import (
     switch,
 )
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
+from simulators.world import World
 
 STALE = ErrorEntry(-230, "Data corrupt or stale")
 IDENTITY = "HEWLETT-PACKARD,34970A,0,13-2-2"

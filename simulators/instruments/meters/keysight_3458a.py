@@ -14,9 +14,9 @@ from drivers.dialects.keysight_3458a import wire
 from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.instruments.meters.meter_inputs import MeterInput
 from simulators.instruments.prologix import Gateway
-from simulators.physics.world import World
 from simulators.serving.serve import Later
 from simulators.units.unit_file import stream
+from simulators.world import World
 
 SYNTAX, UNDEFINED, OUT_OF_RANGE = 103, 105, 106
 _ERRORS = {

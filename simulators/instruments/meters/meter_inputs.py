@@ -12,7 +12,7 @@ from drivers.dialects.keysight_3458a import wire
 from simulators.physics.corrections import Table, read_of
 from simulators.physics.source_errors import CurrentErrors
 from simulators.physics.voltmeter import VoltmeterSettings
-from simulators.physics.world import World
+from simulators.world import World
 
 PERFECT = CurrentErrors()
 LOOK_S = 0.1  # how closely a current that drifts is looked at

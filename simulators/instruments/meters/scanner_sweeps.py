@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from drivers.protocols import scpi
 from simulators.instruments.scpi import ILLEGAL_VALUE, SETTINGS_CONFLICT, Handler, Refusal, setting
-from simulators.physics.world import World
+from simulators.world import World
 
 SENSOR_S = 0.2
 MEMORY_READINGS, SWEEPS_AT_MOST, TIMER_AT_MOST_S = 50_000, 50_000, 359_999.0

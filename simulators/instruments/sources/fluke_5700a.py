@@ -14,7 +14,7 @@ from drivers.dialects.fluke_5700a.wire import Event, Status, Terminator
 from simulators.faults.instrument_faults import OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.instruments.setup import InstrumentSetup
 from simulators.instruments.sources.fluke_units import quantity
-from simulators.physics.world import World
+from simulators.world import World
 
 # Only the first is documented; the manual's list of the others could not be had, so these numbers are made up.
 ILLEGAL_LIMIT, UNKNOWN_COMMAND, BAD_PARAMETER, OUT_OF_RANGE, OVERLOAD, QUEUE_OVERFLOW = 725, 901, 902, 903, 904, 905

@@ -22,7 +22,7 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.instruments.sources.keithley_wave import Waves
 from simulators.instruments.sources.loaded_source import LoadedSource
 from simulators.instruments.stored_settings import KeptSettings, kept_number, kept_switch, kept_word
-from simulators.physics.world import World
+from simulators.world import World
 
 _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
 MEASUREMENT_SUMMARY, OPERATION_SUMMARY = 1 << 0, 1 << 7  # of the status byte

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from simulators.faults.instrument_faults import OBEYS, FaultKind, FaultPlan, Mishap
 from simulators.instruments.scpi import Handler, Refusal
-from simulators.physics.world import World
+from simulators.world import World
 
 WITHOUT_WIRE = 1e6  # times its load
 

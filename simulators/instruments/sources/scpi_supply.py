@@ -21,7 +21,7 @@ from simulators.instruments.scpi import (
 )
 from simulators.instruments.setup import InstrumentSetup
 from simulators.instruments.stored_settings import KeptSettings, kept_number, kept_switch
-from simulators.physics.world import World
+from simulators.world import World
 
 VOLTAGE_MAX_V = 32.0
 WATCHDOG_S, WATCHDOG_MAX_S = 60.0, 3600.0  # as it is made

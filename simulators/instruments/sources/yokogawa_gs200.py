@@ -24,7 +24,7 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.instruments.sources.gs200_program import Program
 from simulators.instruments.sources.loaded_source import LoadedSource
 from simulators.instruments.stored_settings import KeptSettings, kept_switch, kept_word
-from simulators.physics.world import World
+from simulators.world import World
 
 ERROR_QUERIES = ("STATus:ERRor?", "SYSTem:ERRor[:NEXT]?")
 _RANGES_V = (10e-3, 100e-3, 1.0, 10.0, 30.0)

@@ -18,8 +18,9 @@ from bench.methods.channel.reduction.decision import ChannelDrift
 from bench.methods.channel.reduction.findings import ChannelFindings
 from bench.metrology.calibration.temperature import Compensation, Curve
 from bench.metrology.least_squares import Array
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation, TemperatureModel
-from bench.metrology.results.finding import BudgetLine, Finding
+from bench.metrology.results.finding import Finding
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from bench.methods.channel.reduction.transfer_meter import believes_meter, stand
 from bench.metrology.gate_scatter import LineScatter, line_gains, line_scatter
 from bench.metrology.instrument import STEPS
 from bench.metrology.least_squares import NotDetermined
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.coverage import COVERAGE, effective_dof
-from bench.metrology.results.finding import BudgetLine
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 

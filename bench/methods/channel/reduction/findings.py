@@ -17,7 +17,8 @@ from bench.methods.channel.reduction.transfer_meter import believes_meter, stand
 from bench.metrology.bench_uncertainty import SourceRecord
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.instrument import instrument_u, shared_as
-from bench.metrology.results.finding import BudgetLine, Finding
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 

@@ -13,7 +13,7 @@ from bench.methods.imu.reduction.table_errors import shared_by
 from bench.methods.imu.reduction.windows import Turning
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
-from bench.metrology.results.finding import BudgetLine
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import by_level
 

@@ -20,7 +20,8 @@ from bench.metrology.acquisition import Acquisition
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
 from bench.metrology.orientation import unit_axes
-from bench.metrology.results.finding import BudgetLine, Finding
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 

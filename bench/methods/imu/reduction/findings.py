@@ -27,7 +27,8 @@ from bench.methods.imu.reduction.windows import Turning, Visit
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import NotDetermined, least_squares
-from bench.metrology.results.finding import BudgetLine, Finding, Subject
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, Subject
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import by_level
 

@@ -28,8 +28,9 @@ from bench.methods.imu.reduction.windows import readings, visits
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.least_squares import Array
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import KnotModel
-from bench.metrology.results.finding import NOT_CLOSED, BudgetLine, Finding, Interval, UnitResult
+from bench.metrology.results.finding import NOT_CLOSED, Finding, Interval, UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 MODELLED = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # what changes with temperature, and what its changes are in

@@ -21,7 +21,8 @@ from bench.methods.imu.reduction.windows import visits
 from bench.methods.imu.start_up.courses import Courses, Part, Settling, fit_courses, settling
 from bench.methods.imu.start_up.readings import PowerOn, Readings
 from bench.metrology.least_squares import Array, NotDetermined
-from bench.metrology.results.finding import LOWER_BOUND, BudgetLine, Finding, Interval, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import LOWER_BOUND, Finding, Interval, UnitResult
 from bench.metrology.run_data import ReleasedCalibration, RunData, UnitUnderTest
 
 PARTS: Mapping[str, Part] = {"K0": "zero", "K1": "scale", "D0": "zero", "KG": "scale"}

@@ -19,7 +19,7 @@ from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.instrument import STEPS, instrument_u, shared_as
 from bench.metrology.least_squares import Array
 from bench.metrology.propagation import Estimate
-from bench.metrology.results.finding import BudgetLine, combined
+from bench.metrology.results.budget import BudgetLine, combined
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import by_position
 from bench.metrology.thermometer_drift import source_of

@@ -22,8 +22,9 @@ from bench.metrology.extremes import interval_of_largest, largest_u
 from bench.metrology.least_squares import Array
 from bench.metrology.nonlinear import NonlinearFit
 from bench.metrology.propagation import Estimate, Measured
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation
-from bench.metrology.results.finding import BudgetLine, Finding, Interval
+from bench.metrology.results.finding import Finding, Interval
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 SELECTION = "readings: scatter makes the largest of many larger"

@@ -21,7 +21,8 @@ from bench.methods.ramp.reduction.scatter import SlopeScatter, slope_scatter, su
 from bench.metrology.extremes import scatter_sd
 from bench.metrology.instrument import shared_as
 from bench.metrology.least_squares import Array
-from bench.metrology.results.finding import BudgetLine, Subject
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Subject
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun, source_of
 

@@ -16,9 +16,10 @@ from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.extremes import interval_of_rms
 from bench.metrology.largest import largest_of
 from bench.metrology.least_squares import PolynomialFit
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.coverage import COVERAGE, coverage_factor
 from bench.metrology.results.curves import TemperatureModel
-from bench.metrology.results.finding import BudgetLine, Finding, Interval
+from bench.metrology.results.finding import Finding, Interval
 from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
 
 

@@ -15,7 +15,8 @@ from bench.methods.rate_table.reduction.radius import LARGEST_U_RADIUS, LEAST_LO
 from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeForm, noise_of
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning, range_blocks
 from bench.metrology.orientation import turned_axes
-from bench.metrology.results.finding import BudgetLine, Finding, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 RESOLUTION = "encoder: resolution"

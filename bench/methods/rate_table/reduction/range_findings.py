@@ -13,8 +13,9 @@ from bench.methods.rate_table.reduction.samples import mean_c
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, shared_per_degree, stated_scale
 from bench.metrology.calibration.linearity import Linearity, LinearityPoint, fit_linearity
 from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation
-from bench.metrology.results.finding import BudgetLine, Finding, Subject, UnitResult, Verdict
+from bench.metrology.results.finding import Finding, Subject, UnitResult, Verdict
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 BIAS = "readings at rest"

@@ -36,8 +36,9 @@ from bench.methods.rate_table.reduction.sampling import at_once
 from bench.methods.rate_table.reduction.second_order import response_model
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, stated_scale
 from bench.metrology.calibration.response import ResponseCompensation
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation
-from bench.metrology.results.finding import BudgetLine, UnitResult
+from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 ARM_U = 3.0  # by so many standard uncertainties an arm may differ from what the bench file says

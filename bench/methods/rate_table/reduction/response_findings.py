@@ -23,7 +23,8 @@ from bench.methods.rate_table.reduction.response_points import (
     Swing,
 )
 from bench.metrology.bench_uncertainty import AxisRecord, ClockRecord
-from bench.metrology.results.finding import BudgetLine, Finding, Subject
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, Subject
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 ENCODER = "encoder: noise and resolution"

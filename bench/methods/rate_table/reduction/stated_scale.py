@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant
-from bench.metrology.results.finding import BudgetLine
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 STATED = "scale factor as stated"

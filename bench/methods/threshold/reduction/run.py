@@ -21,7 +21,8 @@ from bench.metrology.acquisition import Acquisition
 from bench.metrology.orientation import elevation_rad
 from bench.metrology.outputs import Output, mean_output
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
-from bench.metrology.results.finding import LOWER_BOUND, BudgetLine, Finding, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import LOWER_BOUND, Finding, UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 NAMES = {

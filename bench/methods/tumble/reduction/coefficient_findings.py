@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from bench.methods.tumble.reduction.coefficients import bias_coefficients, scale_coefficients
 from bench.metrology.least_squares import Array, PolynomialFit
-from bench.metrology.results.finding import BudgetLine, Finding, Subject
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, Subject
 
 TERMS = ("linear", "quadratic")
 CONTAINED = "residuals of the model: contained"

@@ -12,7 +12,8 @@ from bench.methods.tumble.reduction.dwells import Dwell
 from bench.methods.tumble.reduction.unit import TumbleUnit, type_b
 from bench.metrology.acquisition import Array
 from bench.metrology.instrument import STEPS, instrument_u, shared_as
-from bench.metrology.results.finding import BudgetLine, Finding
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding
 from bench.metrology.sampled_codes import by_position
 
 NAMES = {

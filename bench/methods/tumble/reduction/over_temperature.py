@@ -15,7 +15,8 @@ from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.acquisition import Array
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.least_squares import PolynomialFit, fit_polynomial
-from bench.metrology.results.finding import BudgetLine, Finding, Interval
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, Interval
 from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
 
 

@@ -17,7 +17,8 @@ from scipy.special import chdtri
 from bench.methods.tumble.reduction.dwells import solve_dwells
 from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.acquisition import Array
-from bench.metrology.results.finding import CONFIDENCE, BudgetLine, Finding, Interval, UnitResult
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import CONFIDENCE, Finding, Interval, UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.unlike_nominal import flags_of_scale
 

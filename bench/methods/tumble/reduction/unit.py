@@ -12,7 +12,8 @@ from bench.methods.tumble.reduction.dwells import Dwell
 from bench.metrology.acquisition import Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import PolynomialFit
-from bench.metrology.results.finding import BudgetLine, Subject
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Subject
 from bench.metrology.reversible import reversible_slope
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun

@@ -2,8 +2,8 @@
 
 import pytest
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.physics.settings import WorldSettings
-from simulators.physics.world import World
+from simulators.units.settings import WorldSettings
+from simulators.world import World
 
 from toy_chamber import wire
 from toy_chamber.simulator import SimulatedToyChamber

@@ -13,7 +13,7 @@ from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
 from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.instruments.scpi import ILLEGAL_VALUE, Interpreter, LineSession, Refusal, setting
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
+from simulators.world import World
 
 from toy_chamber import wire
 from toy_chamber.wire import Mode

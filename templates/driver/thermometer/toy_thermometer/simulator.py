@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
 from simulators.instruments.scpi import Interpreter, LineSession
 from simulators.instruments.setup import InstrumentSetup
-from simulators.physics.world import World
+from simulators.world import World
 
 from toy_thermometer import wire
 

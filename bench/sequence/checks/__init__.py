@@ -1,0 +1,1 @@
+"""The checks of a sequence: single steps, then rules on the whole plan."""

@@ -1,0 +1,135 @@
+"""A plan against a bench: everything that can be known before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from bench.config.document import Document, Place, Problem
+from bench.config.load import problems
+from bench.config.models import BenchFile
+from bench.sequence.checks.interlocks import interlocks
+from bench.sequence.checks.steps import is_there, limit_problems, role_problems
+from bench.sequence.document.model import ResultEntry
+from bench.sequence.language.readings import unit_of
+from bench.sequence.method import OUTPUT_UNITS, MethodDescription, known_methods
+from bench.sequence.plan.plan import PHASES, Plan
+from bench.sequence.plan.poses import angles_before
+from bench.sequence.plan.subsequences import declared_at
+from bench.sequence.steps.limits import unit_problems
+from drivers.capabilities import OUTPUT, READING, THERMOMETER
+from drivers.quantity.units import quoted
+from drivers.schema.suggest import did_you_mean
+
+
+def check(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
+    """What is wrong with a plan: by itself, and on a bench where one is given."""
+    if bench is not None:
+        yield from _needs(plan, bench)
+        yield from interlocks(plan, bench)
+    yield from _steps(plan, bench)
+    yield from _results(plan, bench)
+
+
+def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
+    for role, kind in plan.sequence.needs.items():
+        place = declared_at(plan.document, "needs", role)
+        if kind in (THERMOMETER, READING):
+            if bench.members(role)[0] not in bench.readings:
+                yield place, f"the bench '{bench.title}' has no reading '{role}'{did_you_mean(role, bench.readings)}"
+            elif kind == THERMOMETER and (unit := unit_of(role, bench)) != "°C":
+                yield place, f"the sequence needs a thermometer, '{role}' of the bench is in {unit}"
+        elif kind == OUTPUT:
+            if role in bench.devices:
+                yield place, f"'{role}' is a device of the bench; choose another name for the output of the units"
+        elif (device := bench.devices.get(bench.members(role)[0])) is None:
+            yield place, f"the bench '{bench.title}' has no device '{role}'{did_you_mean(role, bench.devices)}"
+        elif kind not in device.description.capabilities:
+            is_a = ", ".join(sorted(device.description.capabilities))
+            yield place, f"the sequence needs a {kind}, '{role}' of the bench is a {is_a}"
+
+
+def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
+    """Problems of steps; one that recurs in every pass of a loop is reported once, with its first step.
+
+    So is one in a sequence that is called repeatedly.
+    """
+    told: set[tuple[Path, Place]] = set()
+    needs = plan.sequence.needs
+    seen: set[tuple[Place, int, float]] = set()  # the same step from the same angle is as right in every pass
+    for planned, from_deg in angles_before(plan, bench):
+        if (once := (planned.place, id(planned.step), from_deg)) in seen:
+            continue
+        seen.add(once)
+        found = list(role_problems(planned.step, needs, bench))
+        if not found and bench is not None and is_there(planned.step, needs, bench):
+            found = [
+                (key, f"{key}: {problem} (step {planned.id})")
+                for key, problem in limit_problems(planned.step, bench, from_deg)
+            ]
+        for key, problem in found:
+            place: Place = (*planned.place, key)
+            owner, inner = plan.document.owner(place)
+            if (owner.path, inner) not in told:
+                told.add((owner.path, inner))
+                yield place, problem
+
+
+def _results(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
+    labels = set(_labels(plan.document))
+    for index, entry in enumerate(plan.sequence.results):
+        place: Place = ("results", index)
+        for key, label in (("data", entry.data), ("closure", entry.closure)):
+            if label is not None and label not in labels and None not in labels:
+                hint = did_you_mean(label, sorted(filter(None, labels)))
+                yield (*place, key), f"no step acquires with the label '{label}'{hint}"
+        method = known_methods().get(entry.method)
+        if method is None:
+            hint = did_you_mean(entry.method, known_methods())
+            yield (*place, "method"), f"there is no method {quoted(entry.method)}{hint}"
+            continue
+        if entry.closure is not None and not method.closes:
+            yield (*place, "closure"), f"{entry.method} has no stability check; remove 'closure'"
+        try:
+            method.settings.model_validate(entry.settings)
+        except ValidationError as error:
+            yield from problems(plan.document.value, error, (*place, "settings"))
+        yield from _result_limits(entry, method, bench, (*place, "limits"))
+
+
+def _result_limits(
+    entry: ResultEntry, method: MethodDescription, bench: BenchFile | None, place: Place
+) -> Iterator[Problem]:
+    """Limits of what the method does not find, or in another unit than it finds it in on the bench.
+
+    Without a bench the units of every output are right, as long as all keys of a limit go with the same.
+    """
+    on_bench = {(bench.output_unit(place), bench.gyro_output_unit(place)) for place in bench.places} if bench else set()
+    anywhere = [(unit, unit) for unit in OUTPUT_UNITS]
+    for name, limit in entry.limits.items():
+        if name not in method.quantities:
+            yield (*place, name), f"{entry.method} has no result {quoted(name)}{did_you_mean(name, method.quantities)}"
+            continue
+        found = [list(unit_problems(limit, method.units(*units)[name])) for units in sorted(on_bench) or anywhere]
+        wrong = max(found, key=len) if on_bench else min(found, key=len)
+        yield from (((*place, name, key), problem) for key, problem in wrong)
+
+
+def _labels(document: Document) -> Iterator[str | None]:
+    """The labels of all acquisitions, including invalid steps; None if one is unknown."""
+    for part in (document, *document.all_included()):
+        yield from _labels_in([part.value.get(phase) for phase in PHASES])
+
+
+def _labels_in(raw: Any) -> Iterator[str | None]:
+    if isinstance(raw, dict):
+        if "acquire" in raw:
+            label = raw.get("label")
+            yield label if isinstance(label, str) else None
+        raw = list(raw.values())
+    if isinstance(raw, list):
+        for part in raw:
+            yield from _labels_in(part)

@@ -1,0 +1,60 @@
+"""The rule on swings that are sampled at few phases, and which acquisitions a plan makes during a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+
+from bench.config.models import BenchFile
+from bench.sequence.checks.remarks import Found
+from bench.sequence.plan.plan import Plan, PlannedStep
+from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.stimulus import Oscillate, Rotate
+from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_telemetry.description import TelemetryOptions
+
+FEW_PHASES = 100  # of a swing that the samples come back to; their number divides the errors of the encoder
+Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition, and what turns the table meanwhile
+
+
+def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A swing sampled at only a few phases: the quantisation of the encoder does not average out."""
+    for planned, motion in acquired_inside(plan, None):
+        step = planned.step
+        if not isinstance(step, Acquire) or not isinstance(motion, Oscillate) or step.duration_s is None:
+            continue
+        for period_s in _periods_s(bench, step.role, motion.role):
+            turns = motion.highest_hz * period_s  # of the swing, from sample to sample
+            near = Fraction(turns).limit_denominator(FEW_PHASES)
+            drift = abs(turns - near) * step.duration_s / period_s
+            if drift * near.denominator < 1:
+                yield (
+                    (*place_of(plan, motion), "frequency"),
+                    f"{motion.highest_hz:.6g} Hz and a sample every {period_s * 1e3:g} ms meet "
+                    f"at only {near.denominator} phases of the swing, at which the encoder has always the same errors",
+                    "Change the frequency by 0.1 to 0.3 Hz",
+                )
+
+
+def _periods_s(bench: BenchFile, role: str, device: str) -> Iterator[float]:
+    """From latch to latch of what latches the encoder of a device in an acquisition."""
+    for each in bench.acquired_from(role):
+        options = bench.devices[each].options
+        if isinstance(options, CounterOptions) and device in options.positions:
+            yield options.period
+        elif isinstance(options, TelemetryOptions) and device in options.positions:
+            yield options.channels[options.positions[device].channel].period
+
+
+def acquired_inside(plan: Plan, label: str | None) -> Iterator[Inside]:
+    """The acquisitions under a label, or all, each with what turns the table while it is done."""
+    turning = {planned.id: planned.step for planned in plan if isinstance(planned.step, (Oscillate, Rotate))}
+    for planned in plan:
+        if isinstance(planned.step, Acquire) and label in (None, planned.step.label):
+            outer = (motion for step_id, motion in turning.items() if planned.id.startswith(f"{step_id}/"))
+            yield planned, next(outer, None)
+
+
+def place_of(plan: Plan, motion: Oscillate) -> tuple[str | int, ...]:
+    """The place of a swing in the document."""
+    return next(planned.place for planned in plan if planned.step is motion)

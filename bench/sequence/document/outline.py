@@ -1,0 +1,38 @@
+"""The parts of a sequence file other than its steps, and the problems of single steps."""
+
+from __future__ import annotations
+
+from pydantic import ValidationError
+
+from bench.config.document import Document, Place, Problem
+from bench.config.load import problems
+from bench.errors import InputError
+from bench.sequence.document.model import Outline, SequenceFile
+from bench.sequence.plan.plan import PHASES
+from drivers.schema.fields import DEFERRED
+
+_LISTS = (*PHASES, "then", "else", "during")
+
+
+def outline_of(document: Document) -> tuple[Outline, list[Problem]]:
+    """The outline of a sequence and what is wrong with its steps; InputError when the outline itself is wrong."""
+    value = document.value
+    try:
+        context = {**DEFERRED, "folder": document.path.parent}
+        return SequenceFile.model_validate(value, context=context), []
+    except ValidationError as error:
+        found = list(problems(value, error))
+    if any(block_around(place) is None for place, _ in found):
+        raise InputError(*document.told(found))
+    return Outline.model_validate({key: part for key, part in value.items() if key not in PHASES}), found
+
+
+def block_around(place: Place) -> Place | None:
+    """The innermost step or block that a place belongs to: it ends with its number in a list of steps."""
+    if not place or place[0] not in PHASES:
+        return None
+    numbers = [
+        index for index, part in enumerate(place)
+        if isinstance(part, int) and (place[index - 1] in _LISTS or place[index - 2] == "parallel")
+    ]  # fmt: skip
+    return place[: numbers[-1] + 1] if numbers else None

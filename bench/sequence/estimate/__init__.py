@@ -1,0 +1,1 @@
+"""Estimated duration of a plan, with settling and thermal lags."""

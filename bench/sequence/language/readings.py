@@ -1,0 +1,136 @@
+"""Readings that steps can use: a named reading of the bench, a channel of a device, a pulse rate.
+
+Another one is the output of the unit in a place, in g by its nominal scale factor, whatever measures it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bench.config.models import BenchFile
+from bench.sequence.language.expressions import Value
+from drivers.capabilities import MEASURES_OUTPUTS, OUTPUT, READING, THERMOMETER
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import parse_unit
+from drivers.schema.suggest import did_you_mean
+
+PULSE_RATE = "pulse/s"
+BY_NOMINAL = "g"  # the unit that an output is told in where what measures it does not matter
+
+
+def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
+    """Why a reading cannot be used; empty if it can. Needs that the bench lacks are reported elsewhere."""
+    device, dot, channel = name.partition(".")
+    if needs.get(device) == OUTPUT:
+        return _problem_with_unit(name, bench)
+    if not dot:
+        kind = needs.get(name)
+        if kind is None:
+            return f"'{name}' is not among the needs of the sequence{did_you_mean(name, needs)}"
+        if kind not in (THERMOMETER, READING):
+            return f"'{name}' is a {kind}; name a reading of it such as {name}.{_a_channel(name, bench)}"
+        return ""
+    if device not in needs or needs[device] in (THERMOMETER, READING):
+        return f"'{device}' is not among the devices that the sequence needs{did_you_mean(device, needs)}"
+    if bench is None or device not in bench.devices or unit_of(name, bench) is not None:
+        return ""
+    return f"'{device}' has no channel '{channel}'{did_you_mean(channel, _known(device, bench))}"
+
+
+def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
+    """Why the output of a unit cannot be measured by itself; empty when it can."""
+    role, dot, place = name.partition(".")
+    if not dot:
+        known = next(iter(bench.places), "PLACE") if bench is not None else "PLACE"
+        return f"'{role}' is the output of all units; name one by its place: {role}.{known}"
+    if bench is None:
+        return ""
+    if place not in bench.places:
+        return f"the bench has no unit in place '{place}'{did_you_mean(place, bench.places)}"
+    if bench.places[place].channels is not None:
+        return f"the inertial unit in place '{place}' has several outputs; name a channel of its counter"
+    if bench.nominal_per_g(place) is None:
+        parts = " and ".join(bench.places[place].makes_output_of_g)
+        return f"places.{place} of the bench file has no nominal {parts}, by which its output is told in g"
+    return ""
+
+
+def measured_place(name: str, bench: BenchFile) -> str | None:
+    """The place whose unit's output is meant by ROLE.PLACE; None of any other reading."""
+    role, _, place = name.partition(".")
+    return place if role not in bench.devices and place in bench.places else None
+
+
+def problem_with_output(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
+    """Why outputs cannot be looked at: of all units, of those of one device or channel of it; empty when they can."""
+    device, dot, channel = name.partition(".")
+    kind = needs.get(device)
+    if kind is None:
+        return f"'{device}' is not among the devices that the sequence needs{did_you_mean(device, needs)}"
+    if kind not in MEASURES_OUTPUTS:
+        return f"'steady' needs a {' or '.join(MEASURES_OUTPUTS)}, '{device}' is a {kind}"
+    if bench is None or (device not in bench.devices and kind != OUTPUT):
+        return ""
+    if dot and channel not in (known := _outputs(device, bench)):
+        return f"'{device}' has no output on a channel '{channel}'{did_you_mean(channel, known)}"
+    return "" if units_at(name, bench) else f"no unit puts out anything that '{name}' measures"
+
+
+def units_at(name: str, bench: BenchFile) -> tuple[str, ...]:
+    """The places of the units whose output a role measures, or one channel of it."""
+    device, _, channel = name.partition(".")
+    roles = set(bench.acquired_from(device))
+    return tuple(
+        place
+        for place, entry in bench.places.items()
+        if roles.intersection(bench.measuring(entry)) and (not channel or channel in entry.measured_by.values())
+    )
+
+
+def unit_of(name: str, bench: BenchFile) -> str | None:
+    """The unit of a reading; None when the bench has no such reading."""
+    if measured_place(name, bench) is not None:
+        return BY_NOMINAL
+    name = bench.members(name)[0]
+    source = bench.readings[name].from_ if name in bench.readings else name
+    device, _, channel = source.partition(".")
+    if device not in bench.devices:
+        return None
+    if channel in _counted(device, bench):
+        return PULSE_RATE
+    return bench.devices[device].channels.get(channel)
+
+
+def is_pulse_rate(name: str, bench: BenchFile) -> bool:
+    """Whether a reading is the pulse rate of a counter's channel, which is counted rather than polled."""
+    device, _, channel = name.partition(".")
+    return device in bench.devices and channel in _counted(device, bench)
+
+
+def example_of(name: str, bench: BenchFile | None) -> Value | None:
+    """A value of a reading's kind, for checking expressions; None when its unit is not known."""
+    unit = unit_of(name, bench) if bench is not None else None
+    if unit is None:
+        return None
+    return Quantity(float(parse_unit(unit).factor), parse_unit(unit).dimension)
+
+
+def _known(device: str, bench: BenchFile) -> list[str]:
+    return [*bench.devices[device].channels, *_counted(device, bench)]
+
+
+def _counted(device: str, bench: BenchFile) -> tuple[str, ...]:
+    entry = bench.devices[device]
+    if "pulse_counter" not in entry.description.capabilities:
+        return ()
+    return tuple(getattr(entry.options, "channels", {}))
+
+
+def _outputs(device: str, bench: BenchFile) -> tuple[str, ...]:
+    """The channels on which a device measures outputs, or units send them; none of a voltmeter."""
+    return tuple(getattr(bench.devices[device].options, "channels", {})) if device in bench.devices else ()
+
+
+def _a_channel(device: str, bench: BenchFile | None) -> str:
+    known = _known(device, bench) if bench and device in bench.devices else []
+    return known[0] if known else "CHANNEL"

@@ -1,0 +1,124 @@
+"""Values of parameters and loop variables as documents write them: quantities, lists, ranges, expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+from bench.sequence.language.expressions import Scalar, Value, ValueProblem, evaluate, scalar_of
+from drivers.quantity.quantities import Quantity, spell
+from drivers.quantity.units import NO_DIMENSION, parse_unit, quoted
+from drivers.schema.suggest import did_you_mean
+
+LIST_LIMIT = 10_000
+_KEYS = ("from", "to", "step")
+_MARGIN = Decimal("1e-9")  # of a step: for units whose numbers are no decimals, such as radians
+
+# For editors: how a document may write a value, see value_of.
+QUANTITY_SCHEMA = {"type": ["string", "number"], "minLength": 1}
+_ONE = {"type": ["string", "number", "boolean"], "minLength": 1}
+_RANGE = {
+    "type": "object",
+    "properties": {"from": QUANTITY_SCHEMA, "to": QUANTITY_SCHEMA, "step": QUANTITY_SCHEMA},
+    "required": ["from", "to"],
+    "additionalProperties": False,
+}
+_LIST = {"type": "array", "items": {"anyOf": [_ONE, _RANGE, {"type": "array"}]}}
+VALUE_SCHEMA = {"anyOf": [_ONE, _RANGE, _LIST], "description": "a value, a list of values, or a range {from, to, step}"}
+
+
+def holds_expression(raw: object) -> bool:
+    """Whether a raw value is an expression, or text with one in it."""
+    return isinstance(raw, str) and "${" in raw
+
+
+def value_of(raw: Any, names: Mapping[str, Value] | None = None) -> Value:
+    """The value that a document's value means, expressions evaluated over `names`; raises ValueProblem.
+
+    Numbers are ratios or counts, text that is a quantity is one, `{from, to, step}` is a range with both its ends, and
+    lists of these are flattened.
+    """
+    if isinstance(raw, (list, tuple)):
+        flat: list[Scalar] = []
+        for item in raw:
+            inner = value_of(item, names)
+            flat.extend(inner if isinstance(inner, tuple) else (inner,))
+            if len(flat) > LIST_LIMIT:
+                raise ValueProblem(f"a list of more than {LIST_LIMIT} values")
+        return tuple(flat)
+    if isinstance(raw, Mapping):
+        return _range(raw, names or {})
+    if isinstance(raw, str) and holds_expression(raw):
+        inside = raw[2:-1]
+        if not raw.startswith("${") or not raw.endswith("}") or "{" in inside or "}" in inside:
+            raise ValueProblem(f"{quoted(raw)}: an expression is the whole value, like ${{a + b}}")
+        return evaluate(inside, names or {})
+    return scalar_of(raw)
+
+
+def _range(raw: Mapping[str, Any], names: Mapping[str, Value]) -> tuple[Quantity, ...]:
+    """`{from, to, step}` as values, worked out in decimals as a person would; without a step, counts go by 1."""
+    if unknown := [key for key in raw if key not in _KEYS]:
+        raise ValueProblem(f"unknown key {quoted(unknown[0])} in a range{did_you_mean(unknown[0], _KEYS)}")
+    if missing := [key for key in ("from", "to") if key not in raw]:
+        raise ValueProblem(f"a range needs '{missing[0]}'")
+    first, last = (_quantity(raw[key], names, key) for key in ("from", "to"))
+    if "step" not in raw and first.dimension != NO_DIMENSION:
+        raise ValueProblem(f"a range from {in_words(first)} needs a 'step'")
+    step = _quantity(raw.get("step", 1), names, "step")
+    for what, other in (("to", last), ("step", step)):
+        if other.dimension != first.dimension:
+            raise ValueProblem(f"'{what}' of a range is {in_words(other)}, 'from' is {in_words(first)}")
+    if step.base_value <= 0:
+        raise ValueProblem("the step of a range is above 0; the direction follows from its ends")
+    return _values(first, last, step)
+
+
+def _values(first: Quantity, last: Quantity, step: Quantity) -> tuple[Quantity, ...]:
+    begin, end, stride = (Decimal(spell(quantity).split(" ")[0]) for quantity in (first, last, step))
+    unit = spell(first).partition(" ")[2]
+    strides = abs(end - begin) / stride
+    if strides >= LIST_LIMIT:
+        raise ValueProblem(f"a range of more than {LIST_LIMIT} values")
+    count = round(strides)
+    if abs(strides - count) > _MARGIN:
+        raise ValueProblem(
+            f"a range from {in_words(first)} in steps of {in_words(step)} does not meet its end, {in_words(last)}"
+        )
+    signed = stride if end >= begin else -stride
+    factor = parse_unit(unit).factor
+    between = (Quantity(float(Fraction(begin + signed * index) * factor), first.dimension) for index in range(1, count))
+    ends = [Quantity(end.base_value, end.dimension) for end in (first, last)]  # all values spelled in one unit
+    return (ends[0], *between, ends[1]) if count else (ends[0],)
+
+
+def _quantity(raw: Any, names: Mapping[str, Value], what: str) -> Quantity:
+    value = value_of(raw, names)
+    if not isinstance(value, Quantity):
+        raise ValueProblem(f"'{what}' of a range is {quoted(in_words(value))}, expected a quantity")
+    return value
+
+
+def spelled(value: Value) -> str:
+    """A value for a step's id or a message: "20", "-40", "0.5"; the number in its customary unit without it."""
+    if isinstance(value, Quantity):
+        return spell(value).split(" ")[0]
+    if isinstance(value, tuple):
+        return ", ".join(spelled(item) for item in value)
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def in_words(value: Value) -> str:
+    """A value with its unit, for a person: "20 °C, 30 °C"."""
+    if isinstance(value, tuple):
+        return ", ".join(in_words(item) for item in value)
+    return spell(value) if isinstance(value, Quantity) else spelled(value)
+
+
+def as_written(value: Value) -> str:
+    """A value as its document writes it, like "2.5 µg"; what was computed in its customary unit."""
+    if isinstance(value, tuple):
+        return ", ".join(as_written(item) for item in value)
+    return value.written or spell(value) if isinstance(value, Quantity) else spelled(value)

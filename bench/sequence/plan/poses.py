@@ -1,0 +1,104 @@
+"""Angles of the axes of a bench before each step of a plan, as the encoder counts them, over whole turns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from bench.config.models import BenchFile
+from bench.sequence.plan.plan import (
+    Alternatives,
+    Attempts,
+    Branches,
+    Meanwhile,
+    Nodes,
+    Passes,
+    Plan,
+    PlannedStep,
+    Section,
+)
+from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
+from bench.sequence.steps.stimulus import Move, Rotate
+from bench.sequence.steps.talk import Prompt
+
+PASSES_LOOKED_AT = 1000  # of a loop whose end is measured; what travels further is told by then
+
+
+def angles_before(plan: Plan, bench: BenchFile | None = None) -> Iterator[tuple[PlannedStep, float]]:
+    """Each step with the angle of its axis before it, in °; 0 for steps without one.
+
+    Without a bench nothing is known of where the axes of a table go for an attitude.
+    """
+    for planned, pose in poses_before(plan, bench):
+        yield planned, pose.angles_deg.get(getattr(planned.step, "role", ""), 0.0)
+
+
+def poses_before(plan: Plan, bench: BenchFile | None) -> Iterator[tuple[PlannedStep, Pose]]:
+    """Each step with the angles of the axes before it, and the mount of the units.
+
+    Axes begin at 0. Both alternatives are passed, one after the other, from the same angles; a loop with a
+    measured end is passed its maximum number of times.
+    """
+    yield from _Travel(bench).nodes((*plan.setup, *plan.steps, *plan.teardown))
+
+
+class _Travel:
+    def __init__(self, bench: BenchFile | None) -> None:
+        self._bench = bench
+        self._angles_deg: dict[str, float] = {}
+        self._mount: str | None = None
+
+    def nodes(self, nodes: Nodes) -> Iterator[tuple[PlannedStep, Pose]]:
+        for node in nodes:
+            match node:
+                case PlannedStep():
+                    yield self._step(node)
+                case Meanwhile():
+                    yield self._step(node.step)
+                    yield from self.nodes(node.body)
+                case Section():
+                    yield from self.nodes(node.body)
+                    yield from self.nodes(node.teardown)
+                case Alternatives():
+                    before = dict(self._angles_deg)
+                    yield from self.nodes(node.then)
+                    after, self._angles_deg = self._angles_deg, before
+                    yield from self.nodes(node.otherwise)
+                    self._angles_deg = {**after, **self._angles_deg}
+                case Passes():
+                    yield from self._passes(node)
+                case Attempts():
+                    yield from self.nodes(node.body)
+                case Branches():
+                    for branch in node.branches.values():
+                        yield from self.nodes(branch)
+
+    def _passes(self, node: Passes) -> Iterator[tuple[PlannedStep, Pose]]:
+        """As many passes as there may be; no more once a pass ends where it began."""
+        for number in range(1, min(node.at_most, PASSES_LOOKED_AT) + 1):
+            before = dict(self._angles_deg)
+            yield from self.nodes(node.numbered(number))
+            if before == self._angles_deg:
+                return
+
+    def _step(self, planned: PlannedStep) -> tuple[PlannedStep, Pose]:
+        """The step and the pose before it; stores the pose after it."""
+        step, pose = planned.step, Pose(dict(self._angles_deg), self._mount)
+        from_deg = self._angles_deg.get(getattr(step, "role", ""), 0.0)
+        if isinstance(step, Move):
+            target_deg = step.target_deg(from_deg)
+            self._angles_deg[step.role] = from_deg if math.isnan(target_deg) else target_deg
+        elif isinstance(step, Rotate) and step.during is None:
+            self._angles_deg[step.role] = from_deg + math.copysign(step.least_s * abs(step.rate_dps), step.rate_dps)
+        elif isinstance(step, Orient) and self._bench is not None:
+            self._orient(step, self._bench, pose)
+        elif isinstance(step, Prompt) and step.expect is not None and step.expect.mount is not None:
+            self._mount = step.expect.mount
+        return planned, pose
+
+    def _orient(self, step: Orient, bench: BenchFile, pose: Pose) -> None:
+        """An unreachable attitude changes nothing; it is reported elsewhere."""
+        try:
+            self._angles_deg |= targets_deg(step.attitude, bench, pose)
+        except Unreachable:
+            return

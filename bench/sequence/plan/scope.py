@@ -1,0 +1,151 @@
+"""Names visible to expressions in a part of a sequence, and their values while the plan is made."""
+
+from __future__ import annotations
+
+import re
+import types
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from bench.config.document import Place, Problem
+from bench.sequence.language.expressions import Value, ValueProblem, names_in
+from bench.sequence.language.values import holds_expression, in_words, value_of
+from bench.sequence.plan.plan import Phase, Waiting
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import QuantityError, customary_unit, quoted
+from drivers.schema.fields import InUnit
+
+TEXTS = ("note", "alarm", "prompt")  # keys of texts, which may hold expressions between words
+_IN_TEXT = re.compile(r"\$\{([^{}]*)\}")
+Examples = Mapping[str, Value | None]  # by the names of measurements; None where the unit is not known
+
+
+class Scope(NamedTuple):
+    """The scope of a step in a sequence.
+
+    `names` are parameters and loop variables, of which `loops` are those around the step. `measured` are the names of
+    measurements that come before it, each with an example of its kind; one that a sequence calls may be of the same
+    name as a parameter, which is then meant. `path` is the prefix of the ids in this scope.
+    """
+
+    phase: Phase
+    path: str
+    names: Mapping[str, Value]
+    loops: Mapping[str, Value]
+    measured: dict[str, Value | None]
+
+    def inside(self, label: str, **own: Value) -> Scope:
+        """One level further in, under a label, with the names that are added there."""
+        return self._replace(
+            path=f"{self.path}/{label}", names={**self.names, **own}, loops={**self.loops, **own}
+        )  # fmt: skip
+
+    def waits(self, raw: Any) -> bool:
+        """Whether a value has an expression over measurements."""
+        if isinstance(raw, Mapping):
+            return any(self.waits(value) for value in raw.values())
+        if isinstance(raw, (list, tuple)):
+            return any(self.waits(value) for value in raw)
+        if not self.measured or not holds_expression(raw):
+            return False
+        awaited = self.measured.keys() - self.names.keys()
+        return any(names_in(inside) & awaited for inside in _IN_TEXT.findall(raw))
+
+    def evaluated(self, raw: Any, place: Place, found: list[Problem]) -> Any:
+        """A value of a step, with its expressions evaluated but for those that wait; `found` takes what is wrong."""
+        if isinstance(raw, Mapping):
+            return {key: self.evaluated(value, (*place, key), found) for key, value in raw.items()}
+        if isinstance(raw, list) and any(holds_expression(item) or isinstance(item, Mapping) for item in raw):
+            return [self.evaluated(value, (*place, index), found) for index, value in enumerate(raw)]
+        if not holds_expression(raw):
+            return raw
+        try:
+            value = self.value(raw, text=place[-1] in TEXTS)
+        except ValueProblem as problem:
+            found.append((place, f"{place[-1]}: {problem}"))
+            return None
+        return raw if self.waits(raw) else value
+
+    def value(self, raw: Any, *, text: bool = False) -> Value | None:
+        """What a value is, worked out with examples where it waits; None when those are not known. ValueProblem."""
+        names: dict[str, Value] = dict(self.names)
+        for name, example in self.measured.items():
+            if example is None and isinstance(raw, str) and name in raw and self.waits(raw):
+                return None
+            if example is not None:
+                names.setdefault(name, example)
+        return filled(raw, names) if text else value_of(raw, names)
+
+    def condition(self, raw: Any) -> bool | Waiting:
+        """A condition: true, false, or to be seen in the run; ValueProblem when it is none."""
+        value = self.value(raw)
+        if value is not None and not isinstance(value, bool):
+            raise ValueProblem(f"is {in_words(value)}, expected something true or false such as ${{a > '5 °C'}}")
+        if self.waits(raw):
+            return Waiting(raw, self.names)
+        return bool(value)
+
+    def misfits(
+        self, model: type[BaseModel], raw: Mapping[str, Any], place: Place, reading: Value | None
+    ) -> list[Problem]:
+        """Expressions that wait and are in another unit than their key takes, or than the reading of the step."""
+        found: list[Problem] = []
+        for keys, unit in _units(model, reading) if self.waits(raw) else ():
+            part: Any = raw
+            for key in keys:
+                part = part.get(key) if isinstance(part, Mapping) else None
+            value = self.value(part) if self.waits(part) else None
+            try:
+                if isinstance(value, Quantity):
+                    value.to(unit)
+            except QuantityError as problem:
+                found.append(((*place, *keys), f"{keys[-1]}: {problem}"))
+        return found
+
+
+def names_mentioned(raw: Any) -> frozenset[str]:
+    """Every name in the expressions of a value."""
+    if isinstance(raw, (Mapping, list)):
+        parts = raw.values() if isinstance(raw, Mapping) else raw
+        return frozenset().union(*map(names_mentioned, parts))
+    return frozenset().union(*map(names_in, _IN_TEXT.findall(raw))) if holds_expression(raw) else frozenset()
+
+
+def filled(raw: str, names: Mapping[str, Value]) -> str:
+    """A text with its expressions replaced by their values, to six digits; ValueProblem."""
+    if holds_expression(_IN_TEXT.sub("", raw)):
+        raise ValueProblem(f"{quoted(raw)}: an expression in a text begins with ${{ and ends with }}")
+    return _IN_TEXT.sub(lambda found: _in_text(value_of(found[0], names)), raw)
+
+
+def _in_text(value: Value) -> str:
+    if not isinstance(value, Quantity):
+        return in_words(value)
+    unit = customary_unit(value.dimension)
+    return f"{value.to(unit):.6g} {unit}".rstrip()
+
+
+def _units(model: type[BaseModel], reading: Value | None) -> Iterator[tuple[tuple[str, ...], str]]:
+    """The keys of a step that take one unit; `reading` is an example of what the step looks at."""
+    for name, info in model.model_fields.items():
+        unit = unit_of((info.annotation, *info.metadata))
+        if unit is not None:
+            yield (info.alias or name,), unit
+    if isinstance(reading, Quantity):
+        unit = customary_unit(reading.dimension)
+        yield from (((key,), unit) for key in ("above", "below"))
+        yield from ((("limits", key), unit) for key in ("min", "max", "target", "tolerance", "marginal"))
+
+
+def unit_of(parts: tuple[Any, ...]) -> str | None:
+    """The unit of a field by its annotation and metadata; None when it is no quantity in a fixed unit."""
+    for part in parts:
+        if isinstance(part, InUnit):
+            return part.unit
+        if get_origin(part) in (Union, types.UnionType) or hasattr(part, "__metadata__"):
+            inner = (*get_args(part), *getattr(part, "__metadata__", ()))
+            if (unit := unit_of(inner)) is not None:
+                return unit
+    return None

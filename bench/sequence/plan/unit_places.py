@@ -1,0 +1,28 @@
+"""Which places of a bench have a unit in a run."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from bench.config.models import BenchFile
+from bench.config.places import UNIT_KINDS
+from bench.errors import InputError
+from bench.sequence.document.model import Outline
+from bench.sequence.method import known_methods
+
+
+def occupied(bench: BenchFile, sequence: Outline, named: Collection[str] = ()) -> BenchFile:
+    """The bench as it is for a run of a sequence: with units in the places that are named, and in no others.
+
+    Where none is named there is one in each place whose kind of unit the methods of the sequence measure; in all places
+    where it has no method, or no place is for its methods. InputError where a place is named that is not for them, and
+    another is.
+    """
+    measured = {known_methods()[entry.method].measures for entry in sequence.results if entry.method in known_methods()}
+    suited = [name for name, place in bench.places.items() if measured <= {place.kind}]
+    if suited and (others := [name for name in named if name not in suited]):
+        raise InputError(
+            f"place '{others[0]}' is for {UNIT_KINDS[bench.places[others[0]].kind]}, the sequence measures "
+            f"{UNIT_KINDS[bench.places[suited[0]].kind]}; name one with --uut {suited[0]}=SERIAL"
+        )
+    return bench.with_units_in(named or suited or bench.places)

@@ -1,0 +1,42 @@
+"""Which devices of a bench a run cannot do without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from bench.config.models import BenchFile
+from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.custom import Custom
+from bench.sequence.steps.orienting import Orient
+from drivers.capabilities import OUTPUT
+
+
+def devices_used(plan: Plan, bench: BenchFile) -> frozenset[str]:
+    """The devices that a plan acts on or reads, and those that feed, measure and guard the units in their places.
+
+    All of them where a step of a plug-in may use any. `bench` has units in the places of the run.
+    """
+    steps = [planned.step for planned in plan]
+    if any(isinstance(step, Custom) for step in steps):
+        return frozenset(bench.devices)
+    names = set(plan.sequence.needs)
+    for entry in bench.places.values():
+        readings = (entry.temperature, entry.gyro_temperature, entry.converter_temperature)
+        names |= {name for name in (*readings, entry.supply, *bench.measuring(entry)) if name is not None}
+    for interlock in (*bench.interlocks.values(), *plan.sequence.interlocks.values()):
+        names |= set(interlock.names)
+    for step in steps:
+        names |= {str(getattr(step, key)) for key in ("role", "of", "reading") if getattr(step, key, None) is not None}
+        names |= set(bench.axes) if isinstance(step, Orient) else set()
+    outputs = {name for name, kind in plan.sequence.needs.items() if kind == OUTPUT}
+    return frozenset(device for name in names for device in _devices(name, bench, is_output=name in outputs))
+
+
+def _devices(name: str, bench: BenchFile, *, is_output: bool) -> Iterator[str]:
+    """The devices behind a role, a named reading, DEVICE.CHANNEL, or a name for several of them."""
+    if is_output:
+        yield from bench.acquired_from(name)
+    for member in bench.members(name):
+        source = bench.readings[member].from_ if member in bench.readings else member
+        if (device := source.partition(".")[0]) in bench.devices:
+            yield device

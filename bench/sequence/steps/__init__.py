@@ -1,0 +1,1 @@
+"""One model for each step and block, by its verb."""

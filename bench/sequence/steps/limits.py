@@ -1,0 +1,151 @@
+"""Limits in a document: limits, or a target with its tolerance; a guard band, a marginal band."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any, Self
+
+from pydantic import ConfigDict, Field, PlainValidator, ValidationInfo, WithJsonSchema, model_validator
+from pydantic.config import JsonDict
+
+from bench.metrology.results.limits import Limits
+from bench.sequence.language.expressions import ValueProblem
+from bench.sequence.language.values import QUANTITY_SCHEMA, holds_expression, in_words, value_of
+from bench.sequence.steps.fields import is_known
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import NO_DIMENSION, QuantityError
+from drivers.schema.fields import UNKNOWN, InUnit, StrictModel, is_deferred
+from drivers.schema.wording import expected, telling
+
+
+def quantity(raw: Any) -> Quantity:
+    """The quantity of a value in a document, for a validator; raises an error with the message."""
+    try:
+        value = value_of(raw)
+    except ValueProblem as problem:
+        raise telling(str(problem)) from None
+    if not isinstance(value, Quantity):
+        raise expected("a quantity", raw)
+    return value
+
+
+def _bound(raw: Any, info: ValidationInfo) -> Quantity:
+    return UNKNOWN if holds_expression(raw) and is_deferred(info.context) else quantity(raw)
+
+
+Bound = Annotated[Quantity | None, PlainValidator(_bound), WithJsonSchema(QUANTITY_SCHEMA)]
+PositiveRatio = Annotated[float, InUnit("", above=0)]
+
+# For editors: the keys that go together.
+_FORMS: JsonDict = {
+    "oneOf": [
+        {"anyOf": [{"required": ["min"]}, {"required": ["max"]}], "properties": {"target": False}},
+        {"required": ["target", "tolerance"], "properties": {"min": False, "max": False, "relative": False}},
+        {"required": ["target", "relative"], "properties": {"min": False, "max": False, "tolerance": False}},
+    ],
+    "dependentRequired": {"tolerance": ["target"], "relative": ["target"]},
+}
+
+
+class LimitEntry(StrictModel):
+    """What a value may be: from min to max, or target ± tolerance (in its unit) or ± relative (a ratio of it).
+
+    With guard it is accepted only if it is inside by at least that many of its standard uncertainties. It is
+    marginal when a limit is closer than marginal, which is its expanded uncertainty unless it is given.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_FORMS)
+
+    min: Bound = Field(None, description="the lowest that passes")
+    max: Bound = Field(None, description="the highest that passes")
+    target: Bound = Field(None, description="what it should be")
+    tolerance: Bound = Field(None, description="± about the target, in its unit")
+    relative: PositiveRatio | None = Field(None, description="± about the target, as a part of it")
+    guard: PositiveRatio | None = Field(None, description="how many standard uncertainties inside it must lie")
+    marginal: Bound = Field(None, description="closer to a limit it is marginal; its expanded uncertainty unless given")
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        if problem := self._problem_of_keys() or self._problem_of_sizes():
+            raise telling(problem)
+        return self
+
+    def _problem_of_keys(self) -> str:
+        has_sides = self.min is not None or self.max is not None
+        widths = [key for key in ("tolerance", "relative") if getattr(self, key) is not None]
+        if self.target is None:
+            if widths:
+                return f"{widths[0]} needs a target"
+            return "" if has_sides else "needs min or max, or both, or a target with its tolerance"
+        if has_sides:
+            return "give min and max, or a target with its tolerance, not both"
+        if not widths:
+            return "a target needs tolerance, ± in its unit, or relative, ± a ratio of it"
+        return "give tolerance or relative, not both" if len(widths) > 1 else ""
+
+    def _problem_of_sizes(self) -> str:
+        """What is wrong among the values that are known; in which unit they must be is known outside."""
+        target, tolerance = self.target, self.tolerance
+        if self.min is not None and self.max is not None and _is_above(self.min, self.max):
+            return "min is above max"
+        if target is not None and tolerance is not None and not _go_together(target, tolerance):
+            hint = "; write relative for a ratio of it" if tolerance.dimension == NO_DIMENSION else ""
+            return f"tolerance is {in_words(tolerance)}, target is {in_words(target)}{hint}"
+        if tolerance is not None and tolerance.base_value <= 0:
+            return f"tolerance is {in_words(tolerance)}, expected more than 0"
+        if target is not None and self.relative is not None and target.base_value == 0:
+            return "nothing is relative to a target of 0; give tolerance, in its unit"
+        if target is not None and math.isinf(abs(target.base_value) + self._width_of(target)):
+            return "the target and its tolerance together are no finite number"
+        if self.marginal is not None and self.marginal.base_value < 0:
+            return f"marginal is {in_words(self.marginal)}, expected at least 0"
+        return ""
+
+    def _width_of(self, target: Quantity) -> float:
+        """What a target lies from its limits, in base units."""
+        return abs(target.base_value) * (self.relative or 0.0) if self.tolerance is None else self.tolerance.base_value
+
+    @property
+    def sides(self) -> tuple[Quantity | None, Quantity | None]:
+        """The lower and the upper limit."""
+        if self.target is None:
+            return self.min, self.max
+        width = Quantity(self._width_of(self.target), self.target.dimension)
+        return self.target - width, self.target + width
+
+
+def _go_together(one: Quantity, other: Quantity) -> bool:
+    """Whether two quantities are of one dimension, as far as they are known."""
+    return one.dimension == other.dimension or not (is_known(one) and is_known(other))
+
+
+def _is_above(low: Quantity, high: Quantity) -> bool:
+    return low.dimension == high.dimension and low > high
+
+
+def unit_problems(entry: LimitEntry, unit: str) -> Iterator[tuple[str, str]]:
+    """Keys of limits that are known not to be in the unit of what they limit, and what is wrong with them."""
+    for key in ("min", "max", "target", "tolerance", "marginal"):
+        value = getattr(entry, key)
+        try:
+            if is_known(value):
+                value.to(unit)
+        except QuantityError as problem:
+            yield key, f"{key}: {problem}"
+
+
+def limits_in(entry: LimitEntry, unit: str) -> Limits:
+    """The limits as numbers in `unit`; QuantityError when they are in another."""
+    low, high = entry.sides
+    return Limits(
+        low=_in(unit, low),
+        high=_in(unit, high),
+        target=_in(unit, entry.target),
+        guard_k=entry.guard,
+        marginal=_in(unit, entry.marginal),
+    )
+
+
+def _in(unit: str, value: Quantity | None) -> float | None:
+    return None if value is None else value.to(unit)

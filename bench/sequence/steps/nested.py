@@ -1,0 +1,41 @@
+"""Steps inside steps: which model a step has is chosen by its first key, while it is validated."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, PlainValidator, ValidationInfo, ValidatorFunctionWrapHandler, WrapValidator
+
+from drivers.quantity.units import quoted
+from drivers.schema.fields import NOT_EMPTY
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import expected, telling
+
+UNROLLED = object()  # stands for the steps inside a step that were looked at already
+
+
+BLOCKS: dict[str, type[BaseModel]] = {}  # by verb; bench.sequence.steps.verbs, which imports every step, fills it
+
+
+def block_model(raw: object) -> type[BaseModel]:
+    """Return the model of a step by its first key, its verb; PydanticCustomError if there is no such verb."""
+    if not isinstance(raw, dict) or not raw:
+        raise expected("a step: a mapping whose first key is its verb", raw)
+    verb = str(next(iter(raw)))
+    if verb in BLOCKS:
+        return BLOCKS[verb]
+    if later := [key for key in raw if key in BLOCKS]:
+        raise telling(f"the first key of a step is its verb: put '{later[0]}' before {quoted(verb)}")
+    raise telling(f"unknown step {quoted(verb)}{did_you_mean(verb, BLOCKS)}")
+
+
+def _block(raw: object, info: ValidationInfo) -> BaseModel:
+    return block_model(raw).model_validate(raw, context=info.context)
+
+
+def _inside(raw: object, handler: ValidatorFunctionWrapHandler) -> Any:
+    return () if raw is UNROLLED else handler(raw)
+
+
+AnyBlock = Annotated[Any, PlainValidator(_block)]
+Steps = Annotated[tuple[AnyBlock, ...], NOT_EMPTY, WrapValidator(_inside)]

@@ -1,0 +1,127 @@
+"""Steps that speak with people: notes, alarms, and questions that a run waits to have answered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from bench.sequence.steps.fields import Resumed, StepBase, Text
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import QuantityError, parse_unit
+from drivers.schema.fields import NOT_EMPTY, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
+from drivers.schema.wording import telling
+
+DONE = "done"
+A_DAY_S = 86400.0
+
+
+class Note(StepBase):
+    """Writes a text into the record of the run, and shows it; the text may hold expressions."""
+
+    text: Text = Field(alias="note")
+
+
+class Alarm(StepBase):
+    """A note that needs immediate attention: it is shown as an alarm and rings the terminal's bell."""
+
+    text: Text = Field(alias="alarm")
+
+
+def _unit(text: str) -> str:
+    try:
+        parse_unit(text)
+    except QuantityError as problem:
+        raise telling(str(problem)) from None
+    return text
+
+
+class TypedInput(StrictModel):
+    """A quantity that a person types, in `unit`, within a range; without a unit it is a text."""
+
+    unit: Annotated[str, AfterValidator(_unit)] | None = Field(None, description="without it the answer is a text")
+    min: AnyQuantity | None = Field(None, description="the lowest value accepted")
+    max: AnyQuantity | None = Field(None, description="the highest value accepted")
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        for name, bound in (("min", self.min), ("max", self.max)):
+            if bound is None:
+                continue
+            if self.unit is None:
+                raise telling(f"{name} needs a unit: without one the answer is a text")
+            try:
+                bound.to(self.unit)
+            except QuantityError as problem:
+                raise telling(f"{name} {problem}") from None
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise telling("min is above max")
+        return self
+
+    @property
+    def example(self) -> Quantity | str:
+        """Something of the kind that is typed, for checking expressions before anybody types."""
+        if self.unit is None:
+            return "text"
+        unit = parse_unit(self.unit)
+        known = (bound for bound in (self.min, self.max) if bound is not None)
+        return next(known, Quantity(float(unit.factor), unit.dimension))
+
+
+class PhysicalChange(StrictModel):
+    """What a person is to change with his hands; a simulated technician does it in simulation."""
+
+    mount: Name | None = Field(None, description="the mount of the fixture that the unit is put on")
+    input: Literal["accelerometer", "source"] | None = Field(
+        None,
+        description="the input of the converter: its accelerometer (at the beginning of a run), "
+        "or the cable of the current source",
+    )
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if not self.model_fields_set:
+            raise telling("names nothing to change; write for instance {mount: upright}")
+        return self
+
+
+class Prompt(StepBase):
+    """Asks a person and waits for the answer, which one of `choices` is, or what is typed; who answered is kept.
+
+    `as` is the name that expressions in later steps know the answer by. `expect` names what the person is to change;
+    confirm it by a reading in the next step.
+    """
+
+    resumed: ClassVar[Resumed] = "asked"
+
+    text: Text = Field(alias="prompt")
+    picture: Annotated[Path, FileBeside()] | None = Field(None, description="shown with the question")
+    choices: Annotated[tuple[Text, ...], NOT_EMPTY] | None = Field(
+        None, description="what may be answered; done unless given"
+    )
+    input: TypedInput | None = None
+    name: Name | None = Field(None, alias="as", description="the name of the answer in later expressions")
+    expect: PhysicalChange | None = None
+    give_up_after_s: PositiveSeconds = Field(
+        A_DAY_S, alias="give_up_after", description="after this time a missing answer is an error"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_kind_of_answer(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and "choices" in raw and "input" in raw:
+            raise telling("has choices and input; an answer is chosen or typed")
+        return raw
+
+    @property
+    def allowed(self) -> tuple[str, ...]:
+        """What may be chosen; empty when the answer is typed."""
+        if self.input is not None:
+            return ()
+        return self.choices or (DONE,)
+
+    @property
+    def example(self) -> Quantity | str:
+        """An answer, for checking expressions before anybody answers."""
+        return self.input.example if self.input is not None else self.allowed[0]

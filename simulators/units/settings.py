@@ -1,0 +1,100 @@
+"""The laboratory of one run as it was drawn: what the simulated world is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from simulators.physics.attitude import Fixture, Mount, Vector
+from simulators.physics.corrections import Table
+from simulators.physics.motion import AxisErrors
+from simulators.physics.table_kinematics import NOWHERE, TableErrors
+from simulators.physics.thermal import ChamberPhysics
+from simulators.units.accelerometer import Decoding, Through
+from simulators.units.gyro_file import GyroFile
+from simulators.units.imu_file import ImuFile
+from simulators.units.unit_file import UnitFile
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceSettings:
+    """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
+
+    `thermometer_drift_c` is what that offset changes by within a run.
+
+    They come on top of those that its `thermometer_table` corrects, °C to be added at readings in °C. Its output are
+    pulses on a `channel`, the volts across `load_ohm`, or codes with their `decoding`. The errors of `converter_` are
+    for the thermometer at its converter; `source` is the device that may feed that. `arm_m` is where it truly is from
+    where the axes of the table meet, in the fixture's frame.
+    """
+
+    unit: UnitFile | GyroFile
+    channel: str
+    supply: str
+    mount_angle_deg: float = 0.0
+    thermometer_offset_c: float = 0.0
+    thermometer_gain: float = 0.0
+    thermometer_table: Table = ((), ())
+    thermometer_drift_c: float = 0.0
+    load_ohm: float | None = None
+    converter_offset_c: float = 0.0
+    converter_gain: float = 0.0
+    converter_table: Table = ((), ())
+    converter_drift_c: float = 0.0
+    source: str = ""
+    arm_m: Vector = NOWHERE
+    decoding: Decoding | None = None
+
+    @property
+    def through(self) -> Through:
+        """What its current goes through."""
+        return self.decoding if self.load_ohm is None else self.load_ohm
+
+
+@dataclass(frozen=True, slots=True)
+class ImuPlace:
+    """An inertial unit in its place.
+
+    `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` what becomes of the codes of
+    those that it sends; `thermometers` are offset (°C), gain, corrections and drift within a run (°C), by SENSORS.
+    """
+
+    unit: ImuFile
+    channels: Mapping[str, str]
+    supply: str
+    mount_angle_deg: float
+    thermometers: Mapping[str, tuple[float, float, Table, float]]
+    decodings: Mapping[str, Decoding] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class WorldSettings:
+    """The laboratory of one run: its seed, its own errors as drawn, and the units by place.
+
+    `axes` are those of the table by the role of what drives them, outer first, as the fixture has them. `level_deg` is
+    how far its base is tilted in the middle of the run, `mount` how the units are fixed in the beginning. `fixture` is
+    as it was meant, `built` as it is; without it they are the same.
+    """
+
+    seed: int
+    gravity_mps2: float
+    host_clock: float = 0.0  # relative error of the host's clock against the true second
+    device_clock: float = 0.0  # relative error of the counter's time base
+    encoder_skew_s: float = 0.0  # by which the counter latches an encoder later than the pulses
+    axes: Mapping[str, AxisErrors] = field(default_factory=lambda: {"head": AxisErrors()})
+    axis_acceleration_dps2: float = 40.0
+    level_deg: float = 0.0
+    level_drift_deg: float = 0.0  # change of it within the run
+    latitude_deg: float = 0.0
+    table: TableErrors = field(default_factory=TableErrors)
+    mount: Mount = field(default_factory=Mount)
+    ambient_c: float = 22.0  # of the room
+    remount_deg: float = 0.0  # standard deviation of how a unit lies each time that it is fixed by hand
+    fixture: Fixture = field(default_factory=Fixture)
+    chamber: ChamberPhysics = field(default_factory=ChamberPhysics)
+    thermometer_lag_s: float = 20.0
+    thermometer_noise_c: float = 0.005
+    run_s: float = 0.0  # how long the run is expected to take, for errors that drift within it; 0 for no drift
+    places: Mapping[str, PlaceSettings] = field(default_factory=dict)
+    imus: Mapping[str, ImuPlace] = field(default_factory=dict)
+    built: Fixture | None = None

@@ -1,0 +1,150 @@
+"""The temperatures of one unit as its simulation needs them: its sensor, its converter, and what thermometers say."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.physics.corrections import Table, read_of
+from simulators.physics.thermal import Thermal
+from simulators.units.thermostat import Thermostat
+from simulators.units.unit_file import UnitFile
+
+Array = NDArray[np.float64]
+
+
+class Warmth:
+    """How warm a unit is: by the chamber alone, or held by a thermostat; its converter in the chamber or outside."""
+
+    def __init__(self, thermal: Thermal, index: int, unit: UnitFile, start_c: float, thermometer_s: float) -> None:
+        self._thermal, self._index = thermal, index
+        self._outside_c = None if unit.converter.in_chamber else unit.converter.temperature
+        model = unit.thermal
+        self._thermostat = None
+        if model.thermostat is not None:
+            self._thermostat = Thermostat(model.thermostat, model.sensor_time_constant, thermometer_s, start_c)
+
+    def follow(self, now_s: float, powered: bool) -> None:
+        """The chamber has been worked out up to now."""
+        if self._thermostat is not None:
+            self._thermostat.advance(now_s, self._thermal.case_c(self._index), powered)
+
+    @property
+    def sensor_c(self) -> float:
+        """The sensor inside the accelerometer."""
+        return self._thermal.sensor_c(self._index) if self._thermostat is None else self._thermostat.sensor_c
+
+    @property
+    def sensor_rate_c_per_s(self) -> float:
+        """How fast it warms."""
+        if self._thermostat is not None:
+            return self._thermostat.rate_c_per_s
+        return self._thermal.sensor_rate_c_per_s(self._index)
+
+    @property
+    def thermometer_c(self) -> float:
+        """What an ideal thermometer at it has followed to."""
+        return self._thermal.thermometer_c(self._index) if self._thermostat is None else self._thermostat.thermometer_c
+
+    @property
+    def board_in_chamber(self) -> bool:
+        """Whether the converter is in the chamber."""
+        return self._outside_c is None
+
+    @property
+    def board_c(self) -> float:
+        """The converter."""
+        return self._thermal.board_c(self._index) if self._outside_c is None else self._outside_c
+
+    @property
+    def board_rate_c_per_s(self) -> float:
+        """How fast the converter warms."""
+        return self._thermal.board_rate_c_per_s(self._index) if self._outside_c is None else 0.0
+
+    @property
+    def board_thermometer_c(self) -> float:
+        """What an ideal thermometer at the converter has followed to."""
+        return self._thermal.board_thermometer_c(self._index) if self._outside_c is None else self._outside_c
+
+
+class BoardState(NamedTuple):
+    """A converter in the chamber at a true time: its board, an ideal thermometer there; the sensor of its unit.
+
+    Beside them what drifts in the bias of the unit.
+    """
+
+    true_s: float
+    board_c: float
+    thermometer_c: float
+    sensor_c: float
+    drifted_g: float
+
+
+class Board:
+    """The converter of a unit as time goes on; `history` is empty for one outside the chamber."""
+
+    def __init__(self, warmth: Warmth, start_c: float) -> None:
+        self._warmth, self._last_c = warmth, start_c
+        self.history: list[BoardState] = []
+
+    def followed_c(self, edges_s: Array, at_s: Array, drifted_g: float) -> Array | None:
+        """What it had been at times between the first of the edges and the last, which is now; None outside."""
+        if not self._warmth.board_in_chamber:
+            return None
+        before_c = self._last_c
+        self._now_at(float(edges_s[-1]), drifted_g)
+        followed = before_c + (at_s - edges_s[0]) * ((self._last_c - before_c) / (edges_s[-1] - edges_s[0]))
+        return np.asarray(followed)
+
+    def just_before_c(self, now_s: float, before_s: float, drifted_g: float) -> Array | None:
+        """What it had been a moment before now, however long ago somebody looked last; None outside."""
+        if not self._warmth.board_in_chamber:
+            return None
+        self._now_at(now_s, drifted_g)
+        return np.asarray(self._last_c - self._warmth.board_rate_c_per_s * before_s)
+
+    def _now_at(self, now_s: float, drifted_g: float) -> None:
+        warmth = self._warmth
+        self._last_c = warmth.board_c
+        self.history.append(BoardState(now_s, self._last_c, warmth.board_thermometer_c, warmth.sensor_c, drifted_g))
+
+
+def followed_c(faults: FaultPlan, at_unit_c: float, room_c: float) -> float:
+    """What an ideal thermometer at a unit has followed to, or the room in which it lies when it has come off."""
+    return room_c if faults.active("detached_thermometer") else at_unit_c
+
+
+class Thermometer:
+    """What a thermometer says of what an ideal one has followed to: with its offset, its gain and its noise.
+
+    They come on top of what its `table` of corrections adds. The offset is that in the middle of a run of `run_s`; it
+    changes evenly, by `drift_c` from the beginning of the run to its end. A run of 0 s has no drift.
+    """
+
+    def __init__(
+        self,
+        start_c: float,
+        offset_c: float,
+        gain: float,
+        noise_c: float,
+        noise: Generator,
+        table: Table = ((), ()),
+        drift_c: float = 0.0,
+        run_s: float = 0.0,
+    ) -> None:
+        self._offset_c, self._gain, self._noise_c, self._noise = offset_c, gain, noise_c, noise
+        self._table, self._drift_c, self._run_s = table, drift_c, run_s
+        self._read_at_s, self._read_c = 0.0, start_c
+
+    def readings_c(self, at_s: Array, now_s: float, now_c: float) -> Array:
+        """Readings at times since the last call, when the ideal one has come to `now_c`."""
+        true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
+        self._read_at_s, self._read_c = now_s, now_c
+        right_c = true_c * (1 + self._gain) + self._offset_c
+        if self._run_s:
+            right_c = right_c + self._drift_c * (at_s / self._run_s - 0.5)
+        return read_of(right_c, self._table) + self._noise_c * self._noise.standard_normal(len(at_s))
