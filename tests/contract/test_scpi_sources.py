@@ -163,14 +163,19 @@ def test_what_cannot_be_made_safe_says_so_in_time(words: Words) -> None:
 
 @each_dialect
 @pytest.mark.parametrize("after_s", [0.3, 0.65, 0.75])
-def test_a_setting_that_another_one_ends_is_refused_even_when_its_last_step_shows(
-    words: Words, after_s: float
-) -> None:
+def test_a_setting_that_another_one_ends_is_refused_even_when_its_last_step_shows(words: Words, after_s: float) -> None:
     async def use(source: SourceRig, driver: Any) -> None:
+        switched_on = asyncio.Event()
+
+        def lose(request: bytes) -> bool:
+            if words.steps[-1] in request:
+                switched_on.set()
+            return False
+
+        source.wire.lose = lose
         source.faults.begin("lag")
         first = asyncio.ensure_future(driver.set(0.0012, limit=5, output=True))
-        while not source.wire.count(words.steps[-1]):
-            await asyncio.sleep(0.01)
+        await switched_on.wait()
         await asyncio.sleep(after_s)
         second = asyncio.ensure_future(driver.set(0.0024, limit=5, output=True))
         with pytest.raises(Refused, match="the setting was ended by another command"):

@@ -15,7 +15,7 @@ from tests.line_faults import campaign as line
 from tests.line_faults.cases import CASES
 from tests.line_faults.orders import ORDERS, play_orders
 from tests.reliability.scorecard import LINES
-from tests.support.chambers import DIALECTS, Rig
+from tests.support.chambers import F4T_DIALECTS, Rig
 from tests.swaps import campaign as swapped
 
 
@@ -47,7 +47,7 @@ def not_a_number(number: int) -> str:
     draw, wrong = np.random.default_rng([3, number]), list[str]()
 
     async def main() -> None:
-        rig = Rig(DIALECTS[0])
+        rig = Rig(F4T_DIALECTS[0])
         async with rig.driver() as driver:
             for _ in range(LINES["S3"].of):
                 bits = _bits(draw)

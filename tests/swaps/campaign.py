@@ -18,7 +18,8 @@ from drivers.capabilities import Device
 from drivers.description import IdentityPin
 from drivers.errors import DriverError, InstrumentFault, WrongIdentity
 from drivers.transport.address import Address
-from tests.swaps.kinds import KINDS, Kind, ramp
+from tests.support.handling import ramp
+from tests.swaps.kinds import KINDS, Kind
 from tests.swaps.panel import Panel
 
 BEFORE, AT_REST, AT_WORK = "before it was opened", "at rest", "at work"
@@ -145,7 +146,7 @@ def _seat(panel: Panel, number: int, pair: Pair) -> Seat:
     role, kind = "ab"[number], pair.kinds[number]
     address = Address.parse(kind.address)
     if str(address) in panel.patched:
-        other = kind.address.replace("127.0.0.1", "127.0.0.2").replace("USB0", "USB1").replace("ttyS0", "ttyS1")
+        other = kind.address.replace("127.0.0.1", "127.0.0.2").replace("serial:///", "serial:///b/")
         address = Address.parse(other)
     panel.put(role, kind.instrument(number if pair.alike else 0), address)
     return Seat(role, kind, address, kind.driver_on(panel, role, address, pair.pins[number] or IdentityPin()))
