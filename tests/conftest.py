@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[1]
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("explore", print_blob=True, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
-SLOW_FOLDERS = {"truth", "integration", "hostile", "can_faults", "line_faults", "swaps"}
+SLOW_FOLDERS = {"truth", "integration", "campaigns"}
 REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
 _MODULES = {
     "pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",), "imucal": ("imucal",),

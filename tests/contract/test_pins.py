@@ -3,11 +3,11 @@
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from campaigns.swaps.kinds import KINDS, Kind
+from campaigns.swaps.panel import Panel
 from drivers.description import IdentityPin
 from drivers.errors import WrongIdentity
 from drivers.transport.address import Address
-from tests.swaps.kinds import KINDS, Kind
-from tests.swaps.panel import Panel
 
 OTHER = "other"
 

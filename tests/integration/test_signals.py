@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.trials import signals
+from campaigns.trials import signals
 
 pytestmark = pytest.mark.integration
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
+from campaigns.truth.campaign import full_bench
 from tests.support.runs import read_json, run_short
-from tests.truth.campaign import full_bench
 
 SHORT = (
     "low=20 °C", "high=29 °C", "ramp_rate=30 °C/h", "return_rate=3 °C/min", "time_constant=1 min", "point=1 min",

@@ -10,8 +10,8 @@ import pytest
 
 from bench.app.request import RunRequest
 from bench.reduce.corrections import Corrections, Table
-from tests.truth.campaign import compare, perfect_bench, run_one
-from tests.truth.planted import comparisons_with
+from campaigns.truth.campaign import compare, perfect_bench, run_one
+from campaigns.truth.planted import comparisons_with
 
 SETTLED = ("temperatures=[20 °C, 20 °C, 20 °C]", "soak=30 min")
 STATED = {  # by the uncertainties beside which they stand

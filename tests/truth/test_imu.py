@@ -1,4 +1,4 @@
-"""Calibrations of an inertial unit against the truth: a short run here, more by `python -m tests.truth.imu`."""
+"""Calibrations of an inertial unit against the truth: a short run here, more by `python -m campaigns.truth.imu`."""
 
 import dataclasses
 import json
@@ -11,11 +11,11 @@ from bench.app.request import RunRequest
 from bench.config.bench import load_bench
 from bench.methods.imu.reduction import windows as imu_windows
 from bench.reduce.stored_run import open_run
+from campaigns.truth.campaign import results_of
+from campaigns.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
+from campaigns.truth.replay import replayed, template_of
+from campaigns.truth.signs import differences
 from tests.support.runs import read_json
-from tests.truth.campaign import results_of
-from tests.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
-from tests.truth.replay import replayed, template_of
-from tests.truth.signs import differences
 
 
 @pytest.fixture(scope="module")

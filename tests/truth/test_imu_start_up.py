@@ -1,4 +1,4 @@
-"""The start-up of a compensated unit against the truth; over many seeds `python -m tests.truth.imu_start_up`."""
+"""The start-up of a compensated unit against the truth; over many seeds `python -m campaigns.truth.imu_start_up`."""
 
 import json
 import math
@@ -13,9 +13,9 @@ from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
 from bench.report.terminal import results_text
 from bench.report.verify import verify
-from tests.truth.campaign import campaign, full_bench, results_of, run_one
-from tests.truth.imu import rms_of
-from tests.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
+from campaigns.truth.campaign import campaign, full_bench, results_of, run_one
+from campaigns.truth.imu import rms_of
+from campaigns.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
 
 SHORT = ("temperatures=[15 °C]", "soak=30 min", "passes=8", "ramp_rate=3 °C/min")
 

@@ -1,4 +1,4 @@
-"""Inertial units that send codes, against the truth; more by `python -m tests.truth.imu --bench imu_telemetry`."""
+"""Inertial units that send codes, against the truth; more by `python -m campaigns.truth.imu --bench imu_telemetry`."""
 
 import csv
 
@@ -9,11 +9,11 @@ from bench.config.bench import load_bench
 from bench.errors import InputError
 from bench.offline.calibration_file import compensated, read_calibration
 from bench.reduce.stored_run import open_run
-from tests.truth.campaign import results_of, run_one
-from tests.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
-from tests.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
-from tests.truth.replay import replayed, template_of
-from tests.truth.signs import differences
+from campaigns.truth.campaign import results_of, run_one
+from campaigns.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
+from campaigns.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
+from campaigns.truth.replay import replayed, template_of
+from campaigns.truth.signs import differences
 
 START_UP = ("temperatures=[27 °C]", "soak=30 min", "passes=6", "ramp_rate=3 °C/min")
 

@@ -8,10 +8,10 @@ from bench.app.request import RunRequest
 from bench.methods.tumble.reduction.repeatability import interval_of, reduce
 from bench.reduce.stored_run import open_run
 from bench.store.reader import RunReader
+from campaigns.truth.campaign import results_of, run_one
+from campaigns.truth.repeatability import compare_repeatability, scattering_bench, true_closure_g
+from campaigns.truth.signs import differences
 from tests.support.runs import latest
-from tests.truth.campaign import results_of, run_one
-from tests.truth.repeatability import compare_repeatability, scattering_bench, true_closure_g
-from tests.truth.signs import differences
 
 SHORT = ("repetitions=4", "steady_within=265 µg", "gate=20 s", "off_time=1 min")
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from bench.app.request import RunRequest
 from bench.config.bench import load_bench
-from tests.truth.campaign import full_bench
-from tests.truth.channel import compared
-from tests.truth.replay import replayed, template_of
+from campaigns.truth.campaign import full_bench
+from campaigns.truth.channel import compared
+from campaigns.truth.replay import replayed, template_of
 
 SHORT = (
     "low=20 °C", "high=26 °C", "ramp_rate=30 °C/h", "return_rate=3 °C/min", "time_constant=20 s", "point=1 min",

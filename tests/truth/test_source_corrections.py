@@ -10,9 +10,9 @@ import pytest
 
 from bench.reduce.corrections import Corrections, Table
 from bench.reduce.stored_run import open_run
+from campaigns.truth.campaign import perfect_bench
+from campaigns.truth.channel import compare_channel
 from tests.support.runs import run_short
-from tests.truth.campaign import perfect_bench
-from tests.truth.channel import compare_channel
 
 SETTINGS = (
     "low=20 °C", "high=27 °C", "ramp_rate=30 °C/h", "return_rate=3 °C/min", "time_constant=1 min", "point=1 min",

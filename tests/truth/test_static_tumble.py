@@ -11,11 +11,11 @@ from bench.methods.tumble.method import TEMPERATURE_TUMBLE
 from bench.methods.tumble.reduction.run import reduce
 from bench.metrology.results.limits import Limits
 from bench.reduce.stored_run import open_run
+from campaigns.truth import judge
+from campaigns.truth.campaign import compare, full_bench, perfect_bench, results_of, run_one
+from campaigns.truth.planted import PLANTED, comparisons_with
+from campaigns.truth.signs import differences
 from tests.support.runs import SHORT
-from tests.truth import judge
-from tests.truth.campaign import compare, full_bench, perfect_bench, results_of, run_one
-from tests.truth.planted import PLANTED, comparisons_with
-from tests.truth.signs import differences
 
 SEEDS = (1, 2)
 SETTLED = ("temperatures=[20 °C, 20 °C, 20 °C]", "soak=30 min")  # warm, and at rest: only noise is left

@@ -13,11 +13,11 @@ from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.response_points import Remarks, gyro_point
 from bench.offline.calibration_file import read_calibration
 from bench.reduce.stored_run import open_run
-from tests.truth.campaign import Comparison, results_of
-from tests.truth.player import Player
-from tests.truth.replay import replayed, template_of
-from tests.truth.signs import differences
-from tests.truth.table import (
+from campaigns.truth.campaign import Comparison, results_of
+from campaigns.truth.player import Player
+from campaigns.truth.replay import replayed, template_of
+from campaigns.truth.signs import differences
+from campaigns.truth.table import (
     BENCHES,
     SHORT,
     check_held,

@@ -9,10 +9,10 @@ from bench.app.request import RunRequest
 from bench.offline.calibration_file import read_calibration
 from bench.reduce.stored_run import open_run
 from bench.report.export.export import FORMATS
+from campaigns.truth.campaign import results_of, run_one
+from campaigns.truth.signs import differences
+from campaigns.truth.table import BENCHES_BY_OUTPUT, LONG_ON, SHORT, check_held, table_bench
 from tests.support.runs import latest
-from tests.truth.campaign import results_of, run_one
-from tests.truth.signs import differences
-from tests.truth.table import BENCHES_BY_OUTPUT, LONG_ON, SHORT, check_held, table_bench
 
 SEEDS = (3, 4)
 RANGE = (*LONG_ON, "record=3 s", "rest=3 s")

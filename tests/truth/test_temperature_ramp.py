@@ -2,9 +2,9 @@
 
 import pytest
 
-from tests.truth.campaign import results_of, run_one
-from tests.truth.ramp import QUANTITIES, compare_ramp, quick_request
-from tests.truth.signs import differences
+from campaigns.truth.campaign import results_of, run_one
+from campaigns.truth.ramp import QUANTITIES, compare_ramp, quick_request
+from campaigns.truth.signs import differences
 
 JUMP_C, JUMP_G = 30.0, 150e-6
 JUMPING = ("  Kd:", f"  jumps: [{{at: {JUMP_C:g} °C, size: {JUMP_G * 1e6:g} µg}}]\n  Kd:")

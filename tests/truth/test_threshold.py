@@ -7,9 +7,9 @@ import pytest
 
 from bench.methods.threshold.reduction import run as ladder
 from bench.reduce.stored_run import open_run
-from tests.truth.campaign import results_of
-from tests.truth.ladder import compare_ladders, ladder_run, true_threshold_g
-from tests.truth.signs import differences
+from campaigns.truth.campaign import results_of
+from campaigns.truth.ladder import compare_ladders, ladder_run, true_threshold_g
+from campaigns.truth.signs import differences
 
 GOOD = ("ladder=[10 arcsec, 20 arcsec, 50 arcsec]", "repeats=2", "warm_up=0 s", "positions=[0°, 30°]")
 

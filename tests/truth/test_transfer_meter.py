@@ -16,10 +16,10 @@ from bench.methods.channel.reduction.transfer_meter import Metered
 from bench.reduce.corrections import Corrections
 from bench.reduce.stored_run import open_run
 from bench.report.export.export import FORMATS
+from campaigns.truth.campaign import perfect_bench
+from campaigns.truth.channel import true_line
 from tests.support.ammeter import put_into_cable
 from tests.support.runs import ROOT, read_json, run_short
-from tests.truth.campaign import perfect_bench
-from tests.truth.channel import true_line
 
 SETTINGS = (
     "low=20 °C", "high=27 °C", "ramp_rate=30 °C/h", "return_rate=3 °C/min", "time_constant=1 min", "point=1 min",

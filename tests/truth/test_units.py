@@ -16,15 +16,15 @@ from bench.app.request import RunRequest
 from bench.config.bench import load_bench
 from bench.config.document import read_document
 from bench.config.load import load
+from campaigns.truth import bars, cells, units
+from campaigns.truth.altered import alter_file, times
+from campaigns.truth.campaign import ROOT, Comparison, full_bench
+from campaigns.truth.cells import METHODS, Cell, Line
+from campaigns.truth.foreign import DRIFT, FORMS, bench_errors
+from campaigns.truth.replay import replayed, template_of
 from simulators.units.gyro_file import GyroFile
 from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile
-from tests.truth import bars, cells, units
-from tests.truth.altered import alter_file, times
-from tests.truth.campaign import ROOT, Comparison, full_bench
-from tests.truth.cells import METHODS, Cell, Line
-from tests.truth.foreign import DRIFT, FORMS, bench_errors
-from tests.truth.replay import replayed, template_of
 
 SHORT = (
     "temperatures=[20 °C, 40 °C, 60 °C, 40 °C, 20 °C]", "soak=30 min", "warm_up=0 s", "ramp_rate=3 °C/min", "gate=20 s",

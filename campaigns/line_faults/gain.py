@@ -1,0 +1,33 @@
+"""What asking twice gains: turned bits that are believed on serial lines without checksum, by one take and by two."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest.mock import patch
+
+from campaigns.line_faults.campaign import GRAMMATICAL, play
+from campaigns.line_faults.cases import CASES, Link
+from drivers.transport.double_read import Takes
+from simulators.faults.line_faults import LineFault
+
+UNPROTECTED = [name for name, case in CASES.items() if case.link is Link.NOTHING]
+
+
+def believed(trials: int, seed: int) -> tuple[int, list[str]]:
+    """How many wrong values of so many turned bits on each line, and what should not have been."""
+    tallies = [play(name, CASES[name], trials, seed, [LineFault.FLIP]) for name in UNPROTECTED]
+    unexpected = [sentence for tally in tallies for sentence in tally.unexpected]
+    return sum(tally.outcomes[GRAMMATICAL] for tally in tallies), unexpected
+
+
+@contextmanager
+def one_take() -> Iterator[None]:
+    """As if nothing were asked twice."""
+
+    async def first(_self: Takes, _what: str, take: Callable[[], Awaitable[Any]], **_: object) -> Any:
+        return await take()
+
+    with patch.object(Takes, "agreed", first):
+        yield
