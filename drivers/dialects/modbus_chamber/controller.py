@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from drivers.description import Setup
+from drivers.dialects.modbus_chamber.description import ModbusChamberOptions
 from drivers.dialects.modbus_chamber.profile import (
     ChamberProfile,
     CodeRegister,
@@ -13,9 +14,10 @@ from drivers.dialects.modbus_chamber.profile import (
     ValueRegister,
     WrittenRegister,
 )
-from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
+from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, Refused, WrongIdentity
 from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
-from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
 from drivers.values import Identity
@@ -188,3 +190,21 @@ class ProfiledController(Connected):
             self._link.device, what, sent=sent, received=received,
             remedy="Check the address in the bench file and, for a new profile, its addresses, types and word order.",
         )  # fmt: skip
+
+
+class ModbusChamber(Chamber):
+    """A ThermalChamber that ramps by itself, or whose set point goes in steps, as its profile says."""
+
+    def __init__(self, setup: Setup[ModbusChamberOptions, ChamberLimits, ChamberSafe]) -> None:
+        options, profile = setup.options, setup.options.profile.content
+        if profile is None:
+            raise CannotConnect(
+                setup.name, f"the profile {options.profile.path} of its controller is gone",
+                remedy="Put the file back beside the bench file.",
+            )  # fmt: skip
+        how: ChamberOptions = options
+        if profile.ramp is not None:
+            how = ChamberOptions.model_construct(
+                **{name: getattr(options, name) for name in ChamberOptions.model_fields}
+            )
+        super().__init__(setup.name, ProfiledController(setup, profile), setup.limits, setup.safe, how)
