@@ -13,8 +13,9 @@ from bench.app.request import PreparedRun
 from bench.config.simulation import FaultSimulation
 from bench.report.verify import verify
 from bench.runner.signals import Signals
+from bench.sequence.document.model import PHASES
 from bench.sequence.estimate.estimate import Estimate
-from bench.sequence.plan.plan import PHASES, PlannedStep
+from bench.sequence.plan.plan import PlannedStep
 from bench.store.database import FILE_NAME
 from bench.store.reader import Event, RunReader
 

@@ -20,10 +20,10 @@ from bench.errors import BenchError, InputError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from drivers.transport.address import Address
+from simulators.instruments.can_nodes.slcan_adapter import SimulatedAdapter
+from simulators.instruments.can_nodes.socketcand_server import SimulatedServer
 from simulators.serving.pty import serve_pty
 from simulators.serving.replay import ReplayedInstrument
-from simulators.serving.slcan_adapter import SimulatedAdapter
-from simulators.serving.socketcand_server import SimulatedServer
 
 
 def serve_bench(

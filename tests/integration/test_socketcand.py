@@ -20,7 +20,7 @@ from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
-from simulators.serving.socketcand_server import SimulatedServer
+from simulators.instruments.can_nodes.socketcand_server import SimulatedServer
 from simulators.units.settings import WorldSettings
 from simulators.world import World
 from tests.support.frames import taken

@@ -20,7 +20,7 @@ from drivers.transport.memory import Line, join
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
 from simulators.instruments.can_nodes.can_node import CanNode
-from simulators.serving.slcan_adapter import SimulatedAdapter
+from simulators.instruments.can_nodes.slcan_adapter import SimulatedAdapter
 from simulators.units.settings import WorldSettings
 from simulators.world import World
 from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form, place, unit

@@ -21,9 +21,10 @@ from bench.figures.times_and_sizes import duration, megabytes
 from bench.files import written_whole
 from bench.report.plan_view.content import Panel, Planned, planned
 from bench.report.plan_view.timeline import plan_table
+from bench.sequence.document.model import PHASES
 from bench.sequence.estimate.estimate import Estimate
 from bench.sequence.language.values import as_written
-from bench.sequence.plan.plan import PHASES, Plan
+from bench.sequence.plan.plan import Plan
 
 WIDTH_IN, LEFT_IN = 10.7, 1.15  # of A4 on its side, between the margins
 TOP_IN, BOTTOM_IN, GAP_IN = 0.42, 0.42, 0.16

@@ -13,10 +13,10 @@ from bench.config.load import problems
 from bench.config.models import BenchFile
 from bench.sequence.checks.interlocks import interlocks
 from bench.sequence.checks.steps import is_there, limit_problems, role_problems
-from bench.sequence.document.model import ResultEntry
+from bench.sequence.document.model import PHASES, ResultEntry
 from bench.sequence.language.readings import unit_of
 from bench.sequence.method import OUTPUT_UNITS, MethodDescription, known_methods
-from bench.sequence.plan.plan import PHASES, Plan
+from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.poses import angles_before
 from bench.sequence.plan.subsequences import declared_at
 from bench.sequence.steps.limits import unit_problems

@@ -8,8 +8,9 @@ from typing import Any
 
 from bench.config.models import BenchFile
 from bench.sequence.checks.remarks import Found
+from bench.sequence.document.model import PHASES
 from bench.sequence.language.values import holds_expression
-from bench.sequence.plan.plan import PHASES, Plan
+from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.verbs import Step
 from drivers.capabilities import THERMOMETER
 

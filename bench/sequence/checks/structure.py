@@ -8,11 +8,12 @@ from typing import Any
 from bench.config.document import Document, Place
 from bench.config.models import BenchFile
 from bench.sequence.checks.remarks import Found
+from bench.sequence.document.model import PHASES
 from bench.sequence.estimate.settling import PEAK_TO_PEAK_SD
 from bench.sequence.language.expressions import ValueProblem, names_in
 from bench.sequence.language.readings import is_pulse_rate, measured_place
 from bench.sequence.language.values import holds_expression, value_of
-from bench.sequence.plan.plan import PHASES, Branches, Nodes, Plan, PlannedStep, leaves, within
+from bench.sequence.plan.plan import Branches, Nodes, Plan, PlannedStep, leaves, within
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.orienting import Orient
 from bench.sequence.steps.waits import Soak, WaitUntil

@@ -20,6 +20,8 @@ from drivers.schema.fields import Name, StrictModel
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import telling
 
+Phase = Literal["setup", "steps", "teardown"]
+PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
 Text = Annotated[str, Field(min_length=1, max_length=500)]
 KINDS = (*dict.fromkeys(kind for kinds in NEEDS.values() for kind in kinds), READING)
 

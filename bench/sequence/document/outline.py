@@ -7,8 +7,7 @@ from pydantic import ValidationError
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
 from bench.errors import InputError
-from bench.sequence.document.model import Outline, SequenceFile
-from bench.sequence.plan.plan import PHASES
+from bench.sequence.document.model import PHASES, Outline, SequenceFile
 from drivers.schema.fields import DEFERRED
 
 _LISTS = (*PHASES, "then", "else", "during")

@@ -10,17 +10,16 @@ from typing import Any, NamedTuple, assert_never
 from bench.config.channels import period_s
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
+from bench.sequence.document.model import PHASES, Phase
 from bench.sequence.estimate.settling import Settling
 from bench.sequence.plan.motion import REST_S, move_s, oscillation_s, rate_change_s, way_s
 from bench.sequence.plan.plan import (
-    PHASES,
     Alternatives,
     Attempts,
     Branches,
     Meanwhile,
     Nodes,
     Passes,
-    Phase,
     Plan,
     PlannedStep,
     Section,

@@ -11,10 +11,10 @@ from pydantic import ValidationError
 
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
-from bench.sequence.document.model import Outline
+from bench.sequence.document.model import PHASES, Outline
 from bench.sequence.document.outline import block_around
 from bench.sequence.language.expressions import Value
-from bench.sequence.plan.plan import PHASES, Node, Nodes, Plan
+from bench.sequence.plan.plan import Node, Nodes, Plan
 from bench.sequence.plan.scope import Scope, names_mentioned
 from bench.sequence.plan.subsequences import Called, given_to, read_called, refuse_too_deep
 from bench.sequence.plan.unroll import Raw, Wrong, nodes_of, wrong_at

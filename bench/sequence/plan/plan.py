@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from bench.config.document import Document, Place
-from bench.sequence.document.model import Outline
+from bench.sequence.document.model import Outline, Phase
 from bench.sequence.language.expressions import Value
 from bench.sequence.steps.fields import OnFailure, RestartAt
 from bench.sequence.steps.verbs import Step
-
-Phase = Literal["setup", "steps", "teardown"]
-PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
 
 
 class Waiting(NamedTuple):

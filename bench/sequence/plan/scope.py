@@ -10,9 +10,10 @@ from typing import Any, NamedTuple, Union, get_args, get_origin
 from pydantic import BaseModel
 
 from bench.config.document import Place, Problem
+from bench.sequence.document.model import Phase
 from bench.sequence.language.expressions import Value, ValueProblem, names_in
 from bench.sequence.language.values import holds_expression, in_words, value_of
-from bench.sequence.plan.plan import Phase, Waiting
+from bench.sequence.plan.plan import Waiting
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import QuantityError, customary_unit, quoted
 from drivers.schema.fields import InUnit

@@ -10,10 +10,10 @@ from typing import Any, Protocol
 from pydantic import ValidationError
 
 from bench.config.document import Place
+from bench.sequence.document.model import PHASES, Phase
 from bench.sequence.language.expressions import Value, ValueProblem
 from bench.sequence.language.values import in_words, spelled
 from bench.sequence.plan.plan import (
-    PHASES,
     Alternatives,
     Attempts,
     Branches,
@@ -21,7 +21,6 @@ from bench.sequence.plan.plan import (
     Node,
     Nodes,
     Passes,
-    Phase,
     PlannedStep,
     Section,
     Waiting,

@@ -16,7 +16,7 @@ from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
-from simulators.serving.slcan_adapter import UNREAD_LIMIT_BYTES, SimulatedAdapter
+from simulators.instruments.can_nodes.slcan_adapter import UNREAD_LIMIT_BYTES, SimulatedAdapter
 from simulators.units.settings import WorldSettings
 from simulators.world import World
 from tests.support.laboratory import DBC, counter_form

@@ -16,7 +16,7 @@ from drivers.transport.memory import Line, join
 from drivers.transport.socketcand import Socketcand, open_socketcand, parse, render
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
-from simulators.serving.socketcand_server import SimulatedServer
+from simulators.instruments.can_nodes.socketcand_server import SimulatedServer
 from simulators.units.settings import WorldSettings
 from simulators.world import World
 from tests.support.laboratory import DBC, counter_form
