@@ -41,6 +41,6 @@ class Latest(Generic[T]):
         return self.order
 
     def done(self, order: Order, result: T) -> None:
-        """Keeps the result of an order that was carried out; raises Refused when it has ended meanwhile."""
-        order.check()
-        self.result = result
+        """Keeps the result of an order that was carried out, unless another one has begun meanwhile."""
+        if not order.ended:
+            self.result = result

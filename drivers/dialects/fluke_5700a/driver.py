@@ -92,6 +92,7 @@ class Fluke5700A:
         order = self._latest.begin()
         if not output:
             await self._reach(order, OFF)
+            order.check()
             self._latest.done(order, OFF)
             return
         now = await self._state()
@@ -104,6 +105,7 @@ class Fluke5700A:
         wanted = Setting(level, True, True)
         await self._reach(order, wanted)
         await self._settle(order, wanted)
+        order.check()
         self._latest.done(order, wanted)
 
     async def make_safe(self) -> None:

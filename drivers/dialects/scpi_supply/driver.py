@@ -60,12 +60,13 @@ class ScpiSupply(ScpiOutput[State, Setting]):
             self._check_limits(level, limit)
         order = self._latest.begin()
         now = await self._state()
-        if not output:
+        if output:
+            self._check_faults(now)
+            await self._check_maximum(level, limit)
+            await self._reach(order, now, Setting(level, limit, True, self._watchdog_s))
+        else:
             await self._switch_off(order, now)
-            return
-        self._check_faults(now)
-        await self._check_maximum(level, limit)
-        await self._reach(order, now, Setting(level, limit, True, self._watchdog_s))
+        order.check()
 
     async def _takes(self) -> list[State]:
         """Looks at the supply, the last of them with a setting that another one has, too."""

@@ -61,11 +61,13 @@ class ScpiSource(ScpiOutput[StateT, Setting]):
             self._check_limits(level, limit)
         order = self._latest.begin()
         now = await self._state()
-        if not output:
+        if output:
+            self._check_faults(now)
+            now = await self._reach(order, now, Setting(self._bounds.range_a, level, limit, True))
+            self._check_faults(now)
+        else:
             await self._switch_off(order, now)
-            return
-        self._check_faults(now)
-        self._check_faults(await self._reach(order, now, Setting(self._bounds.range_a, level, limit, True)))
+        order.check()
 
     async def _agreed_state(self) -> StateT:
         return await self._link.takes.agreed(
