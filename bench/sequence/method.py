@@ -46,6 +46,19 @@ CHANNEL = (
 CountsAt = Literal["dwells", "ramps", "steps", "levels", "windows", "table", "records"]
 
 
+class NamedPart(NamedTuple):
+    """A loop or a group of a sequence whose name a reduction looks for around an acquisition of its data.
+
+    `meaning` is that of the name, for the reference. `without` states what the results lack if no acquisition is in
+    such a part, for the check; "" if nothing.
+    """
+
+    name: str
+    kind: Literal["loop", "group"]
+    meaning: str
+    without: str = ""
+
+
 class MethodDescription(NamedTuple):
     """A method as a sequence sees it.
 
@@ -59,9 +72,9 @@ class MethodDescription(NamedTuple):
     methods have. `after` names the standards that it is made after (equations 7), which is no claim of conformity.
     `rules`, `words`, `spans` and `offline` are "module:attribute" as well: its Rules on a plan, the mapping of its
     words, the function that divides the run into spans, and its reductions of recorded cases; empty for none.
-    `meaning` says what its results contain, `measures` what kind of unit it is for, `needs_calibration` whether it
-    needs the calibration that was released for each unit, `closes` whether it looks at what was acquired for `closure`,
-    as its other data are.
+    `parts` are the loops and groups whose names its reduction looks for. `meaning` says what its results contain,
+    `measures` what kind of unit it is for, `needs_calibration` whether it needs the calibration that was released for
+    each unit, `closes` whether it looks at what was acquired for `closure`, as its other data are.
     """
 
     name: str
@@ -77,6 +90,7 @@ class MethodDescription(NamedTuple):
     spans: str = ""
     offline: str = ""
     after: tuple[str, ...] = ()
+    parts: tuple[NamedPart, ...] = ()
     meaning: str = CHANNEL
     measures: UnitKind = "channel"
     needs_calibration: bool = False

@@ -114,11 +114,24 @@ def _method(method: MethodDescription) -> Blocks:
         f"## {method.name}",
         f"{method.title}.",
         *part(method.settings, "settings", 3),
+        *_parts(method),
         "### `limits`",
         "Each key is one of these results; its limits are in the unit, or one that goes with it."
         + (OUTPUT_IS if measured_output else "")
         + (GYRO_OUTPUT_IS if any(GYRO_OUTPUT in unit for unit in method.quantities.values()) else ""),
         table(("result", "unit"), ((f"`{name}`", unit) for name, unit in method.quantities.items())),
+    ]
+
+
+def _parts(method: MethodDescription) -> Blocks:
+    """The loops and groups that a method knows by name."""
+    if not method.parts:
+        return []
+    rows = ((f"`{each.name}`", each.kind, each.meaning, each.without) for each in method.parts)
+    return [
+        "### Names of loops and groups",
+        "The reduction knows acquisitions of `data` by these names of the loops and groups around them.",
+        table(("name", "of a", "meaning", "without it"), rows),
     ]
 
 

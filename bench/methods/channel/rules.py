@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
+from bench.sequence.checks.parts import acquired_under
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.plan import Plan, PlannedStep
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 METHOD = "channel_temperature"
 ROUNDING = 1e-9
+LEAST_POINTS = 2  # at rest around a ramp
 
 
 def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
@@ -82,6 +84,31 @@ def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
                 )
 
 
+def no_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A channel over temperature that is not acquired during a ramp: nothing is found."""
+    for place, entry, _ in _channels(plan):
+        if not list(_counted_ramps(plan, entry.data)):
+            yield (
+                (*place, "data"),
+                f"no acquisition of '{entry.data}' has a ramp of the chamber in 'during': nothing is found",
+                "Acquire with 'during: [ramp: chamber …]'",
+            )
+
+
+def no_points(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A channel without acquisitions at rest before and after its ramp: its drift is in the result."""
+    for place, entry, _ in _channels(plan):
+        during = {planned.id.rpartition("/")[0] for planned, _ in _counted_ramps(plan, entry.data)}
+        at_rest = [step_id for step_id in acquired_under(plan, entry.data) if step_id not in during]
+        if during and len(at_rest) < LEAST_POINTS:
+            yield (
+                (*place, "data"),
+                f"'{entry.data}' has {len(at_rest)} of {LEAST_POINTS} acquisitions at rest around its ramp: the drift "
+                "of the channel is in the result",
+                "Acquire at rest before the ramp, and again at the same temperature after it",
+            )
+
+
 def _channels(plan: Plan) -> Iterator[tuple[Place, ResultEntry, ChannelSettings]]:
     """The results by this method: place, entry and settings."""
     for index, entry in enumerate(plan.sequence.results):
@@ -107,5 +134,7 @@ def _counted_ramps(plan: Plan, label: str) -> Iterator[tuple[PlannedStep, float]
 RULES = (
     Rule("no-ammeter", "error", "a bench has the ammeter that a method uses", no_ammeter),
     Rule("no-converter", "error", "the temperature of a channel's converter is measured", no_converter),
+    Rule("no-ramp", "error", "a channel over temperature is acquired during a ramp", no_ramp),
+    Rule("no-points", "warning", "a channel is acquired at rest before and after its ramp", no_points),
     Rule("unsuited-ramp", "warning", "a ramp for a channel is long enough and slow enough", unsuited_ramp),
 )

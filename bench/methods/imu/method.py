@@ -131,4 +131,5 @@ IMU_START_UP = MethodDescription(
     drawn_by="bench.methods.imu.start_up.shown:start_up_plots",
     needs_calibration=True,
     words="bench.methods.imu.words:WORDS",
+    rules="bench.methods.imu.rules:RULES",
 )

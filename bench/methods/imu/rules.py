@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 from bench.config.models import BenchFile
 from bench.metrology.attitude_names import ATTITUDES
+from bench.sequence.checks.parts import acquired_under
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.checks.swings import acquired_inside
 from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.orienting import AXES, Attitude, Orient
-from bench.sequence.steps.stimulus import Rotate
+from bench.sequence.steps.stimulus import Rotate, SetOutput
 
-METHOD = "imu_calibration"
+METHOD, START_UP = "imu_calibration", "imu_start_up"
 LEAST_RATES = 6  # of an axis, of both directions
 BY_LETTERS = {letters: name for name, letters in ATTITUDES.items()}
-VERTICAL = "UD"
+SIDES = {"U": "up", "D": "down"}  # by the letter of an attitude
 
 
 def missing_attitudes(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Axes that do not have their eight attitudes: they are left out of the calibration."""
-    for index, label in _calibrations(plan):
+    for index, label in _results(plan, METHOD):
         if (measured := _measured(plan, label)) is None:
             continue
-        missing = [name for name in ATTITUDES if name not in measured[0]]
+        resting = {BY_LETTERS.get(attitude) for attitude in measured.resting}
+        missing = [name for name in ATTITUDES if name not in resting]
         if missing:
             axes = " and ".join(dict.fromkeys(name[1] for name in missing))
             yield (
@@ -37,10 +41,11 @@ def missing_attitudes(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def missing_rates(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Axes that are turned about at fewer rates than their scale factors need."""
-    for index, label in _calibrations(plan):
+    for index, label in _results(plan, METHOD):
         if (measured := _measured(plan, label)) is None:
             continue
-        few = {axis: len(measured[1][axis]) for axis in AXES if len(measured[1][axis]) < LEAST_RATES}
+        rates = {axis: len(measured.rates_dps[axis]) for axis in AXES}
+        few = {axis: count for axis, count in rates.items() if count < LEAST_RATES}
         if few:
             counts = ", ".join(f"{count} about {axis}" for axis, count in few.items())
             yield (
@@ -50,14 +55,66 @@ def missing_rates(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
             )
 
 
-def _calibrations(plan: Plan) -> Iterator[tuple[int, str]]:
+def one_side(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """Axes that a start-up does not watch up and down at rest: zero and scale factor are not separated."""
+    for index, label in _results(plan, START_UP):
+        if (measured := _measured(plan, label)) is None:
+            continue
+        sides = {(axis, letter) for attitude in measured.resting for axis, letter in zip(AXES, attitude, strict=True)}
+        missing = [f"{axis} {word}" for axis in AXES for letter, word in SIDES.items() if (axis, letter) not in sides]
+        if missing:
+            yield (
+                ("results", index, "data"),
+                f"'{label}' has no reading at rest with {', '.join(missing)}: zero and scale factor of these axes "
+                "cannot be separated",
+                "Acquire with each axis up and down, again and again after the power-on",
+            )
+
+
+def no_power_on(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A start-up whose supply is not switched on before its readings: there is no time to count from."""
+    for _, label in _results(plan, START_UP):
+        for planned in plan:
+            if isinstance(planned.step, SetOutput) and planned.step.output == "on":
+                break
+            if isinstance(planned.step, Acquire) and planned.step.label == label:
+                yield (
+                    (*planned.place, "label"),
+                    f"'{label}' is acquired before any step switches the supply on, and time counts from power-on",
+                    "Soak without power, then set: supply, output: on, and acquire from there on",
+                )
+                break
+
+
+def one_closure(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """Readings for the closure that are taken once only: there is nothing to compare them with."""
     for index, entry in enumerate(plan.sequence.results):
-        if entry.method == METHOD:
+        if entry.method != METHOD or entry.closure is None:
+            continue
+        groups = {step_id.rpartition("/")[0].rpartition("/")[0] for step_id in acquired_under(plan, entry.closure)}
+        if len(groups) == 1:
+            yield (
+                ("results", index, "closure"),
+                f"'{entry.closure}' is acquired in {groups.pop()} only, so that a change over the run is not seen",
+                "Acquire it in one group before the calibration and in another after it",
+            )
+
+
+def _results(plan: Plan, method: str) -> Iterator[tuple[int, str]]:
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method == method:
             yield index, entry.data
 
 
-def _measured(plan: Plan, label: str) -> tuple[set[str], Mapping[str, set[float]]] | None:
-    """Attitudes at rest by name, and rates by the axis turned about; None where they follow from a measurement."""
+class _Measured(NamedTuple):
+    """Attitudes at rest by their letters, and rates by the axis turned about."""
+
+    resting: set[str]
+    rates_dps: Mapping[str, set[float]]
+
+
+def _measured(plan: Plan, label: str) -> _Measured | None:
+    """Return where a plan acquires under a label; None where that follows from a measurement."""
     motions = {planned.id: motion for planned, motion in acquired_inside(plan, label)}
     attitude, resting, rates_dps = Attitude(None), set[str](), defaultdict[str, set[float]](set)
     for planned in plan:
@@ -68,14 +125,17 @@ def _measured(plan: Plan, label: str) -> tuple[set[str], Mapping[str, set[float]
                 return None
             motion = motions[planned.id]
             if motion is None:
-                resting.add(BY_LETTERS.get(str(attitude), ""))
+                resting.add(str(attitude))
             elif isinstance(motion, Rotate):
-                upright = next(axis for axis, letter in zip(AXES, str(attitude), strict=True) if letter in VERTICAL)
+                upright = next(axis for axis, letter in zip(AXES, str(attitude), strict=True) if letter in SIDES)
                 rates_dps[upright].add(motion.rate_dps)
-    return resting, rates_dps
+    return _Measured(resting, rates_dps)
 
 
 RULES = (
     Rule("missing-attitudes", "error", "every axis of an inertial unit has its eight attitudes", missing_attitudes),
     Rule("missing-rates", "error", "every axis of an inertial unit has six rates", missing_rates),
+    Rule("one-closure", "warning", "a closure is acquired at the beginning and at the end", one_closure),
+    Rule("one-side", "error", "a start-up is watched with every axis up and down", one_side),
+    Rule("no-power-on", "error", "a start-up begins with a power-on", no_power_on),
 )

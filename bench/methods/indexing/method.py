@@ -6,7 +6,8 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from bench.sequence.method import OUTPUT, MethodDescription
+from bench.methods.indexing.names import CLOCKING, REVERSE, VERIFICATION
+from bench.sequence.method import OUTPUT, MethodDescription, NamedPart
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from bench.sequence.steps.custom import StepDescription
 from drivers.schema.fields import InUnit, Name, Number, Ratio, StrictModel
@@ -76,6 +77,21 @@ INDEXING_STATIC = MethodDescription(
         "The unit is measured together with its converter, or with the resistor that its current flows through. K0 and "
         "K1 are means of both ends, so that they are free of the misalignment of the input axis and of its cross "
         "coupling; by the clocking K0 is free of the tilt of the seat too. K1 contains K3 as far as the angles go."
+    ),
+    parts=(
+        NamedPart(
+            CLOCKING,
+            "group",
+            "readings of the clocking, from which the tilt of the seat follows",
+            "the tilt of the seat is not found, and is in the bias and in its uncertainty",
+        ),
+        NamedPart(
+            VERIFICATION,
+            "group",
+            "readings that are compared with the fitted equation",
+            "the equation that is found is not tried on readings of its own",
+        ),
+        NamedPart(REVERSE, "loop", "readings of the pass back", "hysteresis is not found"),
     ),
     rules="bench.methods.indexing.rules:RULES",
     spans="bench.methods.indexing.shown:ends",

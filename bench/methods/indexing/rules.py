@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from bench.config.models import BenchFile
-from bench.methods.indexing.names import CLOCKING, REVERSE, VERIFICATION
+from bench.methods.indexing.names import CLOCKING, VERIFICATION
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.plan import Plan
@@ -18,12 +18,6 @@ from bench.sequence.steps.talk import Prompt
 METHOD = "indexing_static"
 LEAST_ANGLES = 3  # of a line, so that something is left that tells how good it is
 NOT_SWEPT = {CLOCKING, VERIFICATION}
-KINDS = {CLOCKING: "group", VERIFICATION: "group", REVERSE: "loop"}
-WITHOUT = {  # what the reduction lacks without readings of this name
-    CLOCKING: "the tilt of the seat is not found, and is in the bias and in its uncertainty",
-    VERIFICATION: "the equation that is found is not tried on readings of its own",
-    REVERSE: "hysteresis is not found",
-}
 SAME_ANGLE_DIGITS = 4  # of an angle in °
 
 Angles = dict[str, set[float]]
@@ -61,21 +55,6 @@ def beyond_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             )
 
 
-def missing_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Groups and loops by whose names the reduction knows readings, and which are not there."""
-    for index, entry in _calibrations(plan):
-        acquired = [each.id for each in plan if isinstance(each.step, Acquire) and each.step.label == entry.data]
-        names = {part.partition("=")[0] for step_id in acquired for part in step_id.split("/")}
-        missing = [name for name in WITHOUT if name not in names] if acquired else []
-        if missing:
-            parts = "; ".join(f"{KINDS[name]} '{name}', so that {WITHOUT[name]}" for name in missing)
-            yield (
-                ("results", index, "data"),
-                f"no reading of '{entry.data}' is in a {parts}",
-                "Add it, or give the group or the loop this name",
-            )
-
-
 def _calibrations(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:
     for index, entry in enumerate(plan.sequence.results):
         if entry.method == METHOD:
@@ -99,11 +78,5 @@ def _swept(plan: Plan, bench: BenchFile, label: str) -> Angles:
 
 RULES = (
     Rule("one-end", "warning", "a calibration on an indexing table has both orientations", one_end),
-    Rule(
-        "missing-readings",
-        "warning",
-        "a calibration on an indexing table has clocking, reverse pass and verification",
-        missing_readings,
-    ),
     Rule("beyond-range", "warning", "an indexing table stays within the unit's output limit", beyond_range),
 )

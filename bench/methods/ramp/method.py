@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import MethodDescription
+from bench.sequence.method import MethodDescription, NamedPart
 from drivers.schema.fields import InUnit, StrictModel, WholeNumber
 
 
@@ -33,6 +33,8 @@ TEMPERATURE_RAMP = MethodDescription(
     name="temperature_ramp",
     title="Dynamic temperature test (method M4b)",
     target="bench.methods.ramp.reduction.run:reduce",
+    parts=(NamedPart("cycle", "loop", "the number of a cycle; needed if the same temperatures come more than once"),),
+    rules="bench.methods.ramp.rules:RULES",
     spans="bench.methods.ramp.shown:legs",
     offline="bench.methods.ramp.offline:REDUCTIONS",
     settings=TemperatureRampSettings,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import MethodDescription
+from bench.sequence.method import MethodDescription, NamedPart
 from drivers.schema.fields import InUnit, StrictModel
 
 
@@ -22,6 +22,10 @@ THRESHOLD = MethodDescription(
     name="threshold",
     title="Threshold and resolution (method M4d)",
     target="bench.methods.threshold.reduction.run:reduce",
+    parts=(
+        NamedPart("position", "loop", "the angle about which a ladder is made; 0° without it"),
+        NamedPart("offset", "loop", "the step from there; 0° for a reading at the position itself"),
+    ),
     rules="bench.methods.threshold.rules:RULES",
     spans="bench.methods.threshold.shown:ladders",
     settings=ThresholdSettings,

@@ -11,12 +11,13 @@ from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.dwells import loop_values
 from bench.sequence.plan.plan import Plan
-from bench.sequence.plan.poses import angles_before
+from bench.sequence.plan.poses import angles_before, poses_before
 from bench.sequence.steps.limits import limits_in
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Move
 
 ARCSEC_PER_DEG = 3600
+SAME_ANGLE_ARCSEC = 0.01
 
 Ladders = dict[float, list[float]]
 
@@ -52,6 +53,25 @@ def incomplete_ladder(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
                     "a reading at the position before and after it, a step cannot be separated from drift",
                     "Acquire at the position before the first step and after each",
                 )
+
+
+def ladder_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A reading at another angle of the head than the loops 'position' and 'offset' say: it counts as theirs."""
+    axes = {planned.step.role for planned in plan if isinstance(planned.step, Move)}
+    for place, entry in _entries(plan):
+        for planned, pose in poses_before(plan, bench):
+            if len(axes) != 1 or not isinstance(planned.step, Acquire) or planned.step.label != entry.data:
+                continue
+            loops, angle_deg = loop_values(planned.id), pose.angles_deg.get(next(iter(axes)), 0.0)
+            said_deg = loops.get("position", 0.0) + loops.get("offset", 0.0)
+            if abs(angle_deg - said_deg) * ARCSEC_PER_DEG > SAME_ANGLE_ARCSEC:
+                yield (
+                    (*place, "data"),
+                    f"{planned.id} is at {angle_deg:.6g}°, and the loop variables 'position' and 'offset' around it "
+                    f"come to {said_deg:.6g}°",
+                    "Name the loop over the angles 'position' and that over the steps 'offset'",
+                )
+                break
 
 
 def step_below_band(plan: Plan, bench: BenchFile) -> Iterator[Found]:
@@ -112,6 +132,7 @@ def _heads(plan: Plan) -> list[str]:
 RULES = (
     Rule("no-nominal", "error", "the nominal scale factor is known", no_nominal),
     Rule("incomplete-ladder", "error", "a ladder has steps in both directions, between readings", incomplete_ladder),
+    Rule("ladder-angle", "error", "the loops around a reading of a ladder state the angle of the head", ladder_angle),
     Rule("step-below-band", "warning", "the head can resolve the steps of a ladder", step_below_band),
     Rule("ladder-below-limit", "warning", "a ladder reaches beyond its limits", ladder_below_limit),
 )

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import OUTPUT, MethodDescription
+from bench.sequence.method import OUTPUT, MethodDescription, NamedPart
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.schema.fields import Celsius, InUnit, WholeNumber
 
@@ -56,6 +56,7 @@ TEMPERATURE_TUMBLE = MethodDescription(
         "tilt/uncompensated": "°",
         "tilt/compensated": "°",
     },
+    parts=(NamedPart("cycle", "loop", "the number of a cycle; needed if the same temperatures come more than once"),),
     drawn_by="bench.methods.tumble.shown:tumble_shown",
     after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),
 )

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
+from bench.sequence.checks.parts import unnumbered
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.dwells import DwellNames
@@ -112,6 +113,23 @@ def too_few_repetitions(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
             )
 
 
+def unnumbered_cycles(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A set point reached again from the same side outside a loop 'cycle': its visits count as one cycle."""
+    for place, entry in _tumbles(plan, TUMBLE):
+        visits, before_c = [], math.nan
+        for dwell, (set_c, _) in _dwells(plan, entry.data).items():
+            if set_c is not None and not math.isnan(before_c):  # of the first one it is not known from which side
+                visits.append((f"{dwell}/", (round(set_c, 6), set_c > before_c)))
+            before_c = math.nan if set_c is None else set_c
+        if again := list(unnumbered(visits, "cycle")):
+            yield (
+                (*place, "data"),
+                f"'{entry.data}' reaches the temperature of {again[0].rstrip('/')} again from the same side, outside a "
+                "loop 'cycle': hysteresis is taken between the first visits only",
+                "Put the cycles in a loop: for_each: cycle, in: {from: 1, to: 2}",
+            )
+
+
 def _tumbles(plan: Plan, *methods: str) -> Iterator[tuple[Place, ResultEntry]]:
     for index, entry in enumerate(plan.sequence.results):
         if entry.method in methods:
@@ -144,5 +162,6 @@ RULES = (
         "a model over temperature has enough temperatures for its degree",
         too_few_temperatures,
     ),
+    Rule("unnumbered-cycles", "warning", "cycles of a tumble over temperature are numbered", unnumbered_cycles),
     Rule("too-few-repetitions", "error", "a standard deviation has enough repetitions", too_few_repetitions),
 )

@@ -8,6 +8,7 @@ from itertools import chain
 from bench.config.models import BenchFile
 from bench.sequence.checks.motion import forbidden_angle, short_acquisition, unreachable_attitude
 from bench.sequence.checks.names import unused_need, unused_parameter
+from bench.sequence.checks.parts import missing_readings
 from bench.sequence.checks.range import beyond_unit_range
 from bench.sequence.checks.remarks import Remark, Rule
 from bench.sequence.checks.safety import left_cold, left_energised, limit_below_window, no_teardown
@@ -26,6 +27,7 @@ GENERIC = (
     Rule("unreachable-attitude", "error", "the table reaches every attitude", unreachable_attitude),
     Rule("source-unplugged", "error", "a source is on only while it is connected to the converter", source_unplugged),
     Rule("unsuited-unit", "error", "a method suits the units in the places", unsuited_unit),
+    Rule("missing-readings", "warning", "every loop and group that a method knows is there by name", missing_readings),
     Rule("commensurate-swing", "warning", "the samples cover all phases of a swing", commensurate_swing),
     Rule("short-acquisition", "warning", "the counting time gives the resolution asked for", short_acquisition),
     Rule("unreachable", "warning", "every step is reachable", unreachable),
