@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo test setup lint types contracts pytest slow newest coverage truth faults hostile trials reliability profile benchmark peers clean
+.PHONY: demo test setup lint types contracts pytest slow newest coverage truth faults hostile trials reliability profile benchmark peers docs clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -94,9 +94,14 @@ benchmark: $(VENV)/.dev
 # Programs that other people wrote, for the tests that let them talk to ours.
 peers: $(VENV)/.dev
 	./.ci/install_peers
-	$(BIN)/pip install --quiet -e '.[peers]'
+	$(BIN)/pip install --quiet -e '.[peers,docs]'
 	$(BIN)/pip install --quiet --no-deps 'qcodes==0.58.*'  # with all that its drivers can do without, ten times as large
 	$(BIN)/pip install --quiet --no-deps 'dvg-devices==1.8.*' 'dvg-debug-functions==2.*' 'daqmon==0.1.*'  # without their windows
+
+# All pages as a site with a search, in build/docs; a broken link, picture or table of contents is an error.
+docs: $(VENV)/.dev
+	$(BIN)/pip install --quiet -e '.[docs]'
+	$(BIN)/sphinx-build -q -W --keep-going -j 2 -c docs -d build/doctrees . build/docs
 
 $(VENV)/.made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

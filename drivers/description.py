@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import BaseModel, Field
 
+from drivers.can.sent_frames import SentFrames
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
 from drivers.installed import Installed, loaded
@@ -59,7 +60,8 @@ class DriverDescription(NamedTuple):
     `options`, `limits`, `safe`, `uncertainty` and `corrections` are the models of those blocks of a device entry
     (`calibration.U` and `calibration.corrections` for the last two). `target` is "module:Class"; so is `simulator`,
     which is known by name only and may be missing. `recognition` is "module:NAME" of the Recognition by which an
-    instrument is known that no bench file names yet; without it a scan does not find it.
+    instrument is known that no bench file names yet; without it a scan does not find it. `frames` describes what a
+    device sends by itself, with what decodes it; None of one that is asked.
     """
 
     name: str
@@ -78,6 +80,7 @@ class DriverDescription(NamedTuple):
     reports_every_s: float = 0.0
     busy_s: float | Callable[[Any, Any], float] = BUSY_S
     channels: Mapping[str, str] | Callable[[Any], Mapping[str, str]] = MappingProxyType({})
+    frames: SentFrames | None = None
 
     def channels_of(self, options: BaseModel) -> Mapping[str, str]:
         """The readings of a device with these options: name → unit."""

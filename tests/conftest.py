@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import gc
 import importlib.util
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
+import threading
+from collections import Counter
+from collections.abc import Awaitable, Callable
 from ctypes.util import find_library
 from pathlib import Path
 from typing import Any
@@ -15,6 +22,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+import bench.loop
 import tests  # noqa: F401  which gives them a folder for states
 
 ROOT = Path(__file__).parents[1]
@@ -32,7 +40,7 @@ _MODULES = {
     "qcodes": ("qcodes", "pyvisa_py"), "pyvisa": ("pyvisa", "pyvisa_py"), "cts_chamber": ("cts_chamber", "pyvisa_py"),
     "pyModbusTCP": ("pyModbusTCP",), "watlow_f4": ("watlow_f4", "minimalmodbus"),
     "dvg_devices": ("dvg_devices", "dvg_debug_functions", "pyvisa_py"), "daqmon": ("daqmon",),
-    "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",),
+    "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",), "sphinx": ("sphinx", "furo", "myst_parser"),
 }  # fmt: skip
 
 
@@ -73,6 +81,47 @@ def _is_here(peer: str) -> bool:
 def _state_of_nobody(tmp_path_factory):
     """Keeps the records that belong to no single run out of the home of whoever runs the tests."""
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("itb-state-"))
+
+
+_LEFT_TASKS: list[str] = []  # of the loops that the present test has run
+
+
+def _noting(end: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
+    async def noted() -> None:
+        left = asyncio.all_tasks() - {asyncio.current_task()}
+        _LEFT_TASKS.extend(f"{task.get_name()}: {task.get_coro()}" for task in left if not task.cancelling())
+        await end()
+
+    return noted
+
+
+bench.loop._end_tasks = _noting(bench.loop._end_tasks)  # type: ignore[assignment]
+
+
+def _held() -> tuple[Counter[str], set[threading.Thread]]:
+    """Files, sockets and pipes that this process holds, by what they are, and its threads."""
+    descriptors = Counter[str]()
+    for name in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(OSError):
+            descriptors[re.sub(r"\[\d+\]", "", os.readlink(f"/proc/self/fd/{name}"))] += 1
+    return descriptors, set(threading.enumerate())
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_left(request):
+    """Fails a test after which tasks were cut off, or a thread, a socket or a file is left."""
+    if "leaves" in request.keywords:
+        yield
+        return
+    _LEFT_TASKS.clear()
+    before, threads = _held()
+    yield
+    after, now = _held()
+    if after - before:  # what is referred to in a circle is closed by the collector
+        gc.collect()
+        after, _ = _held()
+    left = [*_LEFT_TASKS, *(after - before), *(str(each) for each in now - threads if each.is_alive())]
+    assert not left, f"left behind: {left}"
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from bench.app.request import PreparedRun
 from bench.app.resume import REQUEST, RESUMED, Resumption, request_json
 from bench.clock import Clock, boot_id, since_boot_s
 from bench.config.models import BenchFile
+from bench.engine.journal import Journal
 from bench.runner import manifest
 from bench.store.runs import MANIFEST, RunDirectory
-from bench.store.writer import RunWriter
 
 
 def made_directory(prepared: PreparedRun, now: datetime) -> RunDirectory:
@@ -49,22 +49,22 @@ def instant(bench: BenchFile, resumption: Resumption | None) -> datetime | None:
     return resumption.began + timedelta(seconds=asyncio.get_running_loop().time() - resumption.began_s)
 
 
-def write_beginning(writer: RunWriter, clock: Clock, prepared: PreparedRun, resumption: Resumption | None) -> None:
+def write_beginning(journal: Journal, clock: Clock, prepared: PreparedRun, resumption: Resumption | None) -> None:
     """Journal that a run begins, or that it goes on and after what outage; a real one with the boot of its computer."""
     utc = clock.utc().isoformat()
     boot: dict[str, Any] = {}
     if not prepared.loaded.bench.is_simulated:
         boot = {"boot": boot_id(), "up_s": round(since_boot_s(), 3)}
     if resumption is None:
-        writer.event("run_begins", utc=utc, title=prepared.plan.sequence.title, seed=prepared.seed, **boot)
+        journal.write("run_begins", utc=utc, title=prepared.plan.sequence.title, seed=prepared.seed, **boot)
         if prepared.preflight:
-            writer.event("preflight", lines=list(prepared.preflight))
+            journal.write("preflight", lines=list(prepared.preflight))
         return
     after_s = clock.monotonic() - resumption.last_s
     found: dict[str, Any] = {"number": resumption.number, "interrupted_s": resumption.last_s, **boot}
     if resumption.past.restarted:
         found["restarted"] = list(resumption.past.restarted)
-    writer.event(RESUMED, utc=utc, outage_s=round(after_s, 3), interrupted=list(resumption.past.under_way), **found)
+    journal.write(RESUMED, utc=utc, outage_s=round(after_s, 3), interrupted=list(resumption.past.under_way), **found)
 
 
 def keep_inputs(prepared: PreparedRun, directory: RunDirectory) -> dict[str, str]:

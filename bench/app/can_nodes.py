@@ -1,4 +1,4 @@
-"""What simulated counters and units that send over CAN put on their bus: from the bench file and its DBC files."""
+"""What simulated devices that send frames have on their channels, by the bench file."""
 
 from __future__ import annotations
 
@@ -6,37 +6,66 @@ from collections.abc import Mapping
 
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from drivers.can.dbc import Dbc
-from drivers.can.options import text_of
-from drivers.certificates.corrections import ARCSEC_PER_DEG
-from drivers.dialects.can_counter.binding import format_of
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
-from drivers.dialects.can_telemetry.description import TelemetryOptions
-from simulators.instruments.can_nodes.can_counter import CounterSettings
-from simulators.instruments.can_nodes.can_telemetry import ChannelSettings, EncoderSettings, TelemetrySettings
+from bench.store.decoder import Decoder
+from drivers.can.sent_frames import Sampled
+from simulators.faults.instrument_faults import FaultPlan
+from simulators.instruments.can_nodes.can_node import NodeSetup
 from simulators.units.accelerometer import Decoding
 from simulators.units.gyro_file import GyroFile
 from simulators.units.imu import CHANNELS, SENSORS
 from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile
+from simulators.world import World
 
 
-def counter_settings(bench: BenchFile, role: str, options: CounterOptions) -> CounterSettings:
-    """What a counter latches, which readings of which units it sends along, and whose encoders it latches."""
-    dbc = Dbc(text_of(options.dbc))
+def node_setup(
+    bench: BenchFile,
+    role: str,
+    world: World,
+    faults: FaultPlan,
+    units: Mapping[str, object],
+    encoder_skew_s: float,
+) -> NodeSetup:
+    """The outputs, thermometers and encoders of a device; InputError if a unit does not send what the bench wants."""
     readings, imu_readings = _thermometers(bench, role)
-    boards = {
-        bench.readings[place.converter_temperature].channel: name
-        for name, place in bench.places.items()
-        if place.converter_temperature and bench.readings[place.converter_temperature].device == role
-    }
-    encoders = {name: ARCSEC_PER_DEG / encoder.resolution for name, encoder in options.positions.items()}
-    return CounterSettings(role, dbc, format_of(options, dbc), options.period, readings, boards, imu_readings, encoders)
+    return NodeSetup(
+        role=role,
+        world=world,
+        faults=faults,
+        options=bench.devices[role].options,
+        places=_places(bench, role, units),
+        readings=readings,
+        boards={
+            bench.readings[place.converter_temperature].channel: name
+            for name, place in bench.places.items()
+            if place.converter_temperature and bench.readings[place.converter_temperature].device == role
+        },
+        imu_readings=imu_readings,
+        encoder_skew_s=encoder_skew_s,
+    )
+
+
+def _places(bench: BenchFile, role: str, units: Mapping[str, object]) -> dict[str, str]:
+    """The place of the unit on each channel of a device; InputError."""
+    outputs, found = bench.devices[role].outputs, {}
+    for name, entry in bench.places.items():
+        for key, channel in entry.measured_by.items():
+            output = outputs.get(channel)
+            wanted = "telemetry" if isinstance(output, Sampled) else "channel"
+            if output is None or (entry.channels is None and key != wanted):
+                continue
+            found[channel] = name
+            if isinstance(output, Sampled):
+                _check_sends(bench, name, units[name])
+                if not output.averaged:
+                    raise InputError(
+                        f"the simulated unit of place '{name}' sends means; write sample: mean for its channel"
+                    )
+    return found
 
 
 def _thermometers(bench: BenchFile, role: str) -> tuple[dict[str, str], dict[str, tuple[str, str]]]:
-    """Of which place a node sends a temperature, by its signal; of an inertial unit also of which sensors."""
+    """Of which place a device sends a temperature, by its reading; of an inertial unit also of which sensors."""
     readings: dict[str, str] = {}
     imu_readings: dict[str, tuple[str, str]] = {}
     for name, place in bench.places.items():
@@ -52,64 +81,11 @@ def _thermometers(bench: BenchFile, role: str) -> tuple[dict[str, str], dict[str
 
 
 def decoding_of(bench: BenchFile, channel: str | None) -> Decoding | None:
-    """What becomes of the codes on a channel of telemetry; None where no telemetry has it."""
-    for device in bench.devices.values():
-        if isinstance(device.options, TelemetryOptions) and channel in device.options.channels:
-            form = formats_of(device.options, Dbc(text_of(device.options.dbc)))[channel]
-            return Decoding(form.value.signal.scale, form.value.signal.offset) if form.decoded else Decoding()
+    """What becomes of the codes on a channel of samples; None where no device sends them."""
+    for entry in bench.devices.values():
+        if channel is not None and isinstance(entry.outputs.get(channel), Sampled):
+            return Decoding(*Decoder(entry).scales.get(channel, ()))
     return None
-
-
-def telemetry_settings(
-    bench: BenchFile, role: str, options: TelemetryOptions, units: Mapping[str, object], encoder_skew_s: float = 0.0
-) -> TelemetrySettings:
-    """The channels of a telemetry that have a unit; InputError if the unit's file has no `telemetry`."""
-    dbc = Dbc(text_of(options.dbc))
-    forms = formats_of(options, dbc)
-    places = {
-        channel: name
-        for name, entry in bench.places.items()
-        for key, channel in entry.measured_by.items()
-        if channel in forms and (key == "telemetry" or entry.channels is not None)
-    }
-    for channel, name in places.items():
-        _check_sends(bench, name, units[name])
-        if options.channels[channel].sample != "mean":
-            raise InputError(f"the simulated unit of place '{name}' sends means; write sample: mean for its channel")
-    for message in {form.value.message.name for form in forms.values()}:
-        alike = {
-            (places[channel], options.channels[channel].period)
-            for channel in places
-            if forms[channel].value.message.name == message
-        }
-        if len(alike) > 1:
-            raise InputError(
-                f"'{role}' has channels of several units, or with several periods, in {message}; no "
-                "simulator supports this"
-            )
-    encoders = {
-        name: EncoderSettings(form, ARCSEC_PER_DEG / options.positions[name].resolution)
-        for name, form in encoders_of(options, dbc).items()
-    }
-    readings, imu_readings = _thermometers(bench, role)
-    return TelemetrySettings(
-        name=role,
-        dbc=dbc,
-        channels={
-            channel: ChannelSettings(
-                forms[channel],
-                sample.period,
-                sample.tick_period,
-                places[channel],
-                {name: each for name, each in encoders.items() if options.positions[name].channel == channel},
-                encoder_skew_s,
-            )
-            for channel, sample in options.channels.items()
-            if channel in places
-        },
-        readings=readings,
-        imu_readings=imu_readings,
-    )
 
 
 def _check_sends(bench: BenchFile, place: str, unit: object) -> None:

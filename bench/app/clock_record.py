@@ -7,8 +7,8 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 
 from bench.clock import ClockWatch, Stopwatch
+from bench.engine.journal import Journal
 from bench.errors import StoreError
-from bench.store.writer import RunWriter
 from drivers.timing.awake import stalled_s
 
 LOOK_EVERY_S = 10.0
@@ -23,8 +23,8 @@ class ClockRecord:
     It checks every `LOOK_EVERY_S` of bench time, and at the end.
     """
 
-    def __init__(self, writer: RunWriter, notice: Callable[[str], None]) -> None:
-        self._writer, self._notice = writer, notice
+    def __init__(self, journal: Journal, notice: Callable[[str], None]) -> None:
+        self._journal, self._notice = journal, notice
         self._watch, self._since = ClockWatch(), Stopwatch()
         self.steps: list[dict[str, float]] = []
 
@@ -45,7 +45,7 @@ class ClockRecord:
             self._look()
             if (stood_s := stalled_s(looked_s)) >= STALL_TOLD_S:
                 with suppress(StoreError):
-                    self._writer.event("stalled", for_s=round(stood_s, 1))
+                    self._journal.write("stalled", for_s=round(stood_s, 1))
                 self._notice(f"This program was suspended for {stood_s:.1f} s; the bench was not monitored.")
 
     def _look(self) -> None:
@@ -55,7 +55,7 @@ class ClockRecord:
         step = {"after_s": round(self._since.elapsed_s(), 1), "set_by_s": round(set_by_s, 3), "slept_s": round(slept_s)}
         self.steps.append(step)
         with suppress(StoreError):  # told by the step that it stops
-            self._writer.event("clock_step", set_by_s=step["set_by_s"], slept_s=step["slept_s"])
+            self._journal.write("clock_step", set_by_s=step["set_by_s"], slept_s=step["slept_s"])
         if set_by_s:
             self._notice(f"The computer's clock was set by {set_by_s:+.1f} s. The times of this run are unaffected.")
         if slept_s:

@@ -26,8 +26,9 @@ from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
 from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, begin, end, mishaps_of
 from simulators.faults.line_faults import BadLine
+from simulators.instruments.can_nodes.can_node import CanNode, NodeSetup, make_node
 from simulators.instruments.setup import InstrumentSetup, make_instrument
-from simulators.serving.serve import protocol_factory
+from simulators.serving.serve import Instrument, protocol_factory
 from simulators.units.settings import WorldSettings
 from simulators.world import World
 
@@ -48,11 +49,16 @@ class Subject:
         self.entry, self.description = entry, description or entry.description
         world = World(WorldSettings(seed=1, gravity_mps2=9.8), asyncio.get_running_loop().time)
         address = entry.connection
-        setup = InstrumentSetup(
-            NAME, world, FaultPlan(now_s=world.now), entry.options, model=entry.identity.model or "",
-            serial=entry.identity.serial or "", is_serial_line=address.is_serial_line,
-        )  # fmt: skip
-        self.instrument = make_instrument(self.description.simulator, setup)
+        faults = FaultPlan(now_s=world.now)
+        self.instrument: Instrument | CanNode
+        if self.description.frames is not None:
+            self.instrument = make_node(self.description.simulator, NodeSetup(NAME, world, faults, entry.options))
+        else:
+            setup = InstrumentSetup(
+                NAME, world, faults, entry.options, model=entry.identity.model or "",
+                serial=entry.identity.serial or "", is_serial_line=address.is_serial_line,
+            )  # fmt: skip
+            self.instrument = make_instrument(self.description.simulator, setup)
         self.line = BadLine(1, lambda _number: self.instrument.faults.on_the_line())
 
     @property
@@ -69,12 +75,16 @@ class Subject:
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
         """Joins `factory()` to the simulator."""
+        if isinstance(self.instrument, CanNode):
+            raise CannotConnect(device, f"{address} carries frames only")
         client = factory()
         join(client, self.line.in_front_of(protocol_factory(self.instrument))(), Line(latency_s=0.001), str(address))
         return client
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """There are none."""
+        """The frames of a simulator that sends them by itself."""
+        if isinstance(self.instrument, CanNode):
+            return self.instrument
         raise CannotConnect(device, f"{address} carries no frames")
 
     @contextmanager
@@ -179,6 +189,10 @@ CHECKS: Mapping[str, Callable[[Subject], Awaitable[None]]] = {
         bears_every_mishap, is_made_safe, leaves_quietly,
     )
 }  # fmt: skip
+
+
+# Those for a device that only sends frames: it has no line to answer on, and is silent only after some time.
+CHECKS_OF_FRAMES = ("identifies_itself", "reads_what_it_promises", "bears_every_mishap", "leaves_quietly")
 
 
 def check(name: str, entry: Mapping[str, object], description: DriverDescription | None = None) -> None:

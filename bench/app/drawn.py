@@ -250,9 +250,9 @@ def ammeter_input(bench: BenchFile, role: str, world: World, seed: int) -> Curre
 
 
 def encoder_skew_s(bench: BenchFile, role: str, seed: int) -> float:
-    """By how much later than the samples of a telemetry end the encoder is latched, drawn from its certificate."""
+    """By how much later than its samples end a device latches an encoder, drawn from its certificate."""
     known = bench.devices[role].calibration
-    u_s = known.U.encoder_skew / known.k if known is not None else 0.0
+    u_s = getattr(known.U, "encoder_skew", 0.0) / known.k if known is not None else 0.0
     return float(u_s * stream(seed, "bench", role, "encoder skew").standard_normal())
 
 

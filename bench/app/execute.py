@@ -28,6 +28,7 @@ from bench.app.tracing import Keep, recording
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.config.models import BenchFile
 from bench.engine.ending import Outcome
+from bench.engine.journal import Journal
 from bench.engine.past import Past
 from bench.engine.people import People
 from bench.engine.pulse import Pulse
@@ -168,12 +169,12 @@ async def _go_through(
     prepared: PreparedRun,
     folder: Path,
     world: _World,
-    writer: RunWriter,
+    journal: Journal,
     signals: Signals,
     past: Past | None,
 ) -> None:
     """Run the plan on a simulated bench, unwatched."""
-    await _with_devices(prepared, folder, world, Quiet(), None, signals, Hold(), writer, past)
+    await _with_devices(prepared, folder, world, Quiet(), None, signals, Hold(), journal, past)
 
 
 @dataclass(frozen=True)
@@ -204,29 +205,30 @@ async def _run(
     began_s = asyncio.get_running_loop().time() if resumption is None else resumption.began_s
     clock = Clock(instant(bench, resumption))
     writer, digest = RunWriter(folder, resumed=resumption is not None), ""
+    past = None if resumption is None else resumption.past
+    journal = Journal(writer, None if past is None else past.state)
     outcome, made_safe = Outcome(), False
     identities: Mapping[str, Identity] = {}
-    wall = ClockRecord(writer, observer.notice)
+    wall = ClockRecord(journal, observer.notice)
     try:
-        write_beginning(writer, clock, prepared, resumption)
+        write_beginning(journal, clock, prepared, resumption)
         observer.run_begins(folder, prepared.expected, clock)
         power = None if bench.is_simulated else bench.power
         async with (
             wall.watched(),
-            power_watched(power, signals, writer, observer.notice) as hold,
+            power_watched(power, signals, journal, observer.notice) as hold,
             guarded(prepared.loaded, folder, signals, writer) as guard,
         ):
-            past = None if resumption is None else resumption.past
             outcome, identities = await _with_devices(
-                prepared, folder, world, observer, keep, signals, hold, writer, past, left_on, guard.pulse
+                prepared, folder, world, observer, keep, signals, hold, journal, past, left_on, guard.pulse
             )
             guard.leaves(outcome)
         made_safe = True
         _keep_unsafe(folder, bench, outcome, observer)
         if writer.ledger_problem:
             observer.notice(writer.ledger_problem)
-            writer.event("warning", text=writer.ledger_problem)
-        writer.event("run_ended", how=outcome.how)
+            journal.write("warning", text=writer.ledger_problem)
+        journal.write("run_ended", how=outcome.how)
     except Exception as problem:  # noqa: BLE001  how the run ended, and what is not safe, is not to be lost
         outcome.failed(in_words(problem))
     try:
@@ -257,7 +259,7 @@ async def _with_devices(
     keep: Keep | None,
     signals: Signals,
     hold: Hold,
-    writer: RunWriter,
+    journal: Journal,
     past: Past | None,
     left_on: LeftOn = NOTHING,
     pulse: Pulse | None = None,
@@ -267,15 +269,15 @@ async def _with_devices(
 
     def note(device: str, text: str) -> None:
         with suppress(StoreError):  # the step that it stops tells it
-            writer.event("device_note", device=device, text=text)
+            journal.write("device_note", device=device, text=text)
 
-    with nullcontext(observer) if world.faults is None else world.faults.during(writer, observer) as watching:
+    with nullcontext(observer) if world.faults is None else world.faults.during(journal, observer) as watching:
         people = People()
         return await run_plan(
             prepared.plan,
             bench,
             open_devices(bench, laboratory, keep, note, people),
-            writer,
+            journal,
             watching,
             watching.reading,
             prepared.expected.of_phase("teardown"),

@@ -10,10 +10,10 @@ from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.relay import Relay, RunObserver
 from bench.config.models import BenchFile
 from bench.config.simulation import FaultSimulation
+from bench.engine.journal import Journal
 from bench.errors import StoreError
 from bench.sequence.plan.dwells import first_visit
 from bench.sequence.plan.plan import PlannedStep
-from bench.store.writer import RunWriter
 from simulators.faults import instrument_faults as faults
 from simulators.faults.instrument_faults import Breakable
 
@@ -71,28 +71,28 @@ class Faults:
     def __init__(self, laboratory: Laboratory, to_play: Sequence[FaultSimulation]) -> None:
         self._laboratory, self._to_play = laboratory, to_play
         self._player: FaultPlayer | None = None
-        self._writer: RunWriter | None = None
+        self._journal: Journal | None = None
         self._unwritten: list[tuple[str, FaultSimulation, float]] = []  # with the bench time
 
     @contextmanager
-    def during(self, writer: RunWriter, observer: RunObserver) -> Iterator[RunObserver]:
+    def during(self, journal: Journal, observer: RunObserver) -> Iterator[RunObserver]:
         """Play them in a stretch of a run, and journal them, those first that came while it was interrupted."""
-        self._writer = writer
+        self._journal = journal
         unwritten, self._unwritten = self._unwritten, []
         for kind, fault, at_s in unwritten:
-            writer.event(kind, **as_journalled(fault), since_s=at_s)
+            journal.write(kind, **as_journalled(fault), since_s=at_s)
         self._player = self._player or FaultPlayer(self._laboratory, self._to_play, self._tell)
         try:
             yield Cue(observer, self._player)
         finally:
-            self._writer = None
+            self._journal = None
 
     def _tell(self, kind: str, fault: FaultSimulation) -> None:
-        if self._writer is None:
+        if self._journal is None:
             self._unwritten.append((kind, fault, asyncio.get_running_loop().time()))
             return
         with suppress(StoreError):
-            self._writer.event(kind, **as_journalled(fault))
+            self._journal.write(kind, **as_journalled(fault))
 
 
 def laboratory_of(bench: BenchFile) -> Laboratory | None:

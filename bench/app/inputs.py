@@ -5,8 +5,6 @@ from __future__ import annotations
 from bench.app.request import PreparedRun
 from bench.reduce.stored_run import BENCH_COPY, SEQUENCE_COPY, released_copy
 from drivers.can.options import text_of
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.dialects.can_telemetry.description import TelemetryOptions
 from drivers.schema.fields import DocumentFile
 
 SCENARIO_COPY = "scenario.yaml"
@@ -21,8 +19,7 @@ def inputs_of(prepared: PreparedRun) -> dict[str, str]:
         copies[SCENARIO_COPY] = prepared.scenario.text
     copies |= {f"{CALLED}/{document.path.name}": document.text for document in prepared.plan.document.all_included()}
     for role, entry in prepared.loaded.bench.devices.items():
-        if isinstance(entry.options, CounterOptions | TelemetryOptions):
-            copies[entry.options.dbc.name] = text_of(entry.options.dbc)
+        copies |= {path.name: text_of(path) for path in entry.files.values()}
         for document in (each for each in vars(entry.options).values() if isinstance(each, DocumentFile)):
             name, text = document.path.name, document.path.read_text("utf-8")
             copies[name if copies.get(name, text) == text else f"{role}_{name}"] = text

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from bench.app.can_nodes import counter_settings, telemetry_settings
+from bench.app.can_nodes import node_setup
 from bench.app.drawn import (
     AnyUnitFile,
     ammeter_input,
@@ -27,8 +27,6 @@ from bench.errors import InputError
 from bench.loop import BenchLoop
 from bench.reduce.corrections import corrections_of
 from drivers.description import DriverDescription
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.dialects.can_telemetry.description import TelemetryOptions
 from drivers.installed import loaded
 from drivers.transport.address import Address
 from drivers.transport.frame_link import FrameLink
@@ -37,12 +35,10 @@ from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import LINE_FAULTS, FaultPlan
 from simulators.faults.line_faults import BadLine, LineFault
 from simulators.instruments.axes.operator_head import HandTurnedHead
-from simulators.instruments.can_nodes.can_counter import SimulatedCounter
-from simulators.instruments.can_nodes.can_node import CanNode
-from simulators.instruments.can_nodes.can_telemetry import SimulatedTelemetry
+from simulators.instruments.can_nodes.can_node import CanNode, NodeSetup, make_node
 from simulators.instruments.meters.keysight_3458a import Simulated3458A
 from simulators.instruments.meters.meter_inputs import VoltsOnLoad
-from simulators.instruments.setup import InstrumentSetup, make_instrument
+from simulators.instruments.setup import InstrumentSetup, NotSimulated, make_instrument
 from simulators.physics.source_errors import CurrentSource, Feed
 from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.serving.serve import Instrument, protocol_factory
@@ -139,12 +135,9 @@ def make_laboratory(
     for role, entry in bench.devices.items():
         faults = FaultPlan(now_s=world.now)
         around = World(replace(world.settings, places={}, imus={}), host_s) if role in beside else world
-        if isinstance(entry.options, CounterOptions):
-            nodes[role] = SimulatedCounter(world, counter_settings(bench, role, entry.options), faults)
-        elif isinstance(entry.options, TelemetryOptions):
-            skew_s = encoder_skew_s(bench, role, seed)
-            settings = telemetry_settings(bench, role, entry.options, units, skew_s)
-            nodes[role] = SimulatedTelemetry(world, settings, faults)
+        if entry.description.frames is not None:
+            setup = node_setup(bench, role, world, faults, units, encoder_skew_s(bench, role, seed))
+            nodes[role] = _node(role, entry, setup)
         elif entry.connection.is_person:
             by_hand[role] = HandTurnedHead(around, faults, role if role in around.axes else None)
         elif entry.driver == "keysight_3458a":
@@ -176,9 +169,7 @@ def _suffered(instruments: Mapping[str, Instrument], role: str, _number: int) ->
 
 
 _MADE_HERE: Mapping[str, type] = {
-    "can_counter": SimulatedCounter, "can_telemetry": SimulatedTelemetry, "keysight_3458a": Simulated3458A,
-    "keysight_3458a_ammeter": Simulated3458A,
-    "operator_head": HandTurnedHead,
+    "keysight_3458a": Simulated3458A, "keysight_3458a_ammeter": Simulated3458A, "operator_head": HandTurnedHead,
 }  # fmt: skip
 
 
@@ -201,15 +192,28 @@ def _check_current(place: str, units: Mapping[str, AnyUnitFile]) -> None:
         raise InputError(f"the simulated gyro of place '{place}' has no analogue output: its file needs 'current'")
 
 
-def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) -> Instrument:
-    """The simulator of a dialect, with the identity and settings that the bench file states."""
+def _target(role: str, entry: DeviceEntry) -> str:
+    """The simulator of a driver; InputError where it has none."""
     if not entry.description.simulator:
         raise InputError(f"there is no simulator for '{entry.driver}'; '{role}' needs a real connection")
+    return entry.description.simulator
+
+
+def _node(role: str, entry: DeviceEntry, setup: NodeSetup) -> CanNode:
+    """The simulator of a device that sends frames; InputError where it does not cover this bench."""
+    try:
+        return make_node(_target(role, entry), setup)
+    except NotSimulated as problem:
+        raise InputError(str(problem)) from None
+
+
+def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) -> Instrument:
+    """The simulator of a dialect, with the identity and settings that the bench file states."""
     setup = InstrumentSetup(
         role, world, faults, entry.options, model=entry.identity.model or "", serial=entry.identity.serial or "",
         is_serial_line=entry.connection.is_serial_line, axis=role if role in world.axes else None,
     )  # fmt: skip
-    return make_instrument(entry.description.simulator, setup)
+    return make_instrument(_target(role, entry), setup)
 
 
 class BenchWires:

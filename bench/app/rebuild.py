@@ -13,6 +13,7 @@ from typing import Any
 
 from bench.app.resume import RESUMED, Resumption
 from bench.engine.ending import EndRequest
+from bench.engine.journal import Journal
 from bench.engine.past import Past, past_of
 from bench.errors import InputError
 from bench.runner.signals import Sent, Signals
@@ -25,7 +26,7 @@ OUTAGE_S = (60.0, 7200.0)  # of a simulated bench, drawn with equal chance for e
 KILLED = Sent("interruption", EndRequest("interruption", "interrupted"))
 _FROM_OUTSIDE = frozenset({"run_begins", "preflight", "run_ended", RESUMED, "warning", "clock_step", "stalled"})
 """Entries that are not written by the plan and its devices."""
-GoThrough = Callable[[RunWriter, Signals, Past | None], Awaitable[object]]
+GoThrough = Callable[[Journal, Signals, Past | None], Awaitable[object]]
 
 
 class _Again(RunWriter):
@@ -46,7 +47,7 @@ class _Again(RunWriter):
 async def rebuild(resumption: Resumption, seed: int, go_through: GoThrough) -> None:
     """Take a simulated world to where it is when the run is resumed.
 
-    `go_through` does the plan once more with a writer, signals, and what was done before. Every stretch of the run ends
+    `go_through` does the plan once more with a journal, signals and what was done before. Every stretch of the run ends
     where it was interrupted, with the bench made safe, and is followed by its outage. Raises InputError when the run
     does not go as it did.
     """
@@ -82,7 +83,7 @@ async def _once_more(
     writer = _Again(folder, expected, interrupt, resumed=past is not None)
     had = writer.link.rows["journal"]
     try:
-        await go_through(writer, signals, past)
+        await go_through(Journal(writer, None if past is None else past.state), signals, past)
     finally:
         writer.close()
     with RunReader(folder) as reader:

@@ -15,6 +15,7 @@ from bench.config.models import BenchFile, ReadingEntry
 from bench.config.places import PlaceEntry
 from bench.config.simulation import FaultSimulation
 from bench.errors import InputError
+from drivers.can.sent_frames import Counted, Sampled
 from drivers.quantity.units import parse_unit
 from drivers.schema.suggest import did_you_mean
 
@@ -220,13 +221,8 @@ def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]
     """What measures a unit's output, and is not there or measures another place already."""
     devices = bench.devices.items()
     counted, sent = (
-        [
-            channel
-            for _, entry in devices
-            if capability in entry.description.capabilities
-            for channel in getattr(entry.options, "channels", {})
-        ]
-        for capability in ("pulse_counter", "telemetry")
+        [channel for _, entry in devices for channel, output in entry.outputs.items() if isinstance(output, kind)]
+        for kind in (Counted, Sampled)
     )
     meters = [role for role, entry in devices if "voltmeter" in entry.description.capabilities]
     for key, found in place.measured_by.items():
@@ -268,7 +264,7 @@ def _unlike(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]
     """Three accelerometers, or three gyros, of an inertial unit whose outputs are not in one unit."""
     sent = bench.sent_units(place)
     for sensor, said in (("acc", "accelerometers"), ("gyro", "gyros")) if place.channels is not None else ():
-        units = dict.fromkeys(sent.get(f"{sensor}_{axis}", "pulse/s") for axis in "xyz")
+        units = dict.fromkeys(sent.get(f"{sensor}_{axis}", Counted.unit) for axis in "xyz")
         if len(units) > 1:
             yield ("places", name, "channels"), f"the outputs of the {said} are in {' and '.join(units)}; one is needed"
 

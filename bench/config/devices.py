@@ -20,6 +20,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails
 
+from drivers.can.sent_frames import Encoder, Output
 from drivers.description import DriverDescription, IdentityPin, known_drivers
 from drivers.quantity.units import quoted
 from drivers.safe_state import LONGEST_S, SafeState
@@ -98,6 +99,23 @@ class DeviceEntry(StrictModel):
     def channels(self) -> Mapping[str, str]:
         """The readings that it gives: name → unit."""
         return self.description.channels_of(self.options)
+
+    @property
+    def outputs(self) -> Mapping[str, Output]:
+        """The channels on which it sends outputs of units by itself; none of a device that is asked."""
+        frames = self.description.frames
+        return {} if frames is None else frames.outputs(self.options)
+
+    @property
+    def encoders(self) -> Mapping[str, Encoder]:
+        """The encoders that it latches with these, by the devices that drive their axes."""
+        frames = self.description.frames
+        return {} if frames is None else frames.encoders(self.options)
+
+    @property
+    def files(self) -> Mapping[str, Path]:
+        """The files that its options name, by their keys, such as a DBC."""
+        return {key: value for key, value in self.options or () if isinstance(value, Path)}
 
     @property
     def safe_state(self) -> SafeState:

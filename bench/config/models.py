@@ -16,8 +16,8 @@ from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry, drawn_together
 from bench.config.power import PowerEntry
 from bench.config.simulation import Simulation
+from drivers.can.sent_frames import Counted, Sampled
 from drivers.certificates.corrections import TemperatureTable
-from drivers.dialects.can_telemetry.description import SampleOptions, TelemetryOptions
 from drivers.schema.fields import (
     NOT_EMPTY,
     Celsius,
@@ -223,15 +223,15 @@ class BenchFile(StrictModel):
         entry = self.places[place]
         sample = self.sample_of(entry)
         if sample is not None:
-            return sample.output_unit
-        return "pulse/s" if entry.voltmeter is None else "V"
+            return sample.unit
+        return Counted.unit if entry.voltmeter is None else "V"
 
     def gyro_output_unit(self, place: str) -> str:
         """The same of the gyros of an inertial unit; of any other it is that of its output."""
         sent = self.sent_units(self.places[place])
-        return self.output_unit(place) if self.places[place].channels is None else sent.get("gyro_x", "pulse/s")
+        return self.output_unit(place) if self.places[place].channels is None else sent.get("gyro_x", Counted.unit)
 
-    def sample_of(self, entry: PlaceEntry) -> SampleOptions | None:
+    def sample_of(self, entry: PlaceEntry) -> Sampled | None:
         """The channel of the telemetry on which the unit in a place sends its output; None where it does not.
 
         Of an inertial unit it is that of its first accelerometer.
@@ -241,11 +241,11 @@ class BenchFile(StrictModel):
     def sent_units(self, entry: PlaceEntry) -> Mapping[str, str]:
         """What the channels of an inertial unit are in that it sends itself, by acc_x to gyro_z."""
         named = {} if entry.channels is None else dict(entry.channels)
-        return {name: each.output_unit for name, channel in named.items() if (each := self._sample_on(channel))}
+        return {name: each.unit for name, channel in named.items() if (each := self._sample_on(channel))}
 
-    def _sample_on(self, channel: str | None) -> SampleOptions | None:
-        telemetry = (each.options for each in self.devices.values() if isinstance(each.options, TelemetryOptions))
-        return next((each.channels[channel] for each in telemetry if channel in each.channels), None)
+    def _sample_on(self, channel: str | None) -> Sampled | None:
+        found = (each.outputs.get(channel) for each in self.devices.values() if channel is not None)
+        return next((output for output in found if isinstance(output, Sampled)), None)
 
     def nominal_per_g(self, place: str) -> float | None:
         """What the output of a unit is made to change by for 1 g, in its unit; None where the file does not say."""
@@ -267,20 +267,18 @@ class BenchFile(StrictModel):
             return (role,)
         measuring = {each for place in self.places.values() for each in self.measuring(place)}
         measuring |= {place.ammeter for place in self.places.values() if place.ammeter is not None}
-        return tuple(
-            name for name, entry in self.devices.items() if name in measuring or getattr(entry.options, "positions", {})
-        )
+        return tuple(name for name, entry in self.devices.items() if name in measuring or entry.encoders)
 
     def measuring(self, entry: PlaceEntry) -> tuple[str, ...]:
         """The devices that measure the output of the unit in a place."""
         if entry.voltmeter is not None:
             return (entry.voltmeter,)
+        kinds = Counted | Sampled if entry.channels is not None else Counted if entry.telemetry is None else Sampled
         wanted = set(entry.measured_by.values())
         return tuple(
             name
             for name, device in self.devices.items()
-            if wanted & set(getattr(device.options, "channels", {}))
-            and (entry.channels or isinstance(device.options, TelemetryOptions) == (entry.telemetry is not None))
+            if any(channel in wanted and isinstance(output, kinds) for channel, output in device.outputs.items())
         )
 
     def measured_by(self, place: str) -> str:

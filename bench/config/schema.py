@@ -19,9 +19,7 @@ from pydantic_core import core_schema
 from bench.config.models import BenchFile
 from bench.config.scenario import ScenarioFile
 from drivers.description import DriverDescription, known_drivers
-from drivers.dialects.framed.profile import FrameProfile
-from drivers.dialects.modbus_chamber.profile import ChamberProfile
-from drivers.schema.fields import UNIT_KEYWORD
+from drivers.schema.fields import UNIT_KEYWORD, ModelBeside
 
 Schema = dict[str, Any]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -40,12 +38,19 @@ def bench_schema() -> Schema:
 
 def chamber_profile_schema() -> Schema:
     """The schema of the files that describe the controller of a chamber."""
-    return schema_of(ChamberProfile, ())[0]
+    return _schema_of_file_beside("modbus_chamber")
 
 
 def table_profile_schema() -> Schema:
     """The schema of the files that describe the frames of a table or a head."""
-    return schema_of(FrameProfile, ())[0]
+    return _schema_of_file_beside("framed_table")
+
+
+def _schema_of_file_beside(driver: str) -> Schema:
+    """The schema of the one file beside a bench file that the options of a driver name."""
+    fields = known_drivers()[driver].options.model_fields.values()
+    (model,) = (each.model for field in fields for each in field.metadata if isinstance(each, ModelBeside))
+    return schema_of(model, ())[0]
 
 
 def scenario_schema() -> Schema:

@@ -25,7 +25,6 @@ from bench.errors import InputError, StepError, WindowError, in_words
 from bench.rig import Rig
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.stimulus import Ramp
-from bench.store.writer import RunWriter
 from drivers.errors import DriverError, InstrumentFault
 from drivers.timing.awake import patience
 
@@ -57,18 +56,18 @@ class Engine:
         file: BenchFile,
         rig: Rig,
         monitor: Monitor,
-        writer: RunWriter,
+        journal: Journal,
         observer: Observer,
         past: Past | None = None,
         may_be_held: Collection[str] = (),
     ) -> None:
         self._plan, self._rig, self._monitor, self._observer = plan, rig, monitor, observer
-        self.journal = Journal(writer, past.state if past is not None else None)
+        self.journal = journal
         self.desk = Desk(observer.asked)
         self._control = Control(self.journal, observer.notice, observer.held)
-        numbered = Numbered({role: entry.options for role, entry in file.devices.items()})
+        numbered = Numbered(file.devices)
         credit = past.credit if past is not None else None
-        bench = Bench(file, rig, monitor, writer, self.journal, self.desk, observer.notice, numbered, credit=credit)
+        bench = Bench(file, rig, monitor, journal.writer, journal, self.desk, observer.notice, numbered, credit=credit)
         monitor.units.angles_deg = bench.angles_deg
         self._places = file.places
         if past is not None:

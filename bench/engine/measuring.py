@@ -20,10 +20,9 @@ from bench.quality import Fresh, Window
 from bench.sequence.language.readings import BY_NOMINAL, PULSE_RATE, is_pulse_rate, measured_place
 from bench.sequence.steps.limits import limits_in
 from bench.sequence.steps.measuring import Measure, Tare
-from bench.store.counts import CountDecoder
+from bench.store.decoder import Decoder
 from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import PulseCounter
-from drivers.dialects.can_counter.description import CounterOptions
 
 if TYPE_CHECKING:  # which calls the functions here
     from bench.engine.actions import Bench
@@ -147,17 +146,14 @@ async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench
 async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) -> _Single:
     """The net pulse rate of a counter's channel, counted for a time; the frames are kept with the step."""
     role, _, channel = name.partition(".")
-    options = bench.file.devices[role].options
     counter = bench.rig.counter(role)
-    if not isinstance(options, CounterOptions):
-        raise StepError(f"the pulses of {role} cannot be counted here")
     block = await frames_of(counter, duration_s)
     if len(block):
         bench.writer.frames(role, step_id, block)
         gaps = Watch(bench, step_id)
         gaps.frames(role, block)
         await gaps.tell()
-    found = mean_of(CountDecoder(options, options.dbc.parent).counts(block)[channel])
+    found = mean_of(Decoder(bench.file.devices[role]).outputs(block)[channel])
     if math.isnan(found.value):
         raise StepError(f"{name}: too few latches arrived in {duration_s:g} s; count longer, or check the counter")
     return _Single(found.value, PULSE_RATE, found.alone_u)

@@ -7,20 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from bench.config.devices import DeviceEntry
 from bench.metrology.gaps import EVENT
 from bench.metrology.missed import Missed
 from bench.quality import Valid
+from bench.store.decoder import Decoder
 from bench.store.missed import missed_in_step
-from drivers.can.dbc import Dbc
+from drivers.can.decoded import GapWatch
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
-from drivers.can.options import text_of
-from drivers.dialects.can_counter import wire as counter_wire
-from drivers.dialects.can_counter.binding import format_of
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.dialects.can_telemetry import wire as telemetry_wire
-from drivers.dialects.can_telemetry.binding import formats_of
-from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 if TYPE_CHECKING:  # whose steps this watches
     from bench.engine.actions import Bench
@@ -37,7 +31,7 @@ class Watch:
 
     def __init__(self, bench: Bench, step_id: str) -> None:
         self._bench, self._step_id = bench, step_id
-        self._looks: dict[str, list[Unbroken]] = {}
+        self._looks: dict[str, Sequence[GapWatch]] = {}
         self._waiting: dict[str, list[FrameBlock]] = {}
 
     def frames(self, role: str, block: FrameBlock) -> None:
@@ -67,7 +61,7 @@ class Watch:
         if not broken:
             return
         await bench.writer.commit()
-        devices = {role: bench.numbered.options(role) for role in broken}
+        devices = {role: bench.numbered.devices[role] for role in broken}
         loop = asyncio.get_running_loop()
         found = await loop.run_in_executor(None, missed_in_step, bench.writer.folder, self._step_id, devices)
         told = {name.partition(".")[0] for name in bench.journal.state.lost}
@@ -91,30 +85,16 @@ def _in_words(role: str, missed: Mapping[str, Missed]) -> str:
 
 
 class Numbered:
-    """The frames with numbers that the devices of a bench send, as their bench file and DBC describe them."""
+    """The devices of a bench whose frames have numbers, by role; their decoders are made when they are needed."""
 
-    def __init__(self, devices: Mapping[str, object]) -> None:
-        self._options = {
-            role: options for role, options in devices.items() if isinstance(options, CounterOptions | TelemetryOptions)
-        }
-        self._formats: dict[str, counter_wire.CounterFormat | dict[str, telemetry_wire.SampleFormat]] = {}
+    def __init__(self, devices: Mapping[str, DeviceEntry]) -> None:
+        self.devices = devices
+        self._decoders: dict[str, Decoder] = {}
 
-    def options(self, role: str) -> CounterOptions | TelemetryOptions:
-        """Options of a device in the bench file."""
-        return self._options[role]
-
-    def of(self, role: str) -> list[Unbroken]:
-        """Watch of a device in a new acquisition; None if its frames have no sequence numbers."""
-        if role not in self._options:
-            return []
-        if role not in self._formats:
-            options = self._options[role]
-            dbc = Dbc(text_of(options.dbc))
-            if isinstance(options, TelemetryOptions):
-                self._formats[role] = formats_of(options, dbc)
-            else:
-                self._formats[role] = format_of(options, dbc)
-        form = self._formats[role]
-        if isinstance(form, counter_wire.CounterFormat):
-            return [counter_wire.unbroken(form)]
-        return telemetry_wire.unbroken(form)
+    def of(self, role: str) -> Sequence[GapWatch]:
+        """Watches of a device for a new acquisition; none if its driver describes no frames."""
+        if self.devices[role].description.frames is None:
+            return ()
+        if role not in self._decoders:
+            self._decoders[role] = Decoder(self.devices[role])
+        return self._decoders[role].watches()

@@ -13,12 +13,12 @@ from bench.config.channels import period_s, stale_after_s
 from bench.config.models import BenchFile, ReadingEntry
 from bench.engine.channel import Channel, rule_of
 from bench.engine.interlocks import Change, Interlocks
+from bench.engine.journal import Journal
 from bench.engine.units import Kind, UnitFailure, Units
 from bench.errors import BenchError, WindowError
 from bench.quality import Absent, Fresh, Judged, Latest, Stale, Valid, Window
 from bench.rig import Rig
 from bench.sequence.language.readings import unit_of
-from bench.store.writer import RunWriter
 from drivers.capabilities import FrameSource
 from drivers.errors import DriverError
 from drivers.timing.awake import awake_s, stalled_s
@@ -54,13 +54,13 @@ class Monitor:
         rig: Rig,
         bench: BenchFile,
         interlocks: Interlocks,
-        writer: RunWriter,
+        journal: Journal,
         on_reading: Callable[[str, Judged], None],
         places: Collection[str] | None = None,
         used: Collection[str] | None = None,
     ) -> None:
         self.units = Units(bench, places)
-        self._rig, self._bench, self._writer, self._on_reading = rig, bench, writer, on_reading
+        self._rig, self._bench, self._journal, self._on_reading = rig, bench, journal, on_reading
         self._interlocks = interlocks
         self.on_interlock: Callable[[Change], None] = lambda _change: None
         self.on_unit_failure: Callable[[UnitFailure, list[str]], None] = lambda _failure, _interlocks: None
@@ -142,12 +142,12 @@ class Monitor:
                 await (news() if news is not None else asyncio.sleep(due_s - loop.time()))
         except DriverError as problem:
             if role in self.used:
-                self._writer_event("fault", device=role, problem=str(problem))
+                self._tell("fault", device=role, problem=str(problem))
                 self.report(problem)
             else:
                 self.on_left_out(role, problem)
         except Exception as problem:  # noqa: BLE001  nobody looks at the device any more, which the run must not outlast
-            self._writer_event("fault", device=role, problem=str(problem))
+            self._tell("fault", device=role, problem=str(problem))
             self.report(problem)
         finally:
             self.polls.pop(role, None)
@@ -184,9 +184,9 @@ class Monitor:
         valid, invalid = channel.take(readings, now_s)
         for each in invalid:
             facts = {"reading": channel.name, "read_s": each.at_s, "number": each.number, "raw": each.raw}
-            self._writer_event("doubted", **facts, text=f"{channel.name} {each.why}")
+            self._tell("doubted", **facts, text=f"{channel.name} {each.why}")
         if valid:
-            self._writer.readings(channel.name, channel.unit, valid)
+            self._journal.writer.readings(channel.name, channel.unit, valid)
             self._on_reading(channel.name, valid[-1])
         if channel.invalid is not None:
             self._interlocks.lapse(source)
@@ -201,7 +201,7 @@ class Monitor:
     def _look_at_interlocks(self) -> None:
         for change in self._interlocks.look(asyncio.get_running_loop().time(), stalled_s):
             facts = {"name": change.name, "action": change.action, "tripped": change.tripped}
-            self._writer_event("interlock", **facts, since_s=change.since_s, text=change.text)
+            self._tell("interlock", **facts, since_s=change.since_s, text=change.text)
             self.on_interlock(change)
 
     def _look_at_units(self, role: str) -> None:
@@ -309,8 +309,8 @@ class Monitor:
             return "temperature", f"{text}Check the chamber and the sensor."
         return None
 
-    def _writer_event(self, kind: str, **data: Any) -> None:
+    def _tell(self, kind: str, **data: Any) -> None:
         try:
-            self._writer.event(kind, **data)
+            self._journal.write(kind, **data)
         except BenchError as problem:
             self.report(problem)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
 from contextlib import AbstractAsyncContextManager
 from typing import Protocol
 
@@ -18,12 +18,9 @@ from bench.metrology.acquisition import Voltages
 from bench.metrology.outputs import STABLE_PART_S, Measured
 from bench.quality import Valid
 from bench.rig import Rig
-from bench.store.codes import CodeDecoder
-from bench.store.counts import CountDecoder
+from bench.store.decoder import decoders_of
 from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import Meter
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 
 class Keeper(Protocol):
@@ -117,11 +114,7 @@ class Watched:
         self._bench, self._over_s = bench, over_s + STABLE_PART_S
         self._frames: defaultdict[str, list[FrameBlock]] = defaultdict(list)
         self._readings: defaultdict[str, list[Valid]] = defaultdict(list)
-        self._decoders = {
-            role: _decoder(options)
-            for role, entry in bench.devices.items()
-            if isinstance(options := entry.options, CounterOptions | TelemetryOptions)
-        }
+        self._decoders = decoders_of(bench.devices)
 
     def frames(self, role: str, block: FrameBlock) -> None:
         """Keeps a block, and those before it that are still looked at."""
@@ -143,12 +136,5 @@ class Watched:
             return Voltages(*np.array(self._readings[entry.voltmeter], np.float64).reshape(-1, 3)[:, :2].T)
         for role in self._bench.measuring(entry):
             if blocks := self._frames[role]:
-                return self._decoders[role](FrameBlock.joined(blocks)).get(entry.telemetry or entry.channel)
+                return self._decoders[role].outputs(FrameBlock.joined(blocks)).get(entry.telemetry or entry.channel)
         return None
-
-
-def _decoder(options: CounterOptions | TelemetryOptions) -> Callable[[FrameBlock], Mapping[str, Measured]]:
-    """What makes counts, or codes, by their channels, of the frames of a device."""
-    if isinstance(options, TelemetryOptions):
-        return CodeDecoder(options, options.dbc.parent).codes
-    return CountDecoder(options, options.dbc.parent).counts

@@ -36,7 +36,7 @@ def missed_in(found: Counts | Codes) -> Missed | None:
     )
 
 
-def missed_of(device: str, decoded: Mapping[str, Counts] | Mapping[str, Codes]) -> dict[tuple[str, str], Missed]:
+def missed_of(device: str, decoded: Mapping[str, Counts | Codes]) -> dict[tuple[str, str], Missed]:
     """What did not come of the channels of a device in an acquisition, by device and channel; those that lack any."""
     found = {(device, channel): missed_in(each) for channel, each in decoded.items()}
     return {name: missed for name, missed in found.items() if missed is not None}

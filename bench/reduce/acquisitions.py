@@ -17,12 +17,9 @@ from bench.metrology.run_data import PowerCycles, RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record
 from bench.reduce.corrections import Corrections, corrections_of
 from bench.sequence.plan.dwells import DwellNames, first_visit, loop_values
-from bench.store.codes import CodeDecoder
-from bench.store.counts import CountDecoder
+from bench.store.decoder import Decoder, decoders_of
 from bench.store.reader import Event, RunReader, Series
 from drivers.can.frame_block import FrameBlock
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 STOOD = "stood"  # what the record says of an axis that did not need to move
 AS_READ = Corrections({}, {}, {}, {}, {})
@@ -57,20 +54,7 @@ def acquisitions(
 
     As they were read, but for the corrections given, and with `windows` in place of counts.
     """
-    sent = _Sent(
-        counters={
-            role: CountDecoder(entry.options, reader.folder)
-            for role, entry in bench.devices.items()
-            if isinstance(entry.options, CounterOptions)
-        },
-        telemetry={
-            role: CodeDecoder(entry.options, reader.folder)
-            for role, entry in bench.devices.items()
-            if isinstance(entry.options, TelemetryOptions)
-        },
-        corrections=corrections,
-        windows=windows,
-    )
+    sent = _Sent(decoders_of(bench.devices, reader.folder), corrections, windows)
     temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
     samples = reader.samples_by_step()
     completed = {}
@@ -95,8 +79,7 @@ class _Sent:
     With `windows` the means of counts and codes, and not these themselves.
     """
 
-    counters: Mapping[str, CountDecoder]
-    telemetry: Mapping[str, CodeDecoder]
+    decoders: Mapping[str, Decoder]
     corrections: Corrections
     windows: bool
 
@@ -106,16 +89,16 @@ class _Sent:
         positions: dict[str, Positions] = {}
         codes: dict[str, Codes] = {}
         missed: dict[tuple[str, str], Missed] = {}
-        for role, counter in self.counters.items():
-            decoded = counter.counts(frames.get(role, FrameBlock.empty()))
+        for role, decoder in self.decoders.items():
+            block = frames.get(role, FrameBlock.empty())
+            decoded = decoder.outputs(block)
             missed |= missed_of(role, decoded)
-            counts |= {channel: self.corrections.counts(role, each) for channel, each in decoded.items()}
-            positions |= counter.positions(frames.get(role, FrameBlock.empty()))
-        for role, sender in self.telemetry.items():
-            of_role = sender.codes(frames.get(role, FrameBlock.empty()))
-            missed |= missed_of(role, of_role)
-            codes |= of_role
-            positions |= sender.positions(frames.get(role, FrameBlock.empty()))
+            for channel, each in decoded.items():
+                if isinstance(each, Counts):
+                    counts[channel] = self.corrections.counts(role, each)
+                else:
+                    codes[channel] = each
+            positions |= decoder.positions(block)
         if not self.windows:
             return replace(acquisition, counts=counts, codes=codes, positions=positions, missed=missed)
         means = windows_of({**counts, **codes}, acquisition.turned)

@@ -10,7 +10,7 @@ import numpy as np
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile
 from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, ClockRecord, Drift, SourceRecord
-from drivers.dialects.can_telemetry.description import TelemetryOptions
+from drivers.can.sent_frames import WITH_THE_COUNTS
 
 ARCSEC_DEG = 1 / 3600
 HOUR_S = 3600.0
@@ -64,7 +64,7 @@ def _drift(stated: float | None, offset: float, k: float, in_unit: float = 1.0) 
 def _latching(bench: BenchFile) -> Iterator[ClockRecord]:
     """The clocks of what units send, where the encoder of a table is latched with that."""
     for role, entry in bench.devices.items():
-        if isinstance(entry.options, TelemetryOptions) and entry.options.positions:
+        if any(encoder.channel != WITH_THE_COUNTS for encoder in entry.encoders.values()):
             u = _uncertainties(bench, role)
             yield ClockRecord("telemetry", float(u.get("time_base", 0.0)), float(u.get("encoder_skew", 0.0)))
 

@@ -8,10 +8,10 @@ from contextlib import asynccontextmanager, contextmanager, suppress
 
 from bench.config.power import PowerEntry
 from bench.engine.ending import EndRequest
+from bench.engine.journal import Journal
 from bench.errors import StoreError
 from bench.runner.nut import Client, PowerState
 from bench.runner.signals import Sent, Signals
-from bench.store.writer import RunWriter
 
 EVERY_S = 5.0
 IN_WORDS = {
@@ -49,7 +49,7 @@ class Hold:
 
 @asynccontextmanager
 async def power_watched(
-    entry: PowerEntry | None, signals: Signals, writer: RunWriter, notice: Callable[[str], object]
+    entry: PowerEntry | None, signals: Signals, journal: Journal, notice: Callable[[str], object]
 ) -> AsyncIterator[Hold]:
     """Ask for the state of the power while inside, and hold or end the run as its bench file says.
 
@@ -60,7 +60,7 @@ async def power_watched(
     if entry is None:
         yield hold
         return
-    watching = asyncio.create_task(_watch(entry, signals, hold, writer, notice), name="power")
+    watching = asyncio.create_task(_watch(entry, signals, hold, journal, notice), name="power")
     try:
         yield hold
     finally:
@@ -70,7 +70,7 @@ async def power_watched(
 
 
 async def _watch(
-    entry: PowerEntry, signals: Signals, hold: Hold, writer: RunWriter, notice: Callable[[str], object]
+    entry: PowerEntry, signals: Signals, hold: Hold, journal: Journal, notice: Callable[[str], object]
 ) -> None:
     client, policy = Client(entry.ups), Policy(entry)
     try:
@@ -78,7 +78,7 @@ async def _watch(
             state = await client.ask()
             if policy.is_news(state):
                 with suppress(StoreError):  # told by the step that it stops
-                    writer.event("power", state=state.kind, text=state.text)
+                    journal.write("power", state=state.kind, text=state.text)
                 notice(f"{IN_WORDS[state.kind]} ({state.text}).")
             if (why := policy.ends(state, asyncio.get_running_loop().time())) is not None:
                 signals.tell(Sent("the power failure", EndRequest("power", f"the power failed: {why}")))

@@ -32,7 +32,6 @@ from bench.runner.signals import Sent, Signals
 from bench.runner.terminal import answers_from_terminal
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.used import devices_used
-from bench.store.writer import RunWriter
 from drivers.capabilities import Device
 from drivers.values import Identity
 
@@ -43,7 +42,7 @@ async def run_plan(
     plan: Plan,
     bench: BenchFile,
     devices: Mapping[str, Device],
-    writer: RunWriter,
+    journal: Journal,
     observer: Observer,
     on_reading: Callable[[str, Judged], None],
     teardown_s: float,
@@ -70,13 +69,13 @@ async def run_plan(
     real instrument is found energised, everything but a chamber that was held is made safe before the first step.
     The guardian of the run looks at `pulse`.
     """
-    rig, journal = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench)), Journal(writer)
+    rig = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench))
     in_use = bench.with_units_in(bench.places if places is None else places)
     used = devices_used(plan, in_use)
     outcome: Outcome | None = None
     try:
         await _open(rig, used, signals)
-        _tell_who_is_there(rig, writer, journal, observer)
+        _tell_who_is_there(rig, journal, observer)
         found = await _energised_before(rig, bench, left_on, journal, observer, signals)
         if left_on.by or found:
             await _make_what_was_left_on_safe(rig, left_on, journal)
@@ -86,9 +85,9 @@ async def run_plan(
             await past.credit.look(rig)
         if signals.first is None:
             interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
-            monitor = Monitor(rig, bench, interlocks, writer, on_reading, places, used)
+            monitor = Monitor(rig, bench, interlocks, journal, on_reading, places, used)
             pulse = pulse or Pulse()
-            engine = Engine(plan, in_use, rig, monitor, writer, observer, past, pulse.may_be_held)
+            engine = Engine(plan, in_use, rig, monitor, journal, observer, past, pulse.may_be_held)
             pulse.polls, pulse.may_hold = monitor.polls, lambda: engine.may_hold
             loop = asyncio.get_running_loop()
 
@@ -96,7 +95,7 @@ async def run_plan(
                 with suppress(RuntimeError):  # the loop is closed: the run has ended
                     loop.call_soon_threadsafe(monitor.report, failure)
 
-            writer.on_failure = end_run
+            journal.writer.on_failure = end_run
             if people is not None:
                 people.meet(engine.desk, engine.journal, observer.notice)
             if on_desk is not None:
@@ -131,9 +130,9 @@ async def _open(rig: Rig, used: Collection[str], signals: Signals) -> None:
         opening.result()
 
 
-def _tell_who_is_there(rig: Rig, writer: RunWriter, journal: Journal, observer: Observer) -> None:
+def _tell_who_is_there(rig: Rig, journal: Journal, observer: Observer) -> None:
     for role, identity in rig.identities.items():
-        writer.event("identified", device=role, **_facts(identity))
+        journal.write("identified", device=role, **_facts(identity))
     for role, why in rig.not_reached.items():
         journal.try_to_write("not_reached", device=role, text=why, used=False)
         observer.notice(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 
 from drivers.can.dbc_outline import UNITS
 from drivers.can.frame_block import EXTENDED, FrameBlock
+from drivers.can.options import text_of
 
 if TYPE_CHECKING:
     from cantools.database.can import Message as CantoolsMessage
@@ -122,6 +125,16 @@ class Dbc:
             for signal in message.signals.values()
             if signal.unit == unit
         }
+
+
+def dbc_in(path: Path) -> Dbc:
+    """The messages of a DBC file; UnfitFileError where it cannot be read, DbcError where it is none."""
+    return _parsed(text_of(path))
+
+
+@lru_cache(maxsize=8)  # of the few nodes of a bench, for each label of a run
+def _parsed(text: str) -> Dbc:
+    return Dbc(text)
 
 
 def _message(message: CantoolsMessage) -> Message:

@@ -23,24 +23,6 @@ class PositionFormat:
     sequence: Field
 
 
-@dataclass(frozen=True, slots=True)
-class Positions:
-    """One encoder as the wire gave it, a row for each latch whose frames all came; `position` wraps.
-
-    `sequence` (N,) numbers the latches, or the samples, that they belong to; `tick` (N,) is raw, `host_s` (N,) is when
-    these arrived. `lost` counts those whose frames did not all come, `restarts` changes of a boot counter.
-    """
-
-    sequence: Integers
-    tick: Integers
-    position: Integers
-    host_s: NDArray[np.float64]
-    tick_bits: int
-    position_bits: int
-    lost: int
-    restarts: int
-
-
 def position_formats(dbc: Dbc, positions: Mapping[str, Mapping[str, Any]]) -> dict[str, PositionFormat]:
     """Binds the names of each encoder to the DBC; DbcError names what it does not have."""
     return {

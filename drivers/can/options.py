@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
@@ -9,9 +10,10 @@ from typing import Annotated
 from pydantic import Field
 from pydantic_core import InitErrorDetails
 
-from drivers.can.dbc_outline import lengths_bits, outline
+from drivers.can.dbc_outline import frames_bits, lengths_bits, outline
+from drivers.can.sent_frames import OnTheWire
 from drivers.schema.bounded import read_bounded
-from drivers.schema.fields import InUnit, Ratio, Seconds, StrictModel, TextLike
+from drivers.schema.fields import FileBeside, InUnit, Ratio, Seconds, StrictModel, TextLike
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import problem_at
 
@@ -20,6 +22,12 @@ DBC_LIMIT_BYTES = 2**20
 IDLE_BLOCK_S = 10.0  # how long frames are collected while there is no acquisition
 
 SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
+
+
+class DbcOptions(StrictModel):
+    """Options of a device whose frames a DBC describes."""
+
+    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="describes the frames")
 
 
 class PositionOptions(StrictModel):
@@ -48,9 +56,14 @@ def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str 
     }
 
 
-def position_bits(dbc: Path, encoder: PositionOptions) -> int | None:
-    """Number of bits of the position of an axis; None if the DBC does not define it."""
-    return lengths_bits(text_of(dbc)).get(encoder.position)
+def on_the_wire(dbc: Path, periods_s: Mapping[str, float], positions: Mapping[str, PositionOptions]) -> OnTheWire:
+    """The load of the frames with these signals, each sent once in its period, and the bits of positions."""
+    text = text_of(dbc)
+    bits, lengths = frames_bits(text), lengths_bits(text)
+    of_messages = {signal.partition(".")[0]: period_s for signal, period_s in periods_s.items()}
+    bits_per_s = math.fsum(bits.get(message, 0) / period_s for message, period_s in of_messages.items())
+    known = {device: encoder.position for device, encoder in positions.items() if encoder.position in lengths}
+    return OnTheWire(bits_per_s, {device: lengths[position] for device, position in known.items()})
 
 
 def text_of(dbc: Path) -> str:
@@ -63,9 +76,9 @@ def signals_of(dbc: Path) -> Mapping[str, str]:
     return outline(text_of(dbc))
 
 
-def temperatures_of(dbc: Path) -> Mapping[str, str]:
-    """The signals with a unit of temperature: each is a reading."""
-    return {name: unit for name, unit in signals_of(dbc).items() if unit == "°C"}
+def temperatures(options: DbcOptions) -> Mapping[str, str]:
+    """Every signal of the DBC with a unit of temperature is a reading."""
+    return {name: unit for name, unit in signals_of(options.dbc).items() if unit == "°C"}
 
 
 def unknown_signals(dbc: Path, named: Mapping[tuple[str | int, ...], str | None]) -> Iterator[InitErrorDetails]:

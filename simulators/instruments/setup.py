@@ -15,6 +15,10 @@ from simulators.serving.serve import Instrument
 from simulators.world import World
 
 
+class NotSimulated(ValueError):
+    """A bench, or a way to use an instrument, that its simulator does not cover."""
+
+
 @dataclass(frozen=True, slots=True)
 class InstrumentSetup:
     """One device of a bench file as its simulator sees it.

@@ -17,8 +17,9 @@ from drivers.capabilities import PulseCounter
 from drivers.description import known_drivers
 from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.description import DESCRIPTION, IDLE_BLOCK_S, CounterOptions
-from drivers.dialects.can_counter.driver import FIRST_FRAME_S, CanCounter
+from drivers.dialects.can_counter.driver import CanCounter
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
+from drivers.kinds.frame_source.counter import FIRST_FRAME_S
 from drivers.transport.can import PythonCan, Slcan
 from simulators.faults.instrument_faults import FaultKind
 from tests.support.counters import OPTIONS, RATE_PPS, Bench, dbc_file, options, with_bench, with_driver
@@ -139,9 +140,7 @@ def test_the_dbc_of_another_counter_is_told_with_the_frames_that_come(tmp_path: 
                    ("CM_ SG_ 256", "// "))  # fmt: skip
 
     async def use(bench: Bench) -> None:
-        with pytest.raises(
-            NoAnswer, match=r"no Latch frame \(0x18ff0100\).*received 0x100, 0x101, .*Check that the DBC is that"
-        ):
+        with pytest.raises(NoAnswer, match=r"no Latch frame \(0x18ff0100\).*received 0x100, 0x101, .*such as the DBC"):
             await bench.driver(tmp_path).__aenter__()
 
     with_bench(use)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from bench.metrology.sampled_codes import begins_anew
-from bench.store.codes import CodeDecoder
 from drivers.can.frame_block import FrameBlock
 from drivers.can.options import IDLE_BLOCK_S
 from drivers.capabilities import CAPABILITIES, Telemetry
+from drivers.dialects.can_telemetry.decoder import TelemetryDecoder
 from drivers.dialects.can_telemetry.description import DESCRIPTION, TelemetryOptions
 from drivers.dialects.can_telemetry.driver import CanTelemetry
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
@@ -35,7 +35,7 @@ async def acquired(driver: CanTelemetry, gate_s: float) -> FrameBlock:
 
 def decoded(block: FrameBlock, channel: str = "x"):
     found = options()
-    return CodeDecoder(found, found.dbc.parent).codes(block)[channel]
+    return TelemetryDecoder(found).outputs(block)[channel]
 
 
 def changed(bench: Bench, alter: Callable[[FrameBlock], np.ndarray]) -> None:
@@ -294,6 +294,7 @@ def test_through_a_serial_line_adapter_it_is_the_same() -> None:
             assert len(codes.values) in (499, 500, 501)
             assert codes.lost == 0
             assert set(codes.values.tolist()) == {HALF_G}
+        await asyncio.sleep(0.1)  # the adapter sees that its line is closed
 
     with_bench(use)
 
@@ -322,4 +323,4 @@ def test_options_that_do_not_go_together_are_told(change: dict, problem: str) ->
 def test_a_channel_may_be_decoded_to_a_unit() -> None:
     found = options(channels={"x": CHANNELS["x"] | {"unit": "m/s²"}})
     assert isinstance(found, TelemetryOptions)
-    assert (found.channels["x"].output_unit, options().channels["x"].output_unit) == ("m/s²", "code")
+    assert (found.channels["x"].output.unit, options().channels["x"].output.unit) == ("m/s²", "code")

@@ -94,7 +94,12 @@ class Lingers(ScpiSupply):
         (ReadsMore, "reads_what_it_promises", "poll\\(\\) gives \\['power'\\], which channels do not name"),
         (Swears, "is_made_safe", "silent: make_safe\\(\\) says that it has worked"),
         (TakesAnyone, "refuses_another", "another serial number is taken for the right one"),
-        (Lingers, "leaves_quietly", "still spoken to after the driver was left"),
+        pytest.param(
+            Lingers,
+            "leaves_quietly",
+            "still spoken to after the driver was left",
+            marks=pytest.mark.leaves("the task of the mistake"),
+        ),
     ],
 )
 def test_a_planted_mistake_is_found(driver, name, told):

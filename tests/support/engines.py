@@ -14,6 +14,7 @@ from bench.config.models import BenchFile
 from bench.engine.ending import Outcome
 from bench.engine.engine import Engine
 from bench.engine.interlocks import Interlocks
+from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.people import People
 from bench.engine.state import RunState
@@ -87,8 +88,9 @@ def run_plan(folder: Path, plan: Plan, bench: BenchFile, script: Script | None =
             people = People()
             async with Rig(open_devices(bench, laboratory, person=people), limits_to_make_safe(bench)) as rig:
                 interlocks = Interlocks({**bench.interlocks, **plan.sequence.interlocks}, bench)
-                monitor = Monitor(rig, bench, interlocks, writer, observer.reading)
-                engine = Engine(plan, bench, rig, monitor, writer, observer)
+                journal = Journal(writer)
+                monitor = Monitor(rig, bench, interlocks, journal, observer.reading)
+                engine = Engine(plan, bench, rig, monitor, journal, observer)
                 people.meet(engine.desk, engine.journal, observer.notice)
                 beside = asyncio.create_task(script(engine)) if script is not None else None
                 outcome = await engine.run()

@@ -1,4 +1,4 @@
-"""The YAML in the how-to pages, as files that can be checked and run."""
+"""The YAML in the how-to pages and the README, as files that can be checked and run."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ PAGES = sorted(FOLDER.glob("*.md"))
 _BLOCK = re.compile(r"^```yaml\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _ANSWERS = "schema: itb-answers/1\n"
 FOLLOWED = {"rehearse_a_bad_night", "add_a_driver"}  # whose every command is run by a test of their own
+_OF_A_BENCH = ("alert:", "devices:", "places:", "power:", "readings:")
 _KEYS = re.compile(r"^(\w+):", re.MULTILINE)
 # What a piece of a sequence leaves out: it stands in a file like the first one of its page.
 _FRAME = {
@@ -103,9 +104,15 @@ class Example:
 def examples() -> list[Example]:
     """Every sequence in the pages, and every piece of one."""
     return [
-        Example(page, line, yaml) for page in PAGES if page.stem not in FOLLOWED for line, yaml in blocks(page)
-        if not yaml.startswith(_ANSWERS)
+        Example(page, line, yaml)
+        for page in (ROOT / "README.md", *PAGES) if page.stem not in FOLLOWED for line, yaml in blocks(page)
+        if not yaml.startswith((_ANSWERS, *_OF_A_BENCH))
     ]  # fmt: skip
+
+
+def bench_pieces() -> list[Example]:
+    """Every piece of a bench file in the pages."""
+    return [Example(page, line, yaml) for page in PAGES for line, yaml in blocks(page) if yaml.startswith(_OF_A_BENCH)]
 
 
 def commands(page: Path) -> list[list[str]]:

@@ -49,7 +49,7 @@ def test_codes_are_signed_and_have_the_time_of_the_unit() -> None:
     assert found.host_s.tolist() == [0.0, 0.03]
     assert found.tick_bits == 24
     assert summary(found) == {"sequence": [1, 2], "lost": 0, "dropped": 0, "invalid": 0}
-    assert X.step == 1.0
+    assert X.scale == (1.0, 0.0)
 
 
 def test_each_channel_has_its_own_frames() -> None:
@@ -134,7 +134,7 @@ def test_a_value_is_decoded_by_factor_and_offset_of_the_dbc() -> None:
     first, second = (decode_samples(forms[name], frames(LINE)) for name in ("first", "second"))
     assert first.values.tolist() == pytest.approx([0.3])
     assert second.values.tolist() == [1000.0], "without a unit it is the code as it came"
-    assert (forms["first"].step, forms["second"].step) == (0.001, 1.0)
+    assert (forms["first"].scale.factor, forms["second"].scale) == (0.001, (1.0, 0.0))
     assert [found.tick.tolist() for found in (first, second)] == [[0x1234]] * 2
     assert [found.sequence.tolist() for found in (first, second)] == [[42]] * 2
 

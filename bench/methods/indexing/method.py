@@ -111,7 +111,7 @@ class CompareEndsSettings(StrictModel):
 COMPARE_ENDS = StepDescription(
     name="compare_ends",
     title="Whether both ends of a unit on an indexing table agree: accept, repeat, or marginal after all repeats",
-    target="bench.app.indexing:compare_ends",
+    target="bench.methods.indexing.compare_ends:compare_ends",
     settings=CompareEndsSettings,
     example="repeat",
 )

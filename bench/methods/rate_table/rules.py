@@ -13,8 +13,7 @@ from bench.sequence.method import known_methods
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Oscillate, Rotate
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.dialects.can_telemetry.description import TelemetryOptions
+from drivers.can.sent_frames import WITH_THE_COUNTS
 
 LEAST_STEPS = 30.0  # of a swing, pulses or codes: with fewer the steps are much of its uncertainty
 COUNT_SD = 0.29  # of a pulse, that what is left over in a converter varies by
@@ -37,12 +36,12 @@ def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate | Rotate) -> Iterator[tuple[str, str]]:
     """What is wrong, and what to do, of each unit whose output has no encoder as near as the motion needs it."""
-    options = [bench.devices[role].options for role in devices]
-    latching = [each for each in options if motion.role in getattr(each, "positions", {})]
+    all_encoders = [bench.devices[role].encoders for role in devices]
+    latched_with = [encoders[motion.role].channel for encoders in all_encoders if motion.role in encoders]
     swings = isinstance(motion, Oscillate)
     for name, place in bench.places.items():
         if place.is_counted:
-            if not any(isinstance(each, CounterOptions) for each in latching):
+            if WITH_THE_COUNTS not in latched_with:
                 yield (
                     f"it needs the encoder of '{motion.role}' latched with the pulses, and the counter latches no "
                     "encoder",
@@ -55,22 +54,17 @@ def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate
                 "a swing",
                 "Use a bench where a counter or telemetry records the unit together with the encoder",
             )
-        elif swings and not any(_sampled(each, place.telemetry, motion.role) for each in latching):
+        elif swings and place.telemetry not in latched_with:
             yield (
                 f"a swing needs the encoder of '{motion.role}' latched with the samples of channel '{place.telemetry}'",
                 "Add the encoder to options.positions of the telemetry in the bench file, with that channel, or run it "
                 "on another bench",
             )
-        elif not latching:
+        elif not latched_with:
             yield (
                 f"it needs the encoder of '{motion.role}', and nothing on the bench latches it",
                 "Add the encoder to options.positions of a counter or of the telemetry in the bench file",
             )
-
-
-def _sampled(options: object, channel: str | None, device: str) -> bool:
-    """Whether the encoder of a device is latched with the samples of a channel."""
-    return isinstance(options, TelemetryOptions) and options.positions[device].channel == channel
 
 
 def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:

@@ -15,7 +15,7 @@ from bench.metrology.gaps import EVENT, gap_columns
 from bench.reduce.acquisitions import acquisitions
 from bench.reduce.stored_run import StoredRun
 from bench.store.reader import Event, Series
-from drivers.dialects.can_telemetry.description import TelemetryOptions
+from drivers.can.sent_frames import Sampled
 
 
 @dataclass(frozen=True)
@@ -122,10 +122,9 @@ def readings(run: StoredRun) -> Iterator[Series]:
 
 def acquired(run: StoredRun) -> dict[str, Acquired]:
     """The tables of what a run acquired: counters always, what else its bench measures with, gaps where it had some."""
-    options = [entry.options for entry in run.bench.devices.values()]
     also = {
-        "samples": any(isinstance(each, TelemetryOptions) for each in options),
-        "positions": any(getattr(each, "positions", {}) for each in options),
+        "samples": bool(_units(run)),
+        "positions": any(entry.encoders for entry in run.bench.devices.values()),
         "voltages": bool(run.bench.with_capability("voltmeter")),
         "currents": bool(run.bench.with_capability("ammeter")),
         "gaps": any(True for _ in run.reader.events(EVENT)),
@@ -134,8 +133,8 @@ def acquired(run: StoredRun) -> dict[str, Acquired]:
 
 
 def _units(run: StoredRun) -> Units:
-    telemetry = (each.options for each in run.bench.devices.values() if isinstance(each.options, TelemetryOptions))
-    return {name: sample.output_unit for options in telemetry for name, sample in options.channels.items()}
+    every = (output for entry in run.bench.devices.values() for output in entry.outputs.items())
+    return {name: output.unit for name, output in every if isinstance(output, Sampled)}
 
 
 def _latches(acquisition: Acquisition, _: Units) -> Iterator[Part]:

@@ -10,8 +10,6 @@ from bench.sequence.checks.remarks import Found
 from bench.sequence.plan.plan import Plan, PlannedStep
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Oscillate, Rotate
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 FEW_PHASES = 100  # of a swing that the samples come back to; their number divides the errors of the encoder
 Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition, and what turns the table meanwhile
@@ -39,11 +37,9 @@ def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 def _periods_s(bench: BenchFile, role: str, device: str) -> Iterator[float]:
     """From latch to latch of what latches the encoder of a device in an acquisition."""
     for each in bench.acquired_from(role):
-        options = bench.devices[each].options
-        if isinstance(options, CounterOptions) and device in options.positions:
-            yield options.period
-        elif isinstance(options, TelemetryOptions) and device in options.positions:
-            yield options.channels[options.positions[device].channel].period
+        encoders = bench.devices[each].encoders
+        if device in encoders:
+            yield encoders[device].period_s
 
 
 def acquired_inside(plan: Plan, label: str | None) -> Iterator[Inside]:

@@ -31,7 +31,6 @@ from bench.sequence.steps.stimulus import TURN_DEG, Move, Oscillate, Ramp, Rotat
 from bench.sequence.steps.talk import Alarm, Note, Prompt
 from bench.sequence.steps.verbs import Step
 from bench.sequence.steps.waits import Soak, Wait, WaitUntil
-from drivers.dialects.can_telemetry.description import TelemetryOptions
 
 COMMAND_S = 0.05
 ANSWER_S = 60.0  # what a person takes to read a question, do what it asks, and answer
@@ -122,9 +121,7 @@ def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> in
 
 def _frame_period_s(entry: DeviceEntry) -> float:
     """From latch to latch, or from sample to sample, of a device that sends frames."""
-    if isinstance(entry.options, TelemetryOptions):
-        return min(sample.period for sample in entry.options.channels.values())
-    return getattr(entry.options, "period", 1.0) if "pulse_counter" in entry.description.capabilities else 1.0
+    return min((output.period_s for output in entry.outputs.values()), default=1.0)
 
 
 class _Course:

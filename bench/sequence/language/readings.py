@@ -9,12 +9,13 @@ from collections.abc import Mapping
 
 from bench.config.models import BenchFile
 from bench.sequence.language.expressions import Value
+from drivers.can.sent_frames import Counted
 from drivers.capabilities import MEASURES_OUTPUTS, OUTPUT, READING, THERMOMETER
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import parse_unit
 from drivers.schema.suggest import did_you_mean
 
-PULSE_RATE = "pulse/s"
+PULSE_RATE = Counted.unit
 BY_NOMINAL = "g"  # the unit that an output is told in where what measures it does not matter
 
 
@@ -120,15 +121,12 @@ def _known(device: str, bench: BenchFile) -> list[str]:
 
 
 def _counted(device: str, bench: BenchFile) -> tuple[str, ...]:
-    entry = bench.devices[device]
-    if "pulse_counter" not in entry.description.capabilities:
-        return ()
-    return tuple(getattr(entry.options, "channels", {}))
+    return tuple(name for name, output in bench.devices[device].outputs.items() if isinstance(output, Counted))
 
 
 def _outputs(device: str, bench: BenchFile) -> tuple[str, ...]:
     """The channels on which a device measures outputs, or units send them; none of a voltmeter."""
-    return tuple(getattr(bench.devices[device].options, "channels", {})) if device in bench.devices else ()
+    return tuple(bench.devices[device].outputs) if device in bench.devices else ()
 
 
 def _a_channel(device: str, bench: BenchFile | None) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.can.dbc import Dbc
-from drivers.dialects.can_counter.description import CounterOptions
+from drivers.dialects.can_counter.options import CounterOptions
 from drivers.dialects.can_counter.wire import CounterFormat, counter_format
 
 

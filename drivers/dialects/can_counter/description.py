@@ -1,131 +1,34 @@
-"""Bench file keys of a pulse counter on CAN."""
+"""Description of the driver of a pulse counter on CAN."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Annotated, Self
+from collections.abc import Mapping
 
-from pydantic import Field, ValidationError, model_validator
-from pydantic_core import InitErrorDetails
-
-from drivers.can.dbc_outline import frames_bits, lengths_bits
-from drivers.can.options import (
-    DBC_LIMIT_BYTES,
-    FRAME_SCHEMES,
-    IDLE_BLOCK_S,
-    ClockUncertainty,
-    PositionOptions,
-    SignalName,
-    encoder_signals,
-    temperatures_of,
-    text_of,
-    unknown_signals,
-)
+from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, on_the_wire, temperatures
+from drivers.can.sent_frames import Counted, Encoder, OnTheWire, Output, SentFrames
 from drivers.certificates.corrections import ClockCorrections
 from drivers.description import DriverDescription
+from drivers.dialects.can_counter.options import CounterOptions
 from drivers.safe_state import NOTHING
-from drivers.schema.fields import NOT_EMPTY, FileBeside, Hertz, PositiveSeconds, StrictModel
-from drivers.schema.wording import problem_at
 
 
-class LatchOptions(StrictModel):
-    """The frame with the time at which the counters were latched."""
-
-    tick: SignalName = Field(description="the time of the latch")
-    tick_period: PositiveSeconds = Field(description="what one count of the tick lasts")
-    sequence: SignalName = Field(description="the number of the latch")
-    boot_count: SignalName | None = Field(None, description="counts restarts of the counter")
+def _outputs(options: CounterOptions) -> Mapping[str, Output]:
+    channel = Counted(options.period, options.latch.tick_period, options.max_rate)
+    return dict.fromkeys(options.channels, channel)
 
 
-class ChannelOptions(StrictModel):
-    """The signals of one pair of counters."""
-
-    positive: SignalName = Field(description="the counter of positive pulses")
-    negative: SignalName = Field(description="the counter of negative pulses")
-    sequence: SignalName = Field(description="the number of the latch that they belong to")
-
-
-class CounterOptions(StrictModel):
-    """Where in the frames the counters are; names are Message.Signal of the DBC."""
-
-    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="describes the frames")
-    period: PositiveSeconds = Field(description="from latch to latch")
-    max_rate: Hertz = Field(description="of the pulses; bounds the gap over which a counter stays unambiguous")
-    latch: LatchOptions
-    channels: Annotated[dict[str, ChannelOptions], NOT_EMPTY]
-    positions: dict[str, PositionOptions] = Field(
-        {}, description="encoders that are latched as well, by the devices that drive their axes"
-    )
-
-    @model_validator(mode="after")
-    def _signals_are_in_the_dbc(self) -> Self:
-        if not self.dbc.is_file():  # a bench file kept in a run outlives the files it names
-            return self
-        named: dict[tuple[str | int, ...], str | None] = {
-            ("latch", "tick"): self.latch.tick,
-            ("latch", "sequence"): self.latch.sequence,
-            ("latch", "boot_count"): self.latch.boot_count,
-        }
-        for channel, signals in self.channels.items():
-            named.update({("channels", channel, key): name for key, name in signals})
-        named |= encoder_signals(self.positions)
-        problems = list(unknown_signals(self.dbc, named)) or [*self._scattered(), *self._ambiguous()]
-        if problems:
-            raise ValidationError.from_exception_data(type(self).__name__, problems)
-        return self
-
-    def _scattered(self) -> Iterator[InitErrorDetails]:
-        """What belongs together and is not in one frame, and counters that do not come round alike."""
-        groups: dict[tuple[str, ...], tuple[str, dict[str, str | None]]] = {
-            ("latch",): (self.latch.sequence, {"tick": self.latch.tick, "boot_count": self.latch.boot_count})
-        }
-        for channel, signals in self.channels.items():
-            own = {"positive": signals.positive, "negative": signals.negative}
-            groups["channels", channel] = signals.sequence, dict(own)
-        for device, encoder in self.positions.items():
-            groups["positions", device] = encoder.sequence, {"position": encoder.position}
-        for place, (sequence, others) in groups.items():
-            message = sequence.partition(".")[0]
-            for key, name in others.items():
-                if name is not None and name.partition(".")[0] != message:
-                    problem = f"'{name}' is not in {message}, where the sequence is"
-                    yield problem_at((*place, key), problem)
-        bits_of = lengths_bits(text_of(self.dbc))
-        for channel, signals in self.channels.items():
-            positive, negative = bits_of.get(signals.positive), bits_of.get(signals.negative)
-            if None not in (positive, negative) and positive != negative:
-                problem = (
-                    f"'{signals.negative}' has {negative} bits, '{signals.positive}' {positive}: both must be alike"
-                )
-                yield problem_at(("channels", channel, "negative"), problem)
-
-    def _ambiguous(self) -> Iterator[InitErrorDetails]:
-        """Counters that may wrap around between two latches, so that their difference is ambiguous."""
-        bits_of, pulses = lengths_bits(text_of(self.dbc)), self.period * self.max_rate
-        for channel, signals in self.channels.items():
-            for key in ("positive", "negative"):
-                name = getattr(signals, key)
-                if name in bits_of and pulses >= 2 ** bits_of[name]:
-                    problem = (
-                        f"'{name}' has {bits_of[name]} bits and wraps around after {2 ** bits_of[name]} pulses; "
-                        f"max_rate gives up to {pulses:.6g} in a period: shorten the period, or use a longer signal"
-                    )
-                    yield problem_at(("channels", channel, key), problem)
+def _encoders(options: CounterOptions) -> Mapping[str, Encoder]:
+    return {
+        device: Encoder(each.resolution, options.period, options.latch.tick_period)
+        for device, each in options.positions.items()
+    }
 
 
-def bus_bits_per_latch(options: CounterOptions) -> int:
-    """Maximum bus load of the frames of a latch, as far as the DBC defines it."""
+def _on_the_wire(options: CounterOptions) -> OnTheWire:
     signals = [options.latch.tick, options.latch.sequence]
     signals += [name for channel in options.channels.values() for _, name in channel]
     signals += [name for each in options.positions.values() for name in (each.position, each.sequence)]
-    bits = frames_bits(text_of(options.dbc))
-    return sum(bits.get(message, 0) for message in {signal.partition(".")[0] for signal in signals})
-
-
-def channels(options: CounterOptions) -> Mapping[str, str]:
-    """Every signal of the DBC with a unit of temperature is a reading."""
-    return temperatures_of(options.dbc)
+    return on_the_wire(options.dbc, dict.fromkeys(signals, options.period), options.positions)
 
 
 DESCRIPTION = DriverDescription(
@@ -134,10 +37,17 @@ DESCRIPTION = DriverDescription(
     capabilities=frozenset({"pulse_counter"}),
     schemes=FRAME_SCHEMES,
     target="drivers.dialects.can_counter.driver:CanCounter",
+    simulator="simulators.instruments.can_nodes.can_counter:SimulatedCounter",
     options=CounterOptions,
     safe_state=NOTHING,
     uncertainty=ClockUncertainty,
     corrections=ClockCorrections,
     reports_every_s=IDLE_BLOCK_S,
-    channels=channels,
+    channels=temperatures,
+    frames=SentFrames(
+        outputs=_outputs,
+        encoders=_encoders,
+        on_the_wire=_on_the_wire,
+        decoder="drivers.dialects.can_counter.decoder:CounterDecoder",
+    ),
 )

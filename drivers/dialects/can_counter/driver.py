@@ -1,107 +1,48 @@
-"""The pulse counter: takes in frames, watches that they keep coming, and hands out blocks of them."""
+"""The pulse counter whose frames a DBC describes."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Collection
+from collections.abc import Mapping
 from functools import partial
 from typing import Self
 
-from drivers.can.frame_block import EXTENDED, FrameBlock
-from drivers.description import Nothing, Setup, check_identity
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc import Field, Message
+from drivers.can.frame_block import FrameBlock
+from drivers.can.sequence_numbers import Integers
+from drivers.description import Nothing, Setup
 from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.binding import format_of
-from drivers.dialects.can_counter.description import CounterOptions
-from drivers.errors import InstrumentFault, NoAnswer
-from drivers.kinds.frame_source.intake import SILENT_PERIODS, STANDING_FRAMES, FrameDriver, bound_format, frames_named
-from drivers.timing.awake import awake_s
-from drivers.transport.frame_link import FrameLink
-from drivers.values import Heard
-
-FIRST_FRAME_S = 3.0
+from drivers.dialects.can_counter.options import CounterOptions
+from drivers.kinds.frame_source.counter import FreeCounter, Newest
+from drivers.kinds.frame_source.intake import bound_format
 
 
-class CanCounter(FrameDriver[CounterOptions]):
-    """Counters that run freely; nothing is ever sent to them.
-
-    Lifetime: a task of its own takes frames in from entry to exit. A problem is raised by the next `poll`
-    and by a running acquisition.
-    """
+class CanCounter(FreeCounter[CounterOptions]):
+    """Reads latches and counts as the DBC places them."""
 
     def __init__(self, setup: Setup[CounterOptions, Nothing, Nothing]) -> None:
-        super().__init__(setup)
-        self._last_latch_s = 0.0
-        self._last_numbers: list[int] = []  # of the last latches
-        self._newest: dict[str, tuple[int, int]] = {}  # counts by channel
+        super().__init__(setup, setup.options.period, setup.options.channels)
         self._format: wire.CounterFormat
 
     async def __aenter__(self) -> Self:
         """Opens the channel and waits for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
         bind = partial(format_of, self._options)
         self._format, self._fingerprint = bound_format(self.name, self._options.dbc, bind)
-        self._begin(await self._open())
-        return self
+        return await super().__aenter__()
 
-    async def _open(self) -> FrameLink:
-        link = await self._setup.wires.frames(self.name, self._setup.address)
-        try:
-            await self._first_latch(link)
-            check_identity(self.name, self._setup.identity, await self.identify())
-        except BaseException:
-            link.close()
-            raise
-        return link
+    @property
+    def _latch(self) -> Message:
+        return self._format.sequence.message
 
-    async def _first_latch(self, link: FrameLink) -> None:
-        loop = asyncio.get_running_loop()
-        deadline = loop.time() + FIRST_FRAME_S
-        heard: set[int] = set()
-        while not len(wire.latches(self._format, block := link.take())[0]):
-            heard.update(block.ids.tolist())
-            if loop.time() >= deadline:
-                raise self._no_latch(heard)
-            await asyncio.sleep(self._options.period)
-        self._last_latch_s = loop.time()
-        self._heard = dict.fromkeys(self._options.channels, Heard(loop.time(), loop.time()))
+    @property
+    def _temperatures(self) -> Mapping[str, Field]:
+        return self._format.temperatures
 
-    def _no_latch(self, heard: Collection[int]) -> NoAnswer:
-        """Lists the frames received instead of a latch."""
-        latch = self._format.sequence.message
-        problem = (
-            f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
-        )
-        if heard:
-            remedy = "Check that the DBC is that of this counter."
-            return NoAnswer(self.name, problem, received=frames_named(heard), remedy=remedy)
-        remedy = "Check that the converter is on, the bus is terminated, and the bit rate is right."
-        return NoAnswer(self.name, problem, received="no frame at all", remedy=remedy)
+    def _latches(self, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
+        return wire.latches(self._format, block)
 
-    def _look(self, block: FrameBlock) -> None:
-        """Takes readings and the newest counts from a block; raises when something is wrong with it."""
-        self._keep_readings(self._format.temperatures, block)
-        self._watch(block)
-        self._listen(block)
-
-    def _watch(self, block: FrameBlock) -> None:
-        """Raises when latches have stopped coming, or come with one sequence number."""
-        sequence, at_s = wire.latches(self._format, block)
-        if len(sequence):
-            self._last_latch_s = float(at_s[-1])
-            self._last_numbers = [*self._last_numbers, *sequence[-STANDING_FRAMES:].tolist()][-STANDING_FRAMES:]
-        silent_s = SILENT_PERIODS * self._options.period
-        if awake_s(self._last_latch_s) > silent_s:
-            raise NoAnswer(
-                self.name, f"counter frames have stopped: none for more than {silent_s:g} s",
-                remedy="Check the converter's power, the CAN cable and the adapter, then run again.",
-            )  # fmt: skip
-        if len(self._last_numbers) == STANDING_FRAMES and len(set(self._last_numbers)) == 1:
-            raise InstrumentFault(
-                self.name, f"the counter is frozen: its latches have the sequence number {self._last_numbers[0]}",
-                remedy="Restart the converter; its frames repeat old counts.",
-            )  # fmt: skip
-
-    def _listen(self, block: FrameBlock) -> None:
-        """Store the newest value of each channel."""
-        for channel, (at_s, counts) in wire.newest_counts(self._format, block).items():
-            pulse_s = self._heard[channel].pulse_s if self._newest.get(channel) == counts else at_s
-            self._heard[channel], self._newest[channel] = Heard(at_s, pulse_s), counts
+    def _newest(self, block: FrameBlock) -> Newest:
+        return wire.newest_counts(self._format, block)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.dbc import Dbc, Field, readings_of
-from drivers.can.encoder_frames import PositionFormat, Positions, numbered_beside, position_formats
+from drivers.can.decoded import Counts, Positions
+from drivers.can.encoder_frames import PositionFormat, numbered_beside, position_formats
 from drivers.can.frame_block import FrameBlock
 from drivers.can.frame_cycles import Cycles, cycles_of
 from drivers.can.gap_detection import Unbroken
@@ -43,31 +44,6 @@ class CounterFormat:
     channels: Mapping[str, ChannelFormat]
     temperatures: Mapping[str, Field]
     positions: Mapping[str, PositionFormat]
-
-
-@dataclass(frozen=True, slots=True)
-class Counts:
-    """One channel as the wire gave it, a row for each latch whose frames all came.
-
-    `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick`, `positive`, `negative` (N,) are raw and wrap at
-    `2**bits` of their field; `host_s` (N,) is the arrival of the latch. `lost` counts latches that did not come whole,
-    but for the very last one, whose frames may come after the end; `gaps` (G, 2) are the numbers of the first and of
-    the last of each row of them, in the numbers of `sequence`, which begin with that of the `first` latch. `dropped`
-    counts frames that came twice or late, `restarts` how often the counter restarted.
-    """
-
-    sequence: Integers
-    tick: Integers
-    positive: Integers
-    negative: Integers
-    host_s: NDArray[np.float64]
-    tick_bits: int
-    counter_bits: int
-    first: int
-    gaps: Integers
-    lost: int
-    dropped: int
-    restarts: int
 
 
 def counter_format(

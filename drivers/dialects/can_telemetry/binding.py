@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.can.dbc import Dbc
 from drivers.can.encoder_frames import PositionFormat, position_formats
-from drivers.dialects.can_telemetry.description import TelemetryOptions
+from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.dialects.can_telemetry.wire import SampleFormat, sample_formats
 
 

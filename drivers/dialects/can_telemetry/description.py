@@ -1,158 +1,33 @@
-"""Bench file keys of the telemetry of units under test on CAN."""
+"""Description of the driver of the telemetry of units under test on CAN."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
-from pydantic_core import InitErrorDetails
-
-from drivers.can.dbc_outline import frames_bits, lengths_bits
-from drivers.can.options import (
-    DBC_LIMIT_BYTES,
-    FRAME_SCHEMES,
-    IDLE_BLOCK_S,
-    ClockUncertainty,
-    PositionOptions,
-    SignalName,
-    encoder_signals,
-    signals_of,
-    temperatures_of,
-    text_of,
-    unknown_signals,
-)
+from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, on_the_wire, temperatures
+from drivers.can.sent_frames import Encoder, OnTheWire, Output, SentFrames
 from drivers.description import DriverDescription
-from drivers.quantity.units import QuantityError, parse_unit
+from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.safe_state import NOTHING
-from drivers.schema.fields import NOT_EMPTY, FileBeside, PositiveSeconds, StrictModel, WholeNumber
-from drivers.schema.wording import problem_at, telling
-
-CODE = "code"  # the unit of what is not decoded
-ALL_BITS = 2**32 - 1
 
 
-def _known_unit(text: str) -> str:
-    try:
-        parse_unit(text)
-    except QuantityError as problem:
-        raise telling(str(problem)) from None
-    return text
+def _outputs(options: TelemetryOptions) -> Mapping[str, Output]:
+    return {name: sample.output for name, sample in options.channels.items()}
 
 
-class SampleOptions(StrictModel):
-    """The signals of one channel, all in one message."""
-
-    value: SignalName = Field(description="the sample of the output")
-    tick: SignalName = Field(description="when it was taken, by the unit's own clock; it wraps")
-    tick_period: PositiveSeconds = Field(description="what one count of the tick lasts")
-    sequence: SignalName = Field(description="the number of the sample; it wraps")
-    status: SignalName | None = Field(None, description="status bits of the sample")
-    invalid_bits: Annotated[WholeNumber, Field(ge=1, le=ALL_BITS)] = Field(
-        ALL_BITS, description="the bits of the status any of which marks a sample that is not to be used"
-    )
-    period: PositiveSeconds = Field(description="from sample to sample")
-    unit: Annotated[str, Field(min_length=1), AfterValidator(_known_unit)] | None = Field(
-        None,
-        description="what the value is in when it is decoded by factor and offset of the DBC; without it the codes are "
-        "taken as they come, and their unit is code",
-    )
-    stuck_after: Annotated[WholeNumber, Field(ge=2)] | None = Field(
-        None, description="this many consecutive samples with the same value mean that the unit no longer measures"
-    )
-    sample: Literal["mean", "instant"] = Field(
-        "mean",
-        description="what a sample is: the mean over the period that ends at its tick, or the output at it",
-    )
-
-    @property
-    def signals(self) -> Mapping[str, str | None]:
-        """Its signals by their keys here."""
-        return {key: getattr(self, key) for key in ("value", "tick", "sequence", "status")}
-
-    @property
-    def output_unit(self) -> str:
-        """What its values are in."""
-        return self.unit or CODE
+def _encoders(options: TelemetryOptions) -> Mapping[str, Encoder]:
+    found = {}
+    for device, each in options.positions.items():
+        sample = options.channels[each.channel]
+        found[device] = Encoder(each.resolution, sample.period, sample.tick_period, each.channel)
+    return found
 
 
-class SampledPositionOptions(PositionOptions):
-    """The signals of a table's encoder, which is latched at the end of each sample of a channel."""
-
-    channel: str = Field(description="the channel whose samples it is latched with")
-
-
-class TelemetryOptions(StrictModel):
-    """Where in the frames the samples are; names are Message.Signal of the DBC."""
-
-    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="describes the frames")
-    channels: Annotated[dict[str, SampleOptions], NOT_EMPTY]
-    positions: dict[str, SampledPositionOptions] = Field(
-        {}, description="encoders that are latched with the samples, by the devices that drive their axes"
-    )
-
-    @model_validator(mode="after")
-    def _signals_are_in_the_dbc(self) -> Self:
-        if not self.dbc.is_file():  # a bench file kept in a run outlives the files it names
-            return self
-        problems = list(unknown_signals(self.dbc, {
-            ("channels", channel, key): name
-            for channel, sample in self.channels.items()
-            for key, name in sample.signals.items()
-        } | encoder_signals(self.positions)))  # fmt: skip
-        problems += [
-            problem_at(("positions", device, "channel"), f"there is no channel '{encoder.channel}'")
-            for device, encoder in self.positions.items()
-            if encoder.channel not in self.channels
-        ]
-        problems = problems or [found for channel in self.channels for found in self._misfits(channel)]
-        if problems:
-            raise ValidationError.from_exception_data(type(self).__name__, problems)
-        return self
-
-    def _misfits(self, channel: str) -> Iterator[InitErrorDetails]:
-        """What does not go together in a channel."""
-        sample, units, bits = self.channels[channel], signals_of(self.dbc), lengths_bits(text_of(self.dbc))
-        message = sample.value.partition(".")[0]
-        for key, name in sample.signals.items():
-            if name is not None and name.partition(".")[0] != message:
-                yield problem_at(("channels", channel, key), f"'{name}' is not in {message}, where the value is")
-        said = units[sample.value]
-        if sample.unit is not None and said and not _alike(said, sample.unit):
-            yield problem_at(("channels", channel, "unit"), f"'{sample.value}' is in '{said}' in {self.dbc.name}")
-        if {sample.tick, sample.sequence} <= bits.keys():
-            round_s, told_s = 2 ** bits[sample.tick] * sample.tick_period, 2 ** bits[sample.sequence] * sample.period
-            if round_s <= told_s / 2:
-                problem = (
-                    f"'{sample.tick}' wraps around after {round_s:g} s; the sample numbers detect gaps of up to "
-                    f"{told_s / 2:g} s: use a longer signal, or a shorter one for the numbers"
-                )
-                yield problem_at(("channels", channel, "tick"), problem)
-
-
-def _alike(said: str, wanted: str) -> bool:
-    """Whether the unit in a DBC is the same in another spelling."""
-    try:
-        return parse_unit(said) == parse_unit(wanted)
-    except QuantityError:
-        return False
-
-
-def bus_bits_per_s(options: TelemetryOptions) -> float:
-    """Maximum bus load of the samples, as far as the DBC defines it."""
-    bits = frames_bits(text_of(options.dbc))
-    period_s = {sample.value.partition(".")[0]: sample.period for sample in options.channels.values()}
+def _on_the_wire(options: TelemetryOptions) -> OnTheWire:
+    periods_s = {sample.value: sample.period for sample in options.channels.values()}
     for encoder in options.positions.values():
-        for signal in (encoder.position, encoder.sequence):
-            period_s[signal.partition(".")[0]] = options.channels[encoder.channel].period
-    return math.fsum(bits.get(message, 0) / each_s for message, each_s in period_s.items())
-
-
-def channels(options: TelemetryOptions) -> Mapping[str, str]:
-    """Every signal of the DBC with a unit of temperature is a reading."""
-    return temperatures_of(options.dbc)
+        periods_s |= dict.fromkeys((encoder.position, encoder.sequence), options.channels[encoder.channel].period)
+    return on_the_wire(options.dbc, periods_s, options.positions)
 
 
 DESCRIPTION = DriverDescription(
@@ -161,9 +36,16 @@ DESCRIPTION = DriverDescription(
     capabilities=frozenset({"telemetry"}),
     schemes=FRAME_SCHEMES,
     target="drivers.dialects.can_telemetry.driver:CanTelemetry",
+    simulator="simulators.instruments.can_nodes.can_telemetry:SimulatedTelemetry",
     options=TelemetryOptions,
     safe_state=NOTHING,
     uncertainty=ClockUncertainty,
     reports_every_s=IDLE_BLOCK_S,
-    channels=channels,
+    channels=temperatures,
+    frames=SentFrames(
+        outputs=_outputs,
+        encoders=_encoders,
+        on_the_wire=_on_the_wire,
+        decoder="drivers.dialects.can_telemetry.decoder:TelemetryDecoder",
+    ),
 )

@@ -15,7 +15,7 @@ from drivers.can.sequence_numbers import Integers
 from drivers.description import Nothing, Setup, check_identity
 from drivers.dialects.can_telemetry import wire
 from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
-from drivers.dialects.can_telemetry.description import TelemetryOptions
+from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.kinds.frame_source.intake import (
     MOST_NAMED,

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.dbc import Dbc, DbcError, Field
-from drivers.can.encoder_frames import PositionFormat, Positions, numbered_beside
+from drivers.can.decoded import Positions, Samples, Scale
+from drivers.can.encoder_frames import PositionFormat, numbered_beside
 from drivers.can.frame_block import FrameBlock
 from drivers.can.gap_detection import Unbroken
 from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
@@ -37,33 +38,9 @@ class SampleFormat:
     decoded: bool
 
     @property
-    def step(self) -> float:
-        """How far two neighbouring codes are apart."""
-        return abs(self.value.signal.scale) if self.decoded else 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """One channel as the wire gave it, a row for each sample that came once, in order and valid.
-
-    `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick` (N,) is raw and wraps at `2**tick_bits`; `values`
-    (N,) are codes, or what they are decoded to; `host_s` (N,) is the arrival. `lost` counts samples that did not come,
-    `gaps` (G, 2) are the numbers of the first and of the last of each row of them, in the numbers of `sequence`, which
-    begin with that of the `first` sample. `dropped` counts those that came twice or late, `invalid` those that the unit
-    marked, `restarts` how often it began anew.
-    """
-
-    sequence: Integers
-    tick: Integers
-    values: NDArray[np.float64]
-    host_s: NDArray[np.float64]
-    tick_bits: int
-    first: int
-    gaps: Integers
-    lost: int
-    dropped: int
-    invalid: int
-    restarts: int
+    def scale(self) -> Scale:
+        """What makes a value of a code."""
+        return Scale(self.value.signal.scale, self.value.signal.offset) if self.decoded else Scale()
 
 
 def sample_formats(dbc: Dbc, channels: Mapping[str, Mapping[str, Any]]) -> dict[str, SampleFormat]:

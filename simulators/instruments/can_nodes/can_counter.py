@@ -5,16 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can.dbc import Dbc, Field, encode_frames
+from drivers.can.dbc import Dbc, Field, dbc_in, encode_frames
 from drivers.can.frame_block import FrameBlock
+from drivers.certificates.corrections import ARCSEC_PER_DEG
+from drivers.dialects.can_counter.binding import format_of
+from drivers.dialects.can_counter.options import CounterOptions
 from drivers.dialects.can_counter.wire import CounterFormat
 from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.instruments.can_nodes.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
+from simulators.instruments.can_nodes.can_node import (
+    TEMPERATURE_PERIOD_S,
+    CanNode,
+    NodeSetup,
+    in_order,
+    temperature_frames,
+)
 from simulators.physics.integrator import Counts, Integrator
 from simulators.units.accelerometer_unit import SimulatedUnit
 from simulators.units.gyro_unit import SimulatedGyro
@@ -99,6 +108,18 @@ class SimulatedCounter(CanNode):
         self._held: dict[str, int] = {}  # where counts have got stuck
         self._cleared: dict[str, int] = {}  # where they were when they were cleared
         world.integrate_with(self._before_change)
+
+    @classmethod
+    def of(cls, setup: NodeSetup) -> Self:
+        """As a bench file has it."""
+        options: CounterOptions = setup.options
+        dbc = dbc_in(options.dbc)
+        encoders = {device: ARCSEC_PER_DEG / encoder.resolution for device, encoder in options.positions.items()}
+        settings = CounterSettings(
+            setup.role, dbc, format_of(options, dbc), options.period, setup.readings, setup.boards, setup.imu_readings,
+            encoders,
+        )  # fmt: skip
+        return cls(setup.world, settings, setup.faults)
 
     def _made(self, began: Array) -> list[_Converters]:
         """The converters of all channels, a row for each: the residue of its charge and its + and - counts."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import reduce
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,12 @@ from drivers.can.dbc import Dbc, Field, encode_frames
 from drivers.can.frame_block import ERROR, FrameBlock
 from drivers.can.options import IDLE_BLOCK_S
 from drivers.errors import LinkLost
+from drivers.installed import loaded
 from simulators.faults.frame_faults import FrameFault, carry
 from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.units.gyro_unit import SimulatedGyro
+from simulators.units.imu import ImuChannel
 from simulators.units.unit_file import stream
 from simulators.world import World
 
@@ -25,6 +30,42 @@ T = TypeVar("T", bound=np.generic)
 TEMPERATURE_PERIOD_S = 1.0
 BAD_SHARE = 0.02  # of the frames on a bad bus suffers
 PROTOCOL_ERROR = 0x008
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSetup:
+    """A device of a bench file that sends frames, as its simulator sees it.
+
+    `options` is the driver's own model. `places` are those of the units whose outputs it sends, by its channels. By the
+    names of its readings: `readings` gives the place whose unit has the thermometer, `boards` the place whose converter
+    has it, `imu_readings` the place and the sensors of an inertial unit. Encoders are latched later than a sample ends
+    by `encoder_skew_s`; that of counters is one of the world.
+    """
+
+    role: str
+    world: World
+    faults: FaultPlan
+    options: Any
+    places: Mapping[str, str] = field(default_factory=dict)
+    readings: Mapping[str, str] = field(default_factory=dict)
+    boards: Mapping[str, str] = field(default_factory=dict)
+    imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    encoder_skew_s: float = 0.0
+
+    @property
+    def units(self) -> Mapping[str, SimulatedUnit | SimulatedGyro | ImuChannel]:
+        """The simulated units, or the sensors of inertial ones, on its channels."""
+        imus, counted = self.world.imus, self.world.counted
+        return {
+            channel: imus[place].channels[channel] if place in imus else counted[place]
+            for channel, place in self.places.items()
+        }
+
+
+def make_node(target: str, setup: NodeSetup) -> CanNode:
+    """The simulator at `module:Class`; imports its module. NotSimulated."""
+    of: Callable[[NodeSetup], CanNode] = loaded(target).of
+    return of(setup)
 
 
 class CanNode(ABC):

@@ -5,17 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can.dbc import Dbc, Field, encode_frames
+from drivers.can.dbc import Dbc, Field, dbc_in, encode_frames
 from drivers.can.encoder_frames import PositionFormat
 from drivers.can.frame_block import FrameBlock
+from drivers.certificates.corrections import ARCSEC_PER_DEG
+from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.dialects.can_telemetry.wire import SampleFormat
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_node import TEMPERATURE_PERIOD_S, CanNode, in_order, temperature_frames
+from simulators.instruments.can_nodes.can_node import (
+    TEMPERATURE_PERIOD_S,
+    CanNode,
+    NodeSetup,
+    in_order,
+    temperature_frames,
+)
+from simulators.instruments.setup import NotSimulated
 from simulators.units.accelerometer import Sent
 from simulators.units.unit_file import stream
 from simulators.world import World
@@ -111,6 +121,28 @@ class SimulatedTelemetry(CanNode):
                 self._thermometers[place][name] = of_signal
         world.integrate_with(self._before_change)
 
+    @classmethod
+    def of(cls, setup: NodeSetup) -> Self:
+        """As a bench file has it; only channels with a unit send."""
+        options: TelemetryOptions = setup.options
+        dbc = dbc_in(options.dbc)
+        forms, encoders = formats_of(options, dbc), encoders_of(options, dbc)
+        channels = {}
+        for channel, sample in options.channels.items():
+            if channel in setup.places:
+                latched = {
+                    device: EncoderSettings(encoders[device], ARCSEC_PER_DEG / each.resolution)
+                    for device, each in options.positions.items()
+                    if each.channel == channel
+                }
+                channels[channel] = ChannelSettings(
+                    forms[channel], sample.period, sample.tick_period, setup.places[channel], latched,
+                    setup.encoder_skew_s,
+                )  # fmt: skip
+        _check_messages(setup.role, channels)
+        settings = TelemetrySettings(setup.role, dbc, channels, setup.readings, setup.imu_readings)
+        return cls(setup.world, settings, setup.faults)
+
     def _before_change(self) -> None:
         """Sends what is due, and takes in what has come since under the stimulus that is about to change."""
         now_s = self._world.now()  # before the samples, which are due while it goes on
@@ -162,6 +194,19 @@ class SimulatedTelemetry(CanNode):
         if of_imu is not None:
             return self._world.imus[of_imu[0]].thermometer_c(of_imu[1], at_s)
         return self._world.counted[self._settings.readings[signal]].thermometer_c(at_s)
+
+
+def _check_messages(role: str, channels: Mapping[str, ChannelSettings]) -> None:
+    """NotSimulated for a message of several units, or of several periods."""
+    alike: dict[str, set[tuple[str, float]]] = {}
+    for each in channels.values():
+        alike.setdefault(each.form.value.message.name, set()).add((each.place, each.period_s))
+    for message, sent in alike.items():
+        if len(sent) > 1:
+            raise NotSimulated(
+                f"'{role}' has channels of several units, or with several periods, in {message}; no simulator "
+                "supports this"
+            )
 
 
 class _Stream:

@@ -240,7 +240,7 @@ def test_telemetry_may_be_acquired_by_its_role(tmp_path):
         ("400000 code/g", "2 A/g", "is 2 A/g, expected a quantity in code/g"),
         ("400000 code/g", "0 code/g", "is 0 code/g, expected a quantity other than 0"),
         ("output: 400000 code/g, ", "", "needs K1, or of a unit that sends its output what 1 g changes that by"),
-        ("period: 20 ms", "period: 200 µs", "the samples of all channels take up to 675000 bit/s, 135 % of the bus"),
+        ("period: 20 ms", "period: 200 µs", "its frames take up to 675000 bit/s, 135 % of the bus"),
         ("places:\n", "places:\n  b: {telemetry: x, temperature: unit_temperature, supply: supply}\n",
          "'x' carries place 'b' already"),
     ],

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from bench.app import clock_record
+from bench.engine.journal import Journal
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME, BenchLoop, run
 from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
@@ -180,7 +181,7 @@ def test_a_time_in_which_the_program_stood_still_is_in_the_record(
 
     async def main() -> None:
         writer = RunWriter(tmp_path)
-        async with clock_record.ClockRecord(writer, said.append).watched():
+        async with clock_record.ClockRecord(Journal(writer), said.append).watched():
             await asyncio.sleep(0.05)
             time.sleep(1.2)  # noqa: ASYNC251  nothing of this program runs
             await asyncio.sleep(0.4)

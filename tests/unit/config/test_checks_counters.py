@@ -9,7 +9,6 @@ from bench.config.bench import load_bench
 from bench.config.checks_counters import files_of_one_name
 from bench.errors import InputError
 from drivers.can.dbc_outline import frames_bits
-from drivers.dialects.can_counter.description import CounterOptions
 from tests.support.laboratory import ROOT
 
 
@@ -42,7 +41,7 @@ def test_frames_that_fill_the_bus_are_refused(tmp_path, bitrate, period, share):
         assert found == []
     else:
         assert found == [
-            "the frames of a latch every 0.0004 s take up to 962500 bit/s, 96 % of the bus and more than 80 %: "
+            "its frames take up to 962500 bit/s, 96 % of the bus and more than 80 %: "
             "lengthen the period, or raise the bitrate of the connection"
         ]
 
@@ -76,7 +75,7 @@ TELEMETRY = "table_telemetry"
 
 def test_the_encoder_is_on_the_bus_of_the_samples(tmp_path):
     (problem,) = told(tmp_path, ("telemetry?bitrate=1000000", "telemetry?bitrate=250000"), name=TELEMETRY)
-    assert problem.startswith("the samples of all channels take up to 250000 bit/s, 100 % of the bus")
+    assert problem.startswith("its frames take up to 250000 bit/s, 100 % of the bus")
 
 
 def test_an_encoder_latched_with_samples_is_that_of_an_axis_and_of_a_channel(tmp_path):
@@ -98,7 +97,7 @@ def test_different_files_of_one_name_are_refused(tmp_path, second, problems):
         path = tmp_path / role / "bus.dbc"
         path.parent.mkdir()
         path.write_text(text, "utf-8")
-        devices[role] = SimpleNamespace(options=CounterOptions.model_construct(dbc=path))
+        devices[role] = SimpleNamespace(files={"dbc": path})
     found = list(files_of_one_name(SimpleNamespace(devices=devices)))
     assert len(found) == problems
     assert all(place == ("devices", "right", "options", "dbc") and "rename one" in what for place, what in found)

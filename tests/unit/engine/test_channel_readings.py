@@ -20,6 +20,7 @@ from bench.config.interlocks import ReadingInterlock
 from bench.config.models import BenchFile
 from bench.engine.channel import Channel, Rule, rule_of
 from bench.engine.interlocks import Interlocks
+from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.errors import StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
@@ -212,7 +213,9 @@ def watched(folder: Path, key: str, values: Sequence[float], role: str = "counte
     writer = RunWriter(folder)
 
     async def main():
-        monitor = Monitor(Rig({role: device}), BENCH, Interlocks({}, BENCH), writer, lambda *found: shown.append(found))
+        monitor = Monitor(
+            Rig({role: device}), BENCH, Interlocks({}, BENCH), Journal(writer), lambda *found: shown.append(found)
+        )
         monitor.start()
         await asyncio.sleep((len(values) - 0.5) * every_s)
         await monitor.stop()
@@ -266,7 +269,7 @@ def test_a_thermometer_that_an_interlock_judges_cannot_fail_unnoticed(tmp_path: 
     writer = RunWriter(tmp_path)
 
     async def main() -> bool:
-        monitor = Monitor(Rig({"counter": device}), BENCH, interlocks, writer, lambda *_: None)
+        monitor = Monitor(Rig({"counter": device}), BENCH, interlocks, Journal(writer), lambda *_: None)
         monitor.start()
         await asyncio.sleep(10)
         await monitor.stop()

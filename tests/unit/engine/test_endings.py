@@ -103,6 +103,7 @@ def test_nothing_is_sent_to_an_exchanged_instrument_and_what_opened_can_be_made_
     assert rig.not_reached == {"other": "other: serial is '2'"}
 
 
+@pytest.mark.leaves("a driver that does not end")
 def test_a_driver_that_does_not_end_holds_up_neither_the_others_nor_the_end():
     async def deaf() -> None:
         while True:

@@ -15,6 +15,7 @@ from pydantic import TypeAdapter
 from bench.config.bench import load_bench
 from bench.config.interlocks import InterlockEntry
 from bench.engine.interlocks import Interlocks
+from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.quality import Valid
@@ -369,7 +370,7 @@ def watched(folder, interlocks, duration_s, **devices):
     writer = RunWriter(folder)
 
     async def main():
-        monitor = Monitor(Rig(devices), BENCH, interlocks, writer, lambda name, reading: None)
+        monitor = Monitor(Rig(devices), BENCH, interlocks, Journal(writer), lambda name, reading: None)
         monitor.on_interlock = lambda change: told.append((asyncio.get_running_loop().time(), change))
         monitor.start()
         await asyncio.sleep(duration_s)

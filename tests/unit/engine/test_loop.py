@@ -127,6 +127,7 @@ def test_an_answer_nobody_waits_for_any_more_is_passed_over():
     assert fast(main()) == 2
 
 
+@pytest.mark.leaves("a task that the loop has to end")
 def test_a_deadlock_is_an_error_that_says_when():
     async def main():
         await asyncio.sleep(12.5)
@@ -136,6 +137,7 @@ def test_a_deadlock_is_an_error_that_says_when():
         fast(main())
 
 
+@pytest.mark.leaves("a task that the loop has to end")
 def test_an_instant_that_never_ends_is_an_error():
     async def main():
         await asyncio.sleep(1)
@@ -146,6 +148,7 @@ def test_an_instant_that_never_ends_is_an_error():
         fast(main())
 
 
+@pytest.mark.leaves("a task that the loop has to end")
 def test_after_a_deadlock_tasks_still_clean_up():
     cleaned = []
 

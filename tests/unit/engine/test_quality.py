@@ -16,6 +16,7 @@ from bench.config.bench import load_bench
 from bench.engine.actions import Bench
 from bench.engine.channel import Channel, Rule
 from bench.engine.interlocks import Interlocks
+from bench.engine.journal import Journal
 from bench.engine.measuring import measure
 from bench.engine.monitor import Monitor
 from bench.engine.outputs import taken_in
@@ -80,7 +81,9 @@ def ended(folder: Path, name: str, course: Course, step: Callable[[Monitor], Awa
 
     async def main() -> Any:
         device = Sensor(source.partition(".")[2], course)
-        monitor = Monitor(Rig(cast("Any", {"counter": device})), BENCH, Interlocks({}, BENCH), writer, lambda *_: None)
+        monitor = Monitor(
+            Rig(cast("Any", {"counter": device})), BENCH, Interlocks({}, BENCH), Journal(writer), lambda *_: None
+        )
         monitor.start()
         await asyncio.sleep(after_s)
         acting = asyncio.ensure_future(step(monitor))
@@ -241,7 +244,9 @@ def interlocked(folder: Path, entries: Mapping[str, Any], course: Course, name: 
 
     async def main() -> None:
         device = Sensor(name.partition(".")[2], course)
-        monitor = Monitor(Rig(cast("Any", {"counter": device})), BENCH, made(**entries), writer, lambda *_: None)
+        monitor = Monitor(
+            Rig(cast("Any", {"counter": device})), BENCH, made(**entries), Journal(writer), lambda *_: None
+        )
         loop = asyncio.get_running_loop()
         monitor.on_interlock = lambda change: told.append((loop.time(), change.name, change.tripped))
         monitor.start()
@@ -270,8 +275,8 @@ def test_a_current_that_is_not_known_is_a_fault_while_the_output_is_on(tmp_path,
 
     async def main() -> Exception:
         monitor = Monitor(
-            Rig(cast("Any", {"supply": Sensor("current", course, 60.0)})), BENCH, Interlocks({}, BENCH), writer,
-            lambda *_: None,
+            Rig(cast("Any", {"supply": Sensor("current", course, 60.0)})), BENCH, Interlocks({}, BENCH),
+            Journal(writer), lambda *_: None,
         )  # fmt: skip
         allowed = monitor.windows["supply"]
         allowed.low, allowed.high, allowed.on_since_s = 19.0, 21.0, 0.0

@@ -1,20 +1,18 @@
 """The how-to pages: their YAML fits a shipped bench, and what they point to is there."""
 
 import re
+import shutil
 
 import pytest
+import yaml
 
-from bench.cli.main import COMMANDS
 from bench.config.bench import load_bench
 from bench.sequence.load import load_judged_plan
-from tests.support.how_to import FOLDER, PAGES, examples
+from tests.support.how_to import FOLDER, PAGES, bench_pieces, examples
+from tests.support.runs import ROOT
 
 LINK = re.compile(r"\]\(([^)#:]*)#?([^)]*)\)")
 HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
-FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-COMMAND = re.compile(r"^`?bench ([a-z][a-z-]*)", re.MULTILINE)
-INLINE = re.compile(r"`[^`\n]+`")
-COMING = {"rehearse"}  # to be taken out when the command is there
 NOT_USED_IN_A_PIECE = {"unused-need"}  # a piece stands in a file that needs more than the piece does
 
 
@@ -24,6 +22,22 @@ def test_yaml_in_a_page_fits_a_shipped_bench_without_a_warning(example, tmp_path
     allowed = set() if example.is_whole else NOT_USED_IN_A_PIECE
     assert len(plan) > 0
     assert [warning.text for warning in warnings if warning.rule not in allowed] == []
+
+
+@pytest.mark.parametrize("piece", bench_pieces(), ids=str)
+def test_a_piece_of_a_bench_file_fits_the_shipped_bench(piece, tmp_path):
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    path = tmp_path / "config/simulated.yaml"
+    merged = merge(yaml.safe_load(path.read_text("utf-8")), yaml.safe_load(piece.yaml))
+    path.write_text(yaml.safe_dump(merged, allow_unicode=True), "utf-8")
+    assert load_bench(path)
+
+
+def merge(whole, piece):
+    """A piece in its place: what both have is that of the piece."""
+    if not (isinstance(whole, dict) and isinstance(piece, dict)):
+        return piece
+    return whole | {key: merge(whole.get(key), value) for key, value in piece.items()}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -39,15 +53,6 @@ def leads_somewhere(page, path, anchor):
         return False
     headings = HEADING.findall(file.read_text("utf-8")) if anchor else [""]
     return anchor in [re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings]
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_page_names_commands_that_there_are(page):
-    known = {words.partition(" ")[0] for words in COMMANDS}
-    text = page.read_text("utf-8")
-    typed = [block for language, block in FENCE.findall(text) if not language]
-    named = set(COMMAND.findall("\n".join([*typed, *INLINE.findall(FENCE.sub("", text))])))
-    assert named - known - COMING == set()
 
 
 def test_the_index_lists_every_page():

@@ -14,12 +14,20 @@ from bench.offline.calibration_file import read_calibration
 from bench.offline.case import reduce_case
 from bench.offline.csv_record import SIZE_LIMIT_BYTES as TABLE_LIMIT_BYTES
 from bench.offline.csv_record import read_table
-from bench.store.kept_dbc import kept_format
+from bench.store.decoder import Decoder
 from bench.store.kept_json import TEXT, read_kept
 from drivers.can.options import DBC_LIMIT_BYTES
 from drivers.errors import CannotConnect
 from drivers.transport.can import LOG_LIMIT_BYTES, read_log
 from tests.support.runs import copy_bench
+from tests.support.sequences import BENCH
+
+
+def decoder_by(dbc: Path) -> Decoder:
+    """Of the counter, as a run keeps its DBC."""
+    entry = BENCH.devices["counter"]
+    return Decoder(entry.model_copy(update={"options": entry.options.model_copy(update={"dbc": dbc})}))
+
 
 READERS = {
     "sequence or bench file": (read_document, SIZE_LIMIT_BYTES),
@@ -27,7 +35,7 @@ READERS = {
     "calibration": (read_calibration, 2**24),
     "record of a case": (lambda path: read_table(path, ["t_s"]), TABLE_LIMIT_BYTES),
     "trace": (read_trace_file, 2**30),
-    "DBC of a run": (lambda path: kept_format(path, lambda dbc: dbc), DBC_LIMIT_BYTES),
+    "DBC of a run": (decoder_by, DBC_LIMIT_BYTES),
     "JSON of a run": (lambda path: read_kept(path, TEXT), 2**26),
     "log of a bus": (lambda path: read_log("counter", path), LOG_LIMIT_BYTES),
 }

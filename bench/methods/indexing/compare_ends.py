@@ -5,19 +5,31 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from bench.engine.actions import Bench
 from bench.errors import StepError
 from bench.methods.indexing.method import INDEXING_STATIC, CompareEndsSettings
 from bench.methods.indexing.reduction.run import Attempt, attempts_of
 from bench.reduce.stored_run import open_run
+from bench.store.writer import RunWriter
 
 
-async def compare_ends(settings: CompareEndsSettings, bench: Bench) -> Mapping[str, Any]:
-    """What the units of the run ask for by all that is on the disk so far; "repeat" while nothing is.
+class Running(Protocol):
+    """The run that the step is part of."""
 
-    The scale factors are compared as the results will be, by the settings of `indexing_static` in the sequence.
+    @property
+    def writer(self) -> RunWriter:
+        """Writer of its record."""
+
+    def notice(self, text: str) -> None:
+        """Show the operator a text."""
+
+
+async def compare_ends(settings: CompareEndsSettings, bench: Running) -> Mapping[str, Any]:
+    """Return "accept", "repeat" or "marginal" as `value`, from all readings on the disk so far, and the `attempts`.
+
+    It is "repeat" while there are no readings. The scale factors of both ends are compared as for the results, with the
+    settings of `indexing_static` in the sequence.
     """
     await bench.writer.commit()
     loop = asyncio.get_running_loop()

@@ -1,0 +1,122 @@
+"""From frames, recorded or just arrived, to counts, codes and positions of encoders, by the decoder of their driver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from bench.config.devices import DeviceEntry
+from bench.errors import StoreError
+from bench.metrology.acquisition import Codes, Counts, Positions
+from drivers.can import decoded
+from drivers.can.dbc import DbcError
+from drivers.can.decoded import FrameDecoder, GapWatch
+from drivers.can.frame_block import FrameBlock
+from drivers.can.sent_frames import Counted, Encoder, Sampled
+from drivers.installed import loaded
+from drivers.schema.bounded import UnfitFileError
+
+
+class Decoder:
+    """Decodes the frames of one device that sends frames by itself.
+
+    With `folder`, that of a run, it uses the files kept there. StoreError when these cannot be read, or are others.
+    """
+
+    def __init__(self, entry: DeviceEntry, folder: Path | None = None) -> None:
+        self._outputs, self._encoders = entry.outputs, entry.encoders
+        self._frames = _frame_decoder(entry, folder)
+
+    @property
+    def scales(self) -> Mapping[str, decoded.Scale]:
+        """What makes values of the codes of channels, where these are decoded."""
+        return self._frames.scales
+
+    def outputs(self, block: FrameBlock) -> dict[str, Counts | Codes]:
+        """The counts, or the samples, of every channel in these frames."""
+        return {name: self._output(name, raw) for name, raw in self._frames.outputs(block).items()}
+
+    def positions(self, block: FrameBlock) -> dict[str, Positions]:
+        """What the encoders read in these frames, by the devices that drive their axes."""
+        return {name: _positions(raw, self._encoders[name]) for name, raw in self._frames.positions(block).items()}
+
+    def watches(self) -> Sequence[GapWatch]:
+        """Quick checks for the gaps of a new acquisition."""
+        return self._frames.watches()
+
+    def _output(self, name: str, raw: decoded.Counts | decoded.Samples) -> Counts | Codes:
+        output = self._outputs[name]
+        match raw, output:
+            case decoded.Counts(), Counted():
+                return _counts(raw, output)
+            case decoded.Samples(), Sampled():
+                return _codes(raw, output, self._frames.scales.get(name, decoded.Scale()))
+        raise TypeError(f"channel '{name}' is described as {type(output).__name__}, decoded as {type(raw).__name__}")
+
+
+def decoders_of(devices: Mapping[str, DeviceEntry], folder: Path | None = None) -> dict[str, Decoder]:
+    """A decoder for each of these devices that sends frames, by role; StoreError."""
+    return {role: Decoder(entry, folder) for role, entry in devices.items() if entry.description.frames is not None}
+
+
+def _frame_decoder(entry: DeviceEntry, folder: Path | None) -> FrameDecoder:
+    frames = entry.description.frames
+    if frames is None:
+        raise StoreError(f"the driver '{entry.driver}' describes no frames; nothing that it sent can be decoded")
+    files = dict(entry.files) if folder is None else {key: folder / path.name for key, path in entry.files.items()}
+    try:
+        made: FrameDecoder = loaded(frames.decoder)(entry.options.model_copy(update=files))
+    except (UnfitFileError, DbcError) as problem:
+        named = ", ".join(map(str, files.values())) or entry.driver
+        raise StoreError(f"{named}: the frames of this run cannot be decoded ({problem})") from problem
+    return made
+
+
+def _counts(raw: decoded.Counts, output: Counted) -> Counts:
+    return Counts(
+        sequence=raw.sequence,
+        tick=raw.tick,
+        positive=raw.positive,
+        negative=raw.negative,
+        host_s=raw.host_s,
+        tick_bits=raw.tick_bits,
+        counter_bits=raw.counter_bits,
+        tick_period_s=output.tick_period_s,
+        max_rate_pps=output.max_rate_pps,
+        lost=raw.lost,
+        restarts=raw.restarts,
+        gaps=raw.gaps,
+    )
+
+
+def _codes(raw: decoded.Samples, output: Sampled, scale: decoded.Scale) -> Codes:
+    return Codes(
+        sequence=raw.sequence,
+        tick=raw.tick,
+        values=raw.values,
+        host_s=raw.host_s,
+        tick_bits=raw.tick_bits,
+        tick_period_s=output.tick_period_s,
+        step=abs(scale.factor),
+        lost=raw.lost,
+        dropped=raw.dropped,
+        invalid=raw.invalid,
+        stuck_after=output.stuck_after,
+        averaged=output.averaged,
+        restarts=raw.restarts,
+        gaps=raw.gaps,
+    )
+
+
+def _positions(raw: decoded.Positions, encoder: Encoder) -> Positions:
+    return Positions(
+        sequence=raw.sequence,
+        tick=raw.tick,
+        position=raw.position,
+        tick_bits=raw.tick_bits,
+        position_bits=raw.position_bits,
+        tick_period_s=encoder.tick_period_s,
+        resolution_deg=encoder.resolution_arcsec / 3600,
+        host_s=raw.host_s,
+        channel=encoder.channel,
+    )

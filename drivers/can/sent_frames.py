@@ -1,0 +1,86 @@
+"""What a bench has to know of a device that sends frames by itself, without importing its driver or numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+CODE = "code"  # the unit of samples that are not decoded
+WITH_THE_COUNTS = ""  # in place of the channel that an encoder is latched with
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """A channel of cumulative pulse counts, latched every `period_s`.
+
+    `tick_period_s` is one count of the clock in the frames. `max_rate_pps` is the fastest that pulses can come; it
+    bounds the gap over which the counts stay unambiguous.
+    """
+
+    unit: ClassVar[str] = "pulse/s"
+    period_s: float
+    tick_period_s: float
+    max_rate_pps: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """A channel of samples, one every `period_s`, in `unit`.
+
+    A sample is the mean over the period that ends at its tick where it is `averaged`, else the output at its tick.
+    `stuck_after` consecutive samples of one value mean that the unit no longer measures; None where nobody says.
+    """
+
+    period_s: float
+    tick_period_s: float
+    unit: str = CODE
+    averaged: bool = True
+    stuck_after: int | None = None
+
+
+Output = Counted | Sampled
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder:
+    """The encoder of a table, latched every `period_s` with the counts, or with the samples of a `channel`."""
+
+    resolution_arcsec: float
+    period_s: float
+    tick_period_s: float
+    channel: str = WITH_THE_COUNTS
+
+
+@dataclass(frozen=True, slots=True)
+class OnTheWire:
+    """The load of the bus in bit/s at most, and the bits of the positions of encoders; 0 and none where not known."""
+
+    bits_per_s: float = 0.0
+    position_bits: Mapping[str, int] = field(default_factory=dict)
+
+
+def _no_encoders(_options: object) -> Mapping[str, Encoder]:
+    return {}
+
+
+def _not_known(_options: object) -> OnTheWire:
+    return OnTheWire()
+
+
+@dataclass(frozen=True, slots=True)
+class SentFrames:
+    """The frames of a driver's devices, as part of its description; each function takes the options of a device.
+
+    `outputs` are the channels on which outputs of units come. `encoders` are those latched with them, by the devices
+    that drive their axes. `decoder` is "module:callable" of what makes a `drivers.can.decoded.FrameDecoder` of the
+    options. `on_the_wire` may read files that the options name; it is called only where these exist.
+
+    A file that an option names (a `Path`) is kept with a run under its own name; the options given to `decoder` then
+    name the kept one.
+    """
+
+    outputs: Callable[[Any], Mapping[str, Output]]
+    decoder: str
+    encoders: Callable[[Any], Mapping[str, Encoder]] = _no_encoders
+    on_the_wire: Callable[[Any], OnTheWire] = _not_known

@@ -1,0 +1,38 @@
+"""The frames of telemetry decoded by its DBC."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from drivers.can.dbc import dbc_in
+from drivers.can.decoded import FrameDecoder, Positions, Samples
+from drivers.can.frame_block import FrameBlock
+from drivers.can.gap_detection import Unbroken
+from drivers.dialects.can_telemetry import wire
+from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.options import TelemetryOptions
+
+
+class TelemetryDecoder(FrameDecoder):
+    """Samples, and the encoders latched with them; raises UnfitFileError and DbcError."""
+
+    def __init__(self, options: TelemetryOptions) -> None:
+        dbc = dbc_in(options.dbc)
+        self._formats, self._encoders = formats_of(options, dbc), encoders_of(options, dbc)
+        self._channels = {device: encoder.channel for device, encoder in options.positions.items()}
+        self.scales = {name: form.scale for name, form in self._formats.items()}
+
+    def outputs(self, block: FrameBlock) -> Mapping[str, Samples]:
+        """The samples of every channel in these frames."""
+        return {name: wire.decode_samples(form, block) for name, form in self._formats.items()}
+
+    def positions(self, block: FrameBlock) -> Mapping[str, Positions]:
+        """What the encoders read that are latched with samples."""
+        return {
+            name: wire.decode_positions(self._formats[self._channels[name]], encoder, block)
+            for name, encoder in self._encoders.items()
+        }
+
+    def watches(self) -> Sequence[Unbroken]:
+        """One for each message with samples."""
+        return wire.unbroken(self._formats)

@@ -1,0 +1,128 @@
+"""What drivers of pulse counters that run freely have in common, whatever their frames are."""
+
+from __future__ import annotations
+
+import asyncio
+from abc import abstractmethod
+from collections.abc import Collection, Mapping
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.dbc import Field, Message
+from drivers.can.frame_block import EXTENDED, FrameBlock
+from drivers.can.sequence_numbers import Integers
+from drivers.description import Nothing, OptionsT, Setup, check_identity
+from drivers.errors import InstrumentFault, NoAnswer
+from drivers.kinds.frame_source.intake import SILENT_PERIODS, STANDING_FRAMES, FrameDriver, frames_named
+from drivers.timing.awake import awake_s
+from drivers.transport.frame_link import FrameLink
+from drivers.values import Heard
+
+FIRST_FRAME_S = 3.0
+Newest = Mapping[str, tuple[float, tuple[int, int]]]
+"""By channel: when its last frame arrived, and the counts in it."""
+
+
+class FreeCounter(FrameDriver[OptionsT]):
+    """Counters that run freely; nothing is ever sent to them.
+
+    A subclass gives the message of latches, its period and the fields of temperatures, and reads blocks. Lifetime: a
+    task of its own takes frames in from entry to exit. A problem is raised by the next `poll` and by a running
+    acquisition.
+    """
+
+    def __init__(self, setup: Setup[OptionsT, Nothing, Nothing], period_s: float, channels: Collection[str]) -> None:
+        super().__init__(setup)
+        self._period_s, self._channels = period_s, channels
+        self._last_latch_s = 0.0
+        self._last_numbers: list[int] = []  # of the last latches
+        self._counts: dict[str, tuple[int, int]] = {}  # the newest of each channel
+
+    async def __aenter__(self) -> Self:
+        """Opens the channel and waits for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
+        self._begin(await self._open())
+        return self
+
+    @property
+    @abstractmethod
+    def _latch(self) -> Message:
+        """The message that comes once in a period."""
+
+    @property
+    @abstractmethod
+    def _temperatures(self) -> Mapping[str, Field]:
+        """The fields with temperatures, by the names of the readings."""
+
+    @abstractmethod
+    def _latches(self, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
+        """Raw numbers of the latches in a block, and when they arrived."""
+
+    @abstractmethod
+    def _newest(self, block: FrameBlock) -> Newest:
+        """The newest counts in a block, without channels that have none."""
+
+    async def _open(self) -> FrameLink:
+        link = await self._setup.wires.frames(self.name, self._setup.address)
+        try:
+            await self._first_latch(link)
+            check_identity(self.name, self._setup.identity, await self.identify())
+        except BaseException:
+            link.close()
+            raise
+        return link
+
+    async def _first_latch(self, link: FrameLink) -> None:
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + FIRST_FRAME_S
+        heard: set[int] = set()
+        while not len(self._latches(block := link.take())[0]):
+            heard.update(block.ids.tolist())
+            if loop.time() >= deadline:
+                raise self._no_latch(heard)
+            await asyncio.sleep(self._period_s)
+        self._last_latch_s = loop.time()
+        self._heard = dict.fromkeys(self._channels, Heard(loop.time(), loop.time()))
+
+    def _no_latch(self, heard: Collection[int]) -> NoAnswer:
+        """Lists the frames received instead of a latch."""
+        latch = self._latch
+        problem = (
+            f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
+        )
+        if heard:
+            remedy = "Check that the options in the bench file, such as the DBC, are those of this counter."
+            return NoAnswer(self.name, problem, received=frames_named(heard), remedy=remedy)
+        remedy = "Check that the converter is on, the bus is terminated, and the bit rate is right."
+        return NoAnswer(self.name, problem, received="no frame at all", remedy=remedy)
+
+    def _look(self, block: FrameBlock) -> None:
+        """Takes readings and the newest counts from a block; raises when something is wrong with it."""
+        self._keep_readings(self._temperatures, block)
+        self._watch(block)
+        self._listen(block)
+
+    def _watch(self, block: FrameBlock) -> None:
+        """Raises when latches have stopped coming, or come with one sequence number."""
+        sequence, at_s = self._latches(block)
+        if len(sequence):
+            self._last_latch_s = float(at_s[-1])
+            self._last_numbers = [*self._last_numbers, *sequence[-STANDING_FRAMES:].tolist()][-STANDING_FRAMES:]
+        silent_s = SILENT_PERIODS * self._period_s
+        if awake_s(self._last_latch_s) > silent_s:
+            raise NoAnswer(
+                self.name, f"counter frames have stopped: none for more than {silent_s:g} s",
+                remedy="Check the converter's power, the CAN cable and the adapter, then run again.",
+            )  # fmt: skip
+        if len(self._last_numbers) == STANDING_FRAMES and len(set(self._last_numbers)) == 1:
+            raise InstrumentFault(
+                self.name, f"the counter is frozen: its latches have the sequence number {self._last_numbers[0]}",
+                remedy="Restart the converter; its frames repeat old counts.",
+            )  # fmt: skip
+
+    def _listen(self, block: FrameBlock) -> None:
+        """Store the newest value of each channel."""
+        for channel, (at_s, counts) in self._newest(block).items():
+            pulse_s = self._heard[channel].pulse_s if self._counts.get(channel) == counts else at_s
+            self._heard[channel], self._counts[channel] = Heard(at_s, pulse_s), counts

@@ -1,0 +1,30 @@
+"""The frames of the counter decoded, while they arrive and from the record of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from drivers.can.dbc import Field
+from drivers.can.decoded import Counts, FrameDecoder
+from drivers.can.frame_block import FrameBlock
+from drivers.can.gap_detection import Unbroken
+
+from toy_counter import wire
+from toy_counter.description import ToyCounterOptions
+
+
+class ToyCounterDecoder(FrameDecoder):
+    """Counts of the inputs; each has its own frames with their own numbers."""
+
+    def __init__(self, options: ToyCounterOptions) -> None:
+        self._messages = {channel: wire.latch(number) for channel, number in options.inputs.items()}
+
+    def outputs(self, block: FrameBlock) -> Mapping[str, Counts]:
+        """The counts of every channel in these frames."""
+        return {channel: wire.counts_in(message, block) for channel, message in self._messages.items()}
+
+    def watches(self) -> Sequence[Unbroken]:
+        """One for each input."""
+        return [
+            Unbroken.of(Field(message, wire.NUMBER), Field(message, wire.TICK)) for message in self._messages.values()
+        ]

@@ -1,0 +1,46 @@
+"""The driver: it listens; that frames keep coming is watched by what all free-running counters have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from drivers.can.dbc import Field, Message
+from drivers.can.frame_block import FrameBlock
+from drivers.can.sequence_numbers import Integers
+from drivers.description import Nothing, Setup
+from drivers.kinds.frame_source.counter import FreeCounter, Newest
+from numpy.typing import NDArray
+
+from toy_counter import wire
+from toy_counter.description import TEMPERATURE, ToyCounterOptions
+
+
+class ToyCounter(FreeCounter[ToyCounterOptions]):
+    """Reads the frames of its inputs; all are latched together, so the first stands for the latch."""
+
+    def __init__(self, setup: Setup[ToyCounterOptions, Nothing, Nothing]) -> None:
+        super().__init__(setup, setup.options.period, setup.options.inputs)
+        self._messages = {channel: wire.latch(number) for channel, number in setup.options.inputs.items()}
+        self._fingerprint = "fixed frames"
+
+    @property
+    def _latch(self) -> Message:
+        return next(iter(self._messages.values()))
+
+    @property
+    def _temperatures(self) -> Mapping[str, Field]:
+        return {TEMPERATURE: wire.TEMPERATURE}
+
+    def _latches(self, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
+        rows = self._latch.rows(block)
+        return wire.NUMBER.raw(block.payloads(rows)), block.at_s[rows]
+
+    def _newest(self, block: FrameBlock) -> Newest:
+        found = {}
+        for channel, message in self._messages.items():
+            if len(rows := message.rows(block)[-1:]):
+                data = block.data[rows[0]].tobytes()
+                counts = wire.POSITIVE.raw_of(data), wire.NEGATIVE.raw_of(data)
+                found[channel] = float(block.at_s[rows[0]]), counts
+        return found
