@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, assert_never
 
-from bench.config.models import BenchFile
 from bench.engine import measuring, recording, steadiness, waiting
-from bench.engine.crediting import SoakCredit
-from bench.engine.journal import Journal
-from bench.engine.missed import Numbered
-from bench.engine.monitor import Monitor
+from bench.engine.context import Bench, Found
 from bench.engine.orienting import orient, stop_axes
-from bench.engine.questions import Desk, Question
-from bench.rig import Rig
+from bench.engine.questions import Question
 from bench.sequence.plan.motion import came_from
 from bench.sequence.steps.custom import Custom, known_steps
 from bench.sequence.steps.fields import is_known
@@ -26,33 +19,11 @@ from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutp
 from bench.sequence.steps.talk import Alarm, Note, Prompt
 from bench.sequence.steps.verbs import Step
 from bench.sequence.steps.waits import Soak, Wait, WaitUntil
-from bench.store.writer import RunWriter
 from drivers.capabilities import Positioner
 from drivers.errors import DriverError
 from drivers.installed import loaded
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import customary_unit
-
-Found = Mapping[str, Any]  # what a step found, for the journal
-
-
-@dataclass(frozen=True)
-class Bench:
-    """What a step acts with. `angles_deg` are where the last moves went, by role; `numbered` is what sends numbers.
-
-    `credit` is that of a soak of a resumed run.
-    """
-
-    file: BenchFile
-    rig: Rig
-    monitor: Monitor
-    writer: RunWriter
-    journal: Journal
-    desk: Desk
-    notice: Callable[[str], None]
-    numbered: Numbered
-    angles_deg: dict[str, float] = field(default_factory=dict)
-    credit: SoakCredit | None = None
 
 
 async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C901  one case for each kind of step

@@ -6,9 +6,10 @@ import asyncio
 import math
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bench.config.models import BenchFile
+from bench.engine.context import Bench
 from bench.engine.missed import Watch
 from bench.engine.monitor import Monitor
 from bench.engine.recording import output_of
@@ -23,9 +24,6 @@ from bench.sequence.steps.measuring import Measure, Tare
 from bench.store.decoder import Decoder
 from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import PulseCounter
-
-if TYPE_CHECKING:  # which calls the functions here
-    from bench.engine.actions import Bench
 
 VALUE_LOOK_S = 0.1  # how often a value is looked for that is not older than the step
 VALUE_WITHIN_S = 60.0  # every device is polled more often

@@ -5,19 +5,14 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
-from bench.config.devices import DeviceEntry
+from bench.engine.context import Bench
 from bench.metrology.gaps import EVENT
 from bench.metrology.missed import Missed
 from bench.quality import Valid
-from bench.store.decoder import Decoder
 from bench.store.missed import missed_in_step
 from drivers.can.decoded import GapWatch
 from drivers.can.frame_block import FrameBlock
-
-if TYPE_CHECKING:  # whose steps this watches
-    from bench.engine.actions import Bench
 
 LOOKED_AT_ONCE = 10_000  # frames; checking a few takes about as long
 
@@ -82,19 +77,3 @@ def _in_words(role: str, missed: Mapping[str, Missed]) -> str:
         f"{role}: frames are missing: {channels}. Check the cable and the termination of the bus, and the load "
         f"of this computer. This message is not repeated; the report lists every acquisition with gaps."
     )
-
-
-class Numbered:
-    """The devices of a bench whose frames have numbers, by role; their decoders are made when they are needed."""
-
-    def __init__(self, devices: Mapping[str, DeviceEntry]) -> None:
-        self.devices = devices
-        self._decoders: dict[str, Decoder] = {}
-
-    def of(self, role: str) -> Sequence[GapWatch]:
-        """Watches of a device for a new acquisition; none if its driver describes no frames."""
-        if self.devices[role].description.frames is None:
-            return ()
-        if role not in self._decoders:
-            self._decoders[role] = Decoder(self.devices[role])
-        return self._decoders[role].watches()

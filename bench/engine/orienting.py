@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from bench.engine.context import Bench
 from bench.errors import StepError
 from bench.sequence.plan.motion import Side, came_from
 from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
-
-if TYPE_CHECKING:  # which calls the functions here
-    from bench.engine.actions import Bench
 
 
 async def orient(step: Orient, bench: Bench) -> Mapping[str, Any]:

@@ -6,8 +6,9 @@ import asyncio
 import math
 from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from bench.engine.context import Bench
 from bench.engine.missed import Watch
 from bench.engine.outputs import Keeper, Watched, taken_in
 from bench.errors import StepError
@@ -18,9 +19,6 @@ from bench.sequence.steps.stimulus import TURN_DEG
 from bench.store.writer import RunWriter
 from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import RateTable
-
-if TYPE_CHECKING:  # which calls the functions here
-    from bench.engine.actions import Bench
 
 WATCHED_BLOCK_S = 1.0  # how fresh frames are whose steadiness is looked at
 TURN_LOOK_S = 0.02  # how closely the end of the last turn is looked for

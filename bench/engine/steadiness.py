@@ -5,17 +5,15 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from bench.engine.context import Bench
 from bench.engine.outputs import Watched, taken_in
 from bench.errors import StepError
 from bench.metrology.outputs import steadiness
 from bench.sequence.language.readings import units_at
 from bench.sequence.steps.waits import STEADY_PARTS, Steady, WaitUntil
 from drivers.quantity.units import customary_unit
-
-if TYPE_CHECKING:  # which calls the functions here
-    from bench.engine.actions import Bench
 
 
 async def until_steady(step: WaitUntil, bench: Bench) -> Mapping[str, Any]:

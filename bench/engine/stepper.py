@@ -7,7 +7,8 @@ import traceback
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
-from bench.engine.actions import Bench, Found, begin_turning, leave, perform, target_of
+from bench.engine.actions import begin_turning, leave, perform, target_of
+from bench.engine.context import Bench, Found
 from bench.engine.control import Control, StepUnderWay, Wish
 from bench.engine.recording import acquire_during
 from bench.engine.safety import finish

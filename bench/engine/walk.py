@@ -9,7 +9,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from typing import Any, assert_never
 
-from bench.engine.actions import Bench
+from bench.engine.context import Bench
 from bench.engine.control import Control
 from bench.engine.past import Past, decision, done_of, to_restore
 from bench.engine.people import answered

@@ -28,7 +28,7 @@ class StepDescription(NamedTuple):
     """A plug-in's step as a sequence sees it.
 
     `settings` validates the block `with`. `target` is "module:function", an
-    `async def function(settings, bench: bench.engine.actions.Bench) -> Mapping[str, Any]` whose result goes into the
+    `async def function(settings, bench: bench.engine.context.Bench) -> Mapping[str, Any]` whose result goes into the
     journal; "value" in it, with "unit" of a number, is what `as` names in later expressions. `capability` is what the
     step's role must be, "" when it needs no device. `takes_s` is how long it takes, from the settings. `example` is a
     value such as it gives, for checking expressions; None when it gives none. Only a `repeatable` step is done again

@@ -13,8 +13,8 @@ from typing import Any, cast
 import pytest
 
 from bench.config.bench import load_bench
-from bench.engine.actions import Bench
 from bench.engine.channel import Channel, Rule
+from bench.engine.context import Bench
 from bench.engine.interlocks import Interlocks
 from bench.engine.journal import Journal
 from bench.engine.measuring import measure
