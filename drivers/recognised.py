@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.description import IdentityPin, check_identity, still_the_same
+from drivers.description import IdentityPin, check_identity
+from drivers.errors import WrongIdentity
 from drivers.values import Identity
 
 
@@ -16,5 +17,10 @@ class Recognised:
     def check(self, found: Identity, received: str) -> Identity:
         """The identity found; WrongIdentity if it is not as pinned, or, with what was received, not as before."""
         check_identity(self._device, self._pin, found)
-        self.identity = still_the_same(self._device, self.identity, found, received)
+        if self.identity not in (None, found):
+            raise WrongIdentity(
+                self._device, "another instrument has taken its place", received=received,
+                remedy="Put the right instrument back at this address and run again.",
+            )  # fmt: skip
+        self.identity = found
         return found
