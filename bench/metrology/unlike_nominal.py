@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from bench.metrology.results.finding import Finding
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import UnitUnderTest
 
 OTHER_SIGN = "sign_unlike_nominal"
@@ -35,11 +36,11 @@ def _of_ratio(found: Finding, ratio: float, expanded: float) -> Finding:
     return found.flagged(flag) if flag else found
 
 
-def flags_of_scale(per_g: float, expanded: float, unit: UnitUnderTest) -> Iterator[str]:
+def flags_of_scale(per_g: float, expanded: float, unit: UnitUnderTest) -> Iterator[Flag]:
     """The flag of a scale factor per g that is no finding, where the bench file states another sign or size."""
     if unit.nominal_per_g:
         flag = unlike_nominal(per_g / unit.nominal_per_g, expanded / abs(unit.nominal_per_g))
-        yield from (f"K1:{each}" for each in (flag,) if each)
+        yield from (Flag(each, of="K1") for each in (flag,) if each)
 
 
 def unlike_nominal(ratio: float, expanded: float) -> str:

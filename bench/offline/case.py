@@ -51,6 +51,7 @@ def reduce_case(path: Path) -> dict[str, Any]:
     except NotDetermined as problem:
         files = ", ".join(record.name for record in case.content.records.values())
         raise InputError(f"{case.name}: the record is insufficient ({files}): {problem}") from None
+    result["flags"] = list(map(str, result["flags"]))
     result = with_doubts(result, result.pop("doubts"))
     result["notes"] = [*case.notes, *result["notes"]]
     return {"method": method, "sub": sub, **_json(result)}

@@ -156,8 +156,8 @@ class Case:
 class Reduction:
     """How cases of one kind are reduced; `records` are all that they may name.
 
-    A result whose `parts` are empty has nothing; flags that the expression `lacking` finds, beside those of
-    `bench.offline.outcome`, make it incomplete.
+    The flags of a result are `Flag`s or names. A result whose `parts` are empty has nothing; flags whose texts the
+    expression `lacking` finds, beside those of `bench.offline.outcome`, make it incomplete.
     """
 
     reduce: Callable[[Case], dict[str, Any]]

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from bench.metrology.power_cycles import reduced
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.metrology.unlike_nominal import compared_with_nominal
@@ -107,7 +108,7 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
         unit,
         findings=tuple(findings),
         left_out=(*unit.left_out, *undetermined),
-        flags=(*unit.flags, *(f"{name}:not_determined" for name in undetermined)),
+        flags=(*unit.flags, *(Flag("not_determined", of=name) for name in undetermined)),
     )
 
 
@@ -132,7 +133,7 @@ def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on
 
 def _unit(unit: UnitResult) -> dict[str, Any]:
     """A unit by one method; `dropped` only where it was."""
-    told = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
+    told = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(map(str, unit.flags))}
     return told if unit.dropped is None else {**told, "dropped": dataclasses.asdict(unit.dropped)}
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
-
 from bench.figures.languages import tr
-from bench.figures.words import REASONS, sentence_of
+from bench.figures.words import REASONS
+from bench.metrology.results.flag import SAMPLES, Flag
 from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
 from bench.report.note_words import note_in_words
 from bench.sequence.method import MethodWords
@@ -39,18 +38,6 @@ _QUANTITIES = MethodWords(
 )
 _UNITS = MethodWords("UNITS", {})
 _PARTS = MethodWords("PARTS", {})
-_SAMPLES = re.compile(r"(?:(.+): )?(\d+) samples(?:: (\w+))")
-
-
-def _of_samples(flag: str) -> str:
-    """A flag that counts samples in words; empty for any other."""
-    samples = _SAMPLES.fullmatch(flag)
-    if samples is None or samples[3] not in _READINGS:
-        return ""
-    step, count, why = samples[1], samples[2], tr(_READINGS[samples[3]])
-    if step:
-        return tr("{count} samples are left out: {why} ({step}).", count=count, why=why, step=step)
-    return tr("{count} samples are left out: {why}.", count=count, why=why)
 
 
 def reading_in_words(problem: str) -> str:
@@ -58,20 +45,24 @@ def reading_in_words(problem: str) -> str:
     return tr(_READINGS[problem]) if problem in _READINGS else problem
 
 
-def flag_in_words(flag: str) -> str:
+def flag_in_words(flag: Flag) -> str:
     """A flag of a unit as a sentence; one that is not known here as it stands."""
-    if found := sentence_of(flag, _UNITS) or _of_samples(flag):
-        return found
-    step, _, problem = flag.rpartition(": ")
-    if problem in _PARTS:
-        return f"{tr(step)}{tr(': ')}{tr(_PARTS[problem])}"
-    if problem in _READINGS:
-        return tr("A reading is left out: {why} ({step}).", why=tr(_READINGS[problem]), step=step)
-    return _of_a_quantity(flag)
+    code, at, of = flag.code, flag.at, flag.of
+    if code == SAMPLES and flag.values["why"] in _READINGS:
+        return _of_samples(flag)
+    if at and code in _PARTS:
+        return f"{tr(at)}{tr(': ')}{tr(_PARTS[code])}"
+    if at and code in _READINGS:
+        return tr("A reading is left out: {why} ({step}).", why=tr(_READINGS[code]), step=at)
+    if of and code in (OTHER_SIGN, OTHER_SIZE):
+        return f"{of}{tr(': ')}{tr(REASONS[code])}{tr('.')}"
+    if of and code in _QUANTITIES:
+        return f"{of}{tr(': ')}{tr(_QUANTITIES[code])}"
+    return tr(_UNITS[code], **flag.values) if not (at or of) and code in _UNITS else note_in_words(str(flag))
 
 
-def _of_a_quantity(flag: str) -> str:
-    quantity, _, problem = flag.partition(":")
-    if problem in (OTHER_SIGN, OTHER_SIZE):
-        return f"{quantity}{tr(': ')}{tr(REASONS[problem])}{tr('.')}"
-    return f"{quantity}{tr(': ')}{tr(_QUANTITIES[problem])}" if problem in _QUANTITIES else note_in_words(flag)
+def _of_samples(flag: Flag) -> str:
+    values = {"count": flag.values["count"], "why": tr(_READINGS[str(flag.values["why"])])}
+    if flag.at:
+        return tr("{count} samples are left out: {why} ({step}).", step=flag.at, **values)
+    return tr("{count} samples are left out: {why}.", **values)

@@ -19,6 +19,7 @@ from bench.report.export.export import FORMATS
 from campaigns.truth.campaign import perfect_bench
 from campaigns.truth.channel import true_line
 from tests.support.ammeter import put_into_cable
+from tests.support.flags import texts
 from tests.support.runs import ROOT, read_json, run_short
 
 SETTINGS = (
@@ -48,7 +49,7 @@ def findings(run, current_from="meter"):
     with open_run(run.path) as stored:
         settings = ChannelSettings.model_validate(stored.sequence.results[0].settings).model_dump()
         (unit,) = reduce(stored.data("channel"), settings | {"current_from": current_from})
-    return {finding.id.removeprefix("channel/a/"): finding for finding in unit.findings}, unit.flags
+    return {finding.id.removeprefix("channel/a/"): finding for finding in unit.findings}, texts(unit.flags)
 
 
 def errors(run, current_from="meter"):

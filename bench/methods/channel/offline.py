@@ -16,6 +16,7 @@ from bench.methods.channel.reduction.decision import ChannelDrift, Comparison, c
 from bench.methods.channel.reduction.line import ChannelRecord, ChannelRules, ChannelRun, no_counts, reduce_run
 from bench.metrology.least_squares import OUTLIER_SIGMAS, NotDetermined
 from bench.metrology.plausibility import Doubt
+from bench.metrology.results.flag import Flag
 from bench.offline.case_file import Case, Limit, Reduction, Reductions, Scale, Settings
 from bench.offline.csv_record import Table
 from drivers.schema.suggest import did_you_mean
@@ -119,7 +120,7 @@ def _channel(case: Case) -> dict[str, Any]:
         "runs": {name: _run(run, settings.runs[name].level_g) for name, run in runs.items()},
         "deviation": {name: _deviation(found, references[name]) for name, found in compared.items()},
         "channel": _tempcos(drift),
-        "flags": [*(f"{name}:{flag}" for name, run in runs.items() for flag in run.flags), *drift_flags],
+        "flags": [*(Flag(code, of=name) for name, run in runs.items() for code in run.flags), *drift_flags],
         "notes": [
             *(f"{name}: {note}" for name, run in runs.items() for note in run.notes),
             *(f"{name}: {remark}" for name, found in compared.items() for remark in found.remarks),

@@ -30,6 +30,7 @@ from bench.methods.imu.reduction.knots import (
 )
 from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateRecord, arrange
 from bench.metrology.least_squares import Array
+from bench.metrology.results.flag import Flag
 from bench.offline.case_file import Case, Limit, LocalGravity, Reduction, Reductions, Settings
 from bench.offline.csv_record import Table
 
@@ -74,7 +75,7 @@ def _imu(case: Case) -> dict[str, Any]:
         },
         "repeatability": repeatability(found, tables, _calibrated),
         "model_check": {name: _model_check(name.split("_")[0], table) for name, table in tables.items()},
-        "flags": [*found.flags, *(["ill_conditioned"] if fits and fits.notes else [])],
+        "flags": [*found.flags, *([Flag("ill_conditioned")] if fits and fits.notes else [])],
         "notes": [
             *found.notes, *(fits.notes if fits else no_fits), *beyond, *_copies(at_rest, turned),
             *_unknown_positions(at_rest),

@@ -260,9 +260,10 @@ def _response(found: FrequencyResponse, notes: Iterable[str] = ()) -> dict[str, 
 
 def _remarks(found: RangeTest | FrequencyResponse, notes: Iterable[str]) -> dict[str, Any]:
     """Published flags, and among the notes in words what has none."""
+    in_words = [flag.code for flag in found.flags if flag.code in UNITS and not flag.values]
     return {
-        "flags": [flag for flag in found.flags if flag not in UNITS],
-        "notes": [*notes, *found.notes, *(UNITS[flag] for flag in found.flags if flag in UNITS)],
+        "flags": [flag for flag in found.flags if flag.code not in in_words],
+        "notes": [*notes, *found.notes, *(UNITS[code] for code in in_words)],
         "rejected": found.excluded,
     }
 

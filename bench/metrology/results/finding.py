@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from bench.metrology.results.budget import BudgetLine, combined
 from bench.metrology.results.coverage import COVERAGE, coverage_factor, effective_dof
 from bench.metrology.results.curves import Model
+from bench.metrology.results.flag import Flag
 from bench.metrology.results.limits import U_UNKNOWN, Limits, judge
 
 if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
@@ -198,7 +199,7 @@ class UnitResult:
     findings: tuple[Finding, ...]
     models: tuple[Model, ...]
     left_out: tuple[str, ...]
-    flags: tuple[str, ...]
+    flags: tuple[Flag, ...]
     detail: object = None
     compensations: tuple[Compensation | ResponseCompensation, ...] = ()
     dropped: Dropped | None = None

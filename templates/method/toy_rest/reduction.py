@@ -13,6 +13,7 @@ from bench.metrology.least_squares import Array, least_squares
 from bench.metrology.outputs import mean_output
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 CURVED = "toy_rest_curved"
@@ -66,10 +67,10 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
 def _reduced(data: RunData, unit: UnitUnderTest, fewest: int) -> UnitResult:
     outputs = {each.step: mean_output(each, unit) for each in data.acquisitions}
-    flags = [f"{step}: {output.problems[0]}" for step, output in outputs.items() if output.problems]
+    flags = [Flag(output.problems[0], at=step) for step, output in outputs.items() if output.problems]
     used = [each for each in data.acquisitions if not outputs[each.step].problems]
     if len(used) < fewest:
-        return UnitResult(unit.place, unit.serial, (), (), ("all",), (*flags, TOO_FEW))
+        return UnitResult(unit.place, unit.serial, (), (), ("all",), (*flags, Flag(TOO_FEW)))
     middle_s = np.array([(each.begin_s + each.end_s) / 2 for each in used])
     rest = line_of(middle_s, np.array([outputs[each.step].value for each in used]))
     alone_u = float(np.sqrt(np.mean([outputs[each.step].alone_u ** 2 for each in used])))

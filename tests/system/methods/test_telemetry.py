@@ -11,6 +11,7 @@ from bench.reduce.stored_run import open_run
 from campaigns.truth.campaign import compare, full_bench
 from campaigns.truth.indexing import QUANTITIES, compare_indexing
 from campaigns.truth.ramp import compare_ramp
+from tests.support.flags import texts
 from tests.support.runs import ROOT, SHORT, read_json, run_short
 from tests.support.sequences import plan_of, problems_of, steps
 
@@ -166,7 +167,7 @@ def test_readings_of_a_unit_that_begins_anew_or_does_not_measure_are_left_out(tm
     run = run_short(tmp_path / "runs", sequence=str(path), bench=edited(tmp_path / "config", faults=faults))
     assert run.outcome.how == "completed"
     (unit,) = run.results.units
-    flagged = [flag.rpartition(": ")[2] for flag in unit.flags if flag.startswith("steps/")]
+    flagged = [flag.rpartition(": ")[2] for flag in texts(unit.flags) if flag.startswith("steps/")]
     assert flagged == ["irregular_clock", "stuck_code"]
     assert [finding.quantity for finding in unit.findings] == []
 

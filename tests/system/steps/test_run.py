@@ -19,6 +19,7 @@ from bench.store.runs import RunDirectory
 from bench.store.writer import RunWriter
 from campaigns.truth.campaign import compare_one
 from drivers.transport.address import Address
+from tests.support.flags import texts
 from tests.support.runs import ROOT, SHORT, copy_bench, read_json, run_short
 
 
@@ -199,7 +200,7 @@ def test_several_units_share_one_run_each_with_its_own_findings(tmp_path):
     assert [(unit.place, unit.uut) for unit in result.results.units] == [("a", "QF-1"), ("b", "QF-2")]
     for comparison in compare_one(result.path, read_json(result, "results.json")):
         assert abs(comparison.ratio) < 4, comparison
-    assert "K1:temperature_slope_unknown" in result.results.units[1].flags
+    assert "K1:temperature_slope_unknown" in texts(result.results.units[1].flags)
     assert result.path.name.endswith("_two_QF-1-QF-2")
 
 
@@ -217,8 +218,8 @@ def test_a_reading_in_the_dead_band_is_flagged_and_the_run_incomplete(tmp_path):
     result = run_short(tmp_path / "runs", sequence="smoke", uut_model=model, settings=("angle_offset=0°",))
     (unit,) = result.results.units
     assert result.results.verdict == "INCOMPLETE"
-    assert "steps/temperature=20/position=0/acquire: dead_band" in unit.flags
-    assert "dwell 0 incomplete: 0, 180" in unit.flags
+    assert "steps/temperature=20/position=0/acquire: dead_band" in texts(unit.flags)
+    assert "dwell 0 incomplete: 0, 180" in texts(unit.flags)
 
 
 def test_the_full_default_cycle_is_what_the_method_says():

@@ -7,6 +7,7 @@ import pytest
 from bench.app.execute import RunResult
 from bench.store.reader import RunReader
 from drivers.dialects.can_counter.wire import decode_counts
+from tests.support.flags import texts
 from tests.support.laboratory import counter_form
 from tests.support.runs import copy_bench, run_short
 
@@ -51,7 +52,7 @@ def test_a_bus_that_goes_off_fails_the_step_and_what_was_measured_before_is_kept
     with RunReader(result.path) as reader:
         assert len([event for event in reader.events("step_ended") if event.step.endswith("/acquire")]) == 1
         assert [event.step for event in reader.events("step_failed")] == ["steps/temperature=20/position=90/acquire"]
-    assert "dwell 0 incomplete: 90, 180, 270" in result.results.units[0].flags
+    assert "dwell 0 incomplete: 90, 180, 270" in texts(result.results.units[0].flags)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +62,7 @@ def test_a_bus_that_goes_off_fails_the_step_and_what_was_measured_before_is_kept
 def test_counts_that_are_wrong_are_marked_and_not_used(tmp_path: Path, kind: str, flag: str) -> None:
     result = bad(tmp_path, kind)
     assert result.outcome.how == "completed"
-    flags = result.results.units[0].flags
+    flags = texts(result.results.units[0].flags)
     marked = [each for each in flags if each.startswith("steps/temperature=20/position=90/acquire: ")]
     assert flag in " ".join(marked)
     assert not [finding for finding in result.results.units[0].findings if finding.quantity == "K0"]

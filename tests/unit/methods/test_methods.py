@@ -14,6 +14,7 @@ from bench.figures import numbers, words
 from bench.figures.languages import catalogue_of, language, tr
 from bench.figures.numbers import scale_shown
 from bench.methods.tumble.method import TEMPERATURE_TUMBLE
+from bench.metrology.results.flag import Flag
 from bench.offline.case import reduce_case, reductions
 from bench.offline.outcome import lacking, outcome
 from bench.report import flag_words
@@ -184,17 +185,17 @@ def test_a_plug_in_brings_the_words_of_its_flags(plugin):
 
 
 def test_its_words_are_in_a_report_in_both_languages(plugin):
-    assert flag_in_words("30 Hz deaf") == "It hears nothing at 30 Hz."
-    assert flag_in_words("a: the fan ran at 3 turns") == "a: the fan ran at 3 turns"
+    assert flag_in_words(Flag("{n} Hz deaf", values={"n": 30})) == "It hears nothing at 30 Hz."
+    assert flag_in_words(Flag("the fan ran at 3 turns", at="a")) == "a: the fan ran at 3 turns"
     assert words.where({"band_hz": 20.0}, {}) == "over 20 Hz"
     assert words.REASONS["loud"] == "it is loud"
     with language("zh"):
-        assert flag_in_words("30 Hz deaf") == "在 30 Hz 听不到。"
+        assert flag_in_words(Flag("{n} Hz deaf", values={"n": 30})) == "在 30 Hz 听不到。"
         assert words.source_in_words("fan: hum") == "风扇：嗡声"
 
 
 def test_words_of_the_program_are_not_replaced_by_those_of_a_plug_in(plugin):
-    assert flag_in_words("no_sweep") == "There is no reading of a sweep, so that nothing can be determined."
+    assert flag_in_words(Flag("no_sweep")) == "There is no reading of a sweep, so that nothing can be determined."
     with language("zh"):
         assert tr("Dwell") == "温度点"
 

@@ -14,6 +14,7 @@ from bench.config.document import read_document
 from bench.config.fixture import Compass, Direction
 from bench.figures import languages, svg, words
 from bench.figures.languages import LANGUAGES, catalogue_of, language, tr
+from bench.metrology.results.flag import Flag
 from bench.reduce.stored_run import open_run
 from bench.report import flag_words, note_words
 from bench.report.tables import VARIABLES, WORST
@@ -199,9 +200,9 @@ def test_what_a_source_is_of_and_the_signs_between_are_in_the_language_of_the_re
     ],
 )
 def test_sentences_of_analyses_are_in_the_language_of_the_report(note, chinese):
-    assert flag_words.flag_in_words(note) == note
+    assert flag_words.flag_in_words(Flag(note)) == note
     with language("zh"):
-        assert flag_words.flag_in_words(note) == chinese
+        assert flag_words.flag_in_words(Flag(note)) == chinese
 
 
 def test_what_people_type_stays_as_they_typed_it_and_what_the_program_says_is_told_in_the_language():

@@ -17,6 +17,7 @@ from bench.cli.exits import of_run
 from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure
 from bench.figures.words import where
+from bench.metrology.results.flag import Flag
 from bench.reduce.journal import Measurement
 from bench.reduce.spans import Span
 from bench.reduce.stored_run import open_run
@@ -375,18 +376,21 @@ def test_a_report_that_cannot_be_written_takes_no_results_away(tmp_path, monkeyp
 @pytest.mark.parametrize(
     ("flag", "words"),
     [
-        ("dwell 3 incomplete: 90, 270", "Dwell 3 is left out: no usable reading near these angles in °: 90, 270."),
         (
-            "dwell 3 incomplete: ill_conditioned",
+            Flag("dwell {number} incomplete: {angles}", values={"number": 3, "angles": "90, 270"}),
+            "Dwell 3 is left out: no usable reading near these angles in °: 90, 270.",
+        ),
+        (
+            Flag("dwell {number} incomplete: ill_conditioned", values={"number": 3}),
             "Dwell 3 is left out: its readings do not determine the four unknowns.",
         ),
         (
-            "steps/temperature=20/position=0/acquire: too_few_latches",
+            Flag("too_few_latches", at="steps/temperature=20/position=0/acquire"),
             "A reading is left out: fewer than half of its counter readings arrived "
             "(steps/temperature=20/position=0/acquire).",
         ),
-        ("K1:ill_conditioned", "K1: the temperatures do not determine the model."),
-        ("of a plug-in: its own words", "of a plug-in: its own words"),
+        (Flag("ill_conditioned", of="K1"), "K1: the temperatures do not determine the model."),
+        (Flag("its own words", at="of a plug-in"), "of a plug-in: its own words"),
     ],
 )
 def test_flags_are_sentences(flag, words):

@@ -19,6 +19,7 @@ from bench.metrology.extremes import interval_of_largest
 from bench.metrology.instrument import instrument_u, shared_as
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 
@@ -172,7 +173,7 @@ class ChannelFindings:
         name = "of the ammeter from what the source says, corrected by its certificate"
         yield self._of_level("current/deviation", name, level, read.mean_a / told_a - 1, "1", relative)
 
-    def flags_of_currents(self) -> Iterator[str]:
+    def flags_of_currents(self) -> Iterator[Flag]:
         """Levels that the ammeter has not read, and those at which source and ammeter contradict their certificates."""
         certified = [self.data.bench.sources.get(role) for role in (self.unit.source, self.unit.ammeter)]
         for level in self.levels:
@@ -180,12 +181,12 @@ class ChannelFindings:
             if read is None or not level.data.level.said_a:
                 continue
             if not read.is_enough:
-                yield f"{level.name}:ammeter_missing"
+                yield Flag("ammeter_missing", of=level.name)
             elif all(certified):
                 said_a = level.data.level.said_a
                 u_a = np.linalg.norm([read.mean_u_a, *(known.u_a(said_a) for known in certified if known is not None)])
                 if abs(read.mean_a - said_a) > BEYOND_U * u_a:
-                    yield f"{level.name}:source_and_ammeter_differ"
+                    yield Flag("source_and_ammeter_differ", of=level.name)
 
     # Nothing fed
 

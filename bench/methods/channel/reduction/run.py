@@ -28,6 +28,7 @@ from bench.methods.channel.reduction.findings import ChannelFindings
 from bench.methods.channel.reduction.levels import levels_of
 from bench.methods.channel.reduction.line import ABORT_SHARE
 from bench.metrology.results.finding import NOT_CLOSED, Finding, UnitResult
+from bench.metrology.results.flag import Flag, samples_left_out
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.unlike_nominal import flags_of_scale
 
@@ -106,63 +107,63 @@ def _lost_its_thermostat(level: Level) -> bool:
     return away > ABORT_SHARE * (away + level.run.gates_used)
 
 
-def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[str]:
+def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[Flag]:
     name, excluded = level.name, level.run.excluded
-    yield from (f"{name}:{flag}" for flag in level.run.flags)
-    yield from (f"{name}: {note}" for note in level.run.notes)
+    yield from (Flag(code, of=name) for code in level.run.flags)
+    yield from (Flag(note, at=name) for note in level.run.notes)
     for reason in LEFT_OUT:
         if excluded.get(reason):
-            yield f"{name}: {excluded[reason]} samples: {reason}"
+            yield samples_left_out(reason, excluded[reason], name)
     for point in level.data.points:
-        yield from (f"{point.step}: {problem}" for problem in point.problems)
+        yield from (Flag(problem, at=point.step) for problem in point.problems)
     if has_drifted(level, settings["drift_limit"]):
-        yield f"{name}:input_drifted"
+        yield Flag("input_drifted", of=name)
     if level.drift is None:
-        yield f"{name}:no_points"
+        yield Flag("no_points", of=name)
 
 
-def _flags_of_comparison(compared: Compared, settings: Mapping[str, Any]) -> Iterator[str]:
+def _flags_of_comparison(compared: Compared, settings: Mapping[str, Any]) -> Iterator[Flag]:
     """Why there is no decision, and why a slope deviates where the other basis finds that it does not."""
     name, found, threshold = compared.level.name, compared.comparison, settings["threshold"]
-    yield from (f"{name}: {remark}" for remark in found.remarks)
+    yield from (Flag(remark, at=name) for remark in found.remarks)
     if found.decision == "invalid":
         return
     raw, normalised = found.raw.value <= threshold, found.normalised.value <= threshold
     if settings["compare_basis"] == "raw" and normalised and not raw:
-        yield f"{name}:slope_follows_level"
+        yield Flag("slope_follows_level", of=name)
     elif settings["compare_basis"] == "normalised" and raw and not normalised:
-        yield f"{name}:slope_same_at_all_levels"
+        yield Flag("slope_same_at_all_levels", of=name)
 
 
-def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) -> Iterator[str]:
+def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) -> Iterator[Flag]:
     levels = of_levels.levels
     if not of_levels.unit.converter:
-        yield "converter:no_thermometer"
+        yield Flag("no_thermometer", of="converter")
     if any(level.is_source for level in levels) and of_levels.certificate is None:
-        yield f"{of_levels.standard}:not_certified"
+        yield Flag("not_certified", of=of_levels.standard)
     yield from of_levels.flags_of_currents()
     odd = out_of_proportion(
         np.array([level.data.level.level_g for level in levels]), np.array([level.run.rate_pps for level in levels])
     )
-    yield from (f"{level.name}:out_of_proportion" for level, is_odd in zip(levels, odd, strict=True) if is_odd)
+    yield from (Flag("out_of_proportion", of=level.name) for level, is_odd in zip(levels, odd, strict=True) if is_odd)
     if drift is not None and drift.misfit:
-        yield "channel:drift_not_linear"
+        yield Flag("drift_not_linear", of="channel")
     by_gravity = [level for level in levels if not level.is_source and level.data.level.level_g]
     for level in by_gravity[:1]:
         yield from flags_of_scale(level.run.rate_pps / level.data.level.level_g, 0.0, of_levels.unit)
 
 
-def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Iterator[str]:
+def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Iterator[Flag]:
     """That the data contradict what is stated of the accelerometer's own drift with temperature."""
     drift = own_drift(levels)
     if drift is not None and drift.beyond(stated_u):
-        yield f"{GRAVITY_REFERENCE}:accelerometer_drift"
+        yield Flag("accelerometer_drift", of=GRAVITY_REFERENCE)
 
 
-def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[str]:
+def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[Flag]:
     """Points at which the source gave nothing, and the channel counted as if something fed it."""
     per_g = [abs(each.run.rate_pps / each.data.level.level_g) for each in of_levels.levels if each.is_source]
     for point in of_levels.zero_points:
-        yield from (f"{point.step}: {problem}" for problem in point.problems)
+        yield from (Flag(problem, at=point.step) for problem in point.problems)
         if per_g and abs(point.rate_pps) > ZERO_SHARE * min(per_g):
-            yield f"{point.step}: not_zero"
+            yield Flag("not_zero", at=point.step)

@@ -19,6 +19,7 @@ from bench.methods.imu.reduction.attitude_check import doubtful_attitudes, excha
 from bench.methods.imu.reduction.attitudes import AXES, NAMES, NORTH, SPECIFIC_FORCE_G, block
 from bench.methods.imu.reduction.records import ImuReadings, RateReadings
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
+from bench.metrology.results.flag import Flag
 from bench.metrology.temperature_checks import broken_at_rest
 
 RATES = 6  # +1, -1, +3, -3, +5 and -5 °/s, or others
@@ -121,7 +122,7 @@ class ImuCalibration:
 
     points: tuple[SetPoint, ...]
     scatter: tuple[Scatter, ...]
-    flags: tuple[str, ...]
+    flags: tuple[Flag, ...]
     notes: tuple[str, ...]
     excluded: Mapping[str, int]
 
@@ -158,7 +159,7 @@ class _Remarks:
     """What is to be said of the readings, gathered on the way."""
 
     excluded: Counter[str]
-    flags: list[str] = field(default_factory=list)
+    flags: list[Flag] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -166,26 +167,30 @@ def _axis(
     readings: ImuReadings, point: int, axis: int, doubted: NDArray[np.bool_], remarks: _Remarks
 ) -> AxisCalibration | None:
     """One axis at one set point; None when something is missing or contradicts itself."""
-    at = f"T={readings.set_c[point]:.10g}"
+    set_c = f"{readings.set_c[point]:.10g}"
     problems = list(_problems(readings.accelerometer_pps[point], axis, doubted))
     turning = _turning(readings.rates[point][axis])
     if turning is None:
-        problems.append(f"missing_rate:{AXES[axis]}")
-    remarks.flags += [f"{at}:{problem}" for problem in problems]
+        problems.append(("missing_rate", AXES[axis]))
+    remarks.flags += [
+        Flag(f"T={{set_c}}:{problem}:{{what}}", values={"set_c": set_c, "what": what}) for problem, what in problems
+    ]
     if problems or turning is None:
         return None
     accelerometer_c, gyro_c = (_mean(told, remarks.excluded) for told in readings.temperatures_c(point, axis))
     for kind, celsius in (("acc", accelerometer_c), ("gyro", gyro_c)):
         if math.isnan(celsius):
-            remarks.notes.append(f"{at}: the thermometer of {kind}_{AXES[axis]} gave fewer than half of its readings")
+            remarks.notes.append(
+                f"T={set_c}: the thermometer of {kind}_{AXES[axis]} gave fewer than half of its readings"
+            )
     return AxisCalibration(accelerometer_c, gyro_c, *_at_rest(readings, point, axis), turning)
 
 
-def _problems(accelerometer_pps: Array, axis: int, doubted: NDArray[np.bool_]) -> Iterator[str]:
-    """Flags of the eight attitudes of an axis, from the readings (24, 3) of one set point."""
+def _problems(accelerometer_pps: Array, axis: int, doubted: NDArray[np.bool_]) -> Iterator[tuple[str, str]]:
+    """Problems of the eight attitudes of an axis, each with its attitude; readings are (24, 3), of one set point."""
     own = range(len(NAMES))[block(axis)]
-    yield from (f"missing_position:{NAMES[i]}" for i in own if np.isnan(accelerometer_pps[i, axis]))
-    yield from (f"attitude_inconsistent:{NAMES[i]}" for i in own if doubted[i])
+    yield from (("missing_position", NAMES[i]) for i in own if np.isnan(accelerometer_pps[i, axis]))
+    yield from (("attitude_inconsistent", NAMES[i]) for i in own if doubted[i])
 
 
 def _at_rest(readings: ImuReadings, point: int, axis: int) -> tuple[LinearFit, LinearFit]:

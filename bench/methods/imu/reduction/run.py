@@ -31,6 +31,7 @@ from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import KnotModel
 from bench.metrology.results.finding import NOT_CLOSED, Finding, Interval, UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 MODELLED = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # what changes with temperature, and what its changes are in
@@ -78,7 +79,7 @@ class _Unit:
     def result(self) -> UnitResult:
         """Everything that was found."""
         at_visits = [finding for axis in self._at_visits() for finding in axis.findings()]
-        unplaced = [f"{step}: no_attitude" for visit in self._visits for step in visit.unplaced]
+        unplaced = [Flag("no_attitude", at=step) for visit in self._visits for step in visit.unplaced]
         closure = list(closure_findings(self._data, self._unit, dict(self._sensitive())))
         findings = [*at_visits, *self._over_temperature(at_visits), *closure]
         limits = {"K0/closure": self._settings["closure_limit_g"], "level/closure": self._settings["level_limit_rad"]}
@@ -91,7 +92,12 @@ class _Unit:
             findings=tuple(findings),
             models=tuple(self._models(at_visits)),
             left_out=tuple(self._left_out()),
-            flags=(*self._found.flags, *self._found.notes, *unplaced, *(f"{each}:moved" for each in moved)),
+            flags=(
+                *self._found.flags,
+                *map(Flag, self._found.notes),
+                *unplaced,
+                *(Flag("moved", of=quantity) for quantity in moved),
+            ),
             detail=ImuDetail(self._found, self._curves),
             compensations=tuple(self._compensations(at_visits)),
         )

@@ -16,6 +16,7 @@ from bench.methods.imu.reduction.windows import Visit
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import Array
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import ReleasedCalibration, UnitUnderTest
 from bench.metrology.sampled_codes import by_level
 
@@ -48,11 +49,11 @@ class PowerOn:
     def __init__(self, visit: Visit, unit: UnitUnderTest, released: ReleasedCalibration, bench: BenchRecord) -> None:
         self.visit = visit
         self._unit, self._released, self._bench = unit, released, bench
-        self.flags = [f"{step}: no_attitude" for step in visit.unplaced]
+        self.flags = [Flag("no_attitude", at=step) for step in visit.unplaced]
         told = (each.acquisition.on_since_s.get(unit.supply) for each in visit.at_rest)
         self.between_s = next(filter(None, told), None)
         if self.between_s is None:
-            self.flags.append(f"{visit.path}: no_power_on")
+            self.flags.append(Flag("no_power_on", at=visit.path))
 
     def accelerometer(self, axis: int) -> Readings:
         """In the attitudes in which the axis is vertical, driven by gravity in the g of the calibration."""
@@ -107,11 +108,11 @@ class PowerOn:
         read_c = window.temperatures_c.get(self._unit.gyro_temperature if of_gyro else self._unit.temperature)
         at_c = np.nanmean(read_c) if read_c is not None and np.isfinite(read_c).any() else math.nan
         if problems or math.isnan(at_c):
-            self.flags += [f"{window.step}: {problem}" for problem in sorted(problems) or ["no_temperature"]]
+            self.flags += [Flag(problem, at=window.step) for problem in sorted(problems) or ["no_temperature"]]
             return math.nan, math.nan, math.nan
         value, beside = self._compensated(channel, read.mean, read.alone_u, float(at_c))
         if math.isnan(value):
-            self.flags.append(f"{window.step}: beyond_calibration")
+            self.flags.append(Flag("beyond_calibration", at=window.step))
         _, hidden = self._compensated(channel, read.mean, read.step_u, float(at_c))
         return value, abs(beside - value), abs(hidden - value)
 

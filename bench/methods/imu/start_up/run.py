@@ -23,6 +23,7 @@ from bench.methods.imu.start_up.readings import PowerOn, Readings
 from bench.metrology.least_squares import Array, NotDetermined
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import LOWER_BOUND, Finding, Interval, UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import ReleasedCalibration, RunData, UnitUnderTest
 
 PARTS: Mapping[str, Part] = {"K0": "zero", "K1": "scale", "D0": "zero", "KG": "scale"}
@@ -83,7 +84,7 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     released = unit.released
     if released is None:
-        return UnitResult(unit.place, unit.serial, (), (), ("calibration",), ("calibration:not_given",))
+        return UnitResult(unit.place, unit.serial, (), (), ("calibration",), (Flag("not_given", of="calibration"),))
     after = [
         _Watch(data, unit, released, PowerOn(visit, unit, released, data.bench), settings)
         for visit in visits(data, unit)
@@ -131,7 +132,7 @@ class _Watch:
         except NotDetermined:
             names = [f"{AXES[axis]}/{quantity}" for quantity in quantities]
             self.left_out += [f"{self.power_on.visit.path}/{name}".strip("/") for name in names]
-            self.power_on.flags += [f"{name}:start_up_not_determined" for name in names]
+            self.power_on.flags += [Flag("start_up_not_determined", of=name) for name in names]
             return
         for quantity in quantities:
             yield from self._of_quantity(quantity, axis, readings, courses, otherwise)

@@ -21,6 +21,7 @@ from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import Array
 from bench.metrology.orientation import unit_axes
 from bench.metrology.outputs import STABLE_PART_S, Output, mean_output, measured, steadiness
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 OTHER_SIDE = {"below": "above", "above": "below", "": ""}
@@ -62,13 +63,13 @@ class IndexingReading:
     run_share: float = 0.0
 
 
-def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReading], list[str]]:
+def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReading], list[Flag]]:
     """All readings of a unit in the order of the run, and flags for those that cannot be used."""
     flat = replace(data.bench, level_deg=0.0)
     found, flags = [], []
     for number, acquisition in enumerate(data.acquisitions):
         output = mean_output(acquisition, unit)
-        flags += [f"{acquisition.step}: {problem}" for problem in output.problems]
+        flags += [Flag(problem, at=acquisition.step) for problem in output.problems]
         usable = not set(output.problems) - {"unstable"}
         axes, turned = (unit_axes(each, unit, flat)[:, 2] for each in (acquisition, _turned(acquisition, flat)))
         temperature_c = acquisition.temperatures_c[unit.temperature]

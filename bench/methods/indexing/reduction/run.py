@@ -28,6 +28,7 @@ from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.propagation import Measured
 from bench.metrology.results.curves import Constant
 from bench.metrology.results.finding import UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 LEAST_FOR_K2_RAD = np.radians(30.0) * 0.999  # smaller angles do not tell K2 and K3: equations 3.4
@@ -103,7 +104,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     readings, flags = readings_of(data, unit)
     attempts = _attempts(readings, unit, settings)
     if not attempts:
-        return UnitResult(unit.place, unit.serial, (), (), ("both ends",), (*flags, "no_sweep"))
+        return UnitResult(unit.place, unit.serial, (), (), ("both ends",), (*flags, Flag("no_sweep")))
     last = attempts[-1]
     limit = _limit(unit, settings)
     clocked = usable_clocking([each for each in readings if each.kind == "clocking"], limit)
@@ -129,18 +130,23 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     )
 
 
-def _flags(attempts: Sequence[Attempt], clocked: Sequence[IndexingReading]) -> list[str]:
+def _flags(attempts: Sequence[Attempt], clocked: Sequence[IndexingReading]) -> list[Flag]:
     """What a reader must know of the calibration as a whole."""
     found = attempts[-1].found
-    flags = [flag for flag in found.flags if flag != "ill_conditioned" or None not in found.ends.values()]
-    flags += [f"{count} readings: {why}" for why, count in found.excluded.items() if count and why != "unstable"]
+    both = None not in found.ends.values()
+    flags = [Flag(code) for code in found.flags if code != "ill_conditioned" or both]
+    flags += [
+        Flag(f"{{count}} readings: {why}", values={"count": count})
+        for why, count in found.excluded.items()
+        if count and why != "unstable"
+    ]
     if found.decision == "repeat":
-        flags.append(f"ends_differ_after:{len(attempts)}")
+        flags.append(Flag("ends_differ_after:{count}", values={"count": len(attempts)}))
     if not clocked:
-        flags.append("no_clocking")
+        flags.append(Flag("no_clocking"))
     if found.both is not None and "c2" not in found.model.terms:
-        flags.append("K2_K3:range_too_small")
-    return [*flags, *found.notes]
+        flags.append(Flag("K2_K3:range_too_small"))
+    return [*flags, *map(Flag, found.notes)]
 
 
 def _compensations(both: BothEnds | None, unit: UnitUnderTest) -> tuple[Compensation, ...]:

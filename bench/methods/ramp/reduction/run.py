@@ -21,6 +21,7 @@ from bench.metrology.least_squares import Array, NotDetermined
 from bench.metrology.orientation import elevation_rad
 from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import UnitResult
+from bench.metrology.results.flag import Flag, samples_left_out
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.unlike_nominal import flags_of_scale
 
@@ -53,22 +54,22 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     legs, left_out, flags = _legs(data, unit, settings["sample_s"])
     level = _at_first_angle([leg for leg in legs if _is_level(leg)])
     upright = _at_first_angle([leg for leg in legs if not _is_level(leg)])
-    flags += [f"{leg.path}: another_angle" for leg in legs if not any(leg is used for used in (*level, *upright))]
-    flags += [f"{name}: part_missing" for name, part in (("0 g", level), ("1 g", upright)) if not part]
+    flags += [Flag("another_angle", at=leg.path) for leg in legs if not any(leg is used for used in (*level, *upright))]
+    flags += [Flag("part_missing", at=name) for name, part in (("0 g", level), ("1 g", upright)) if not part]
     limits = RampLimits(settings["jump_threshold_g"] * UG_PER_G, settings["jump_window"])
     try:
         ramp = ReducedRamp.of(level, upright, limits) if level and upright else None
     except NotDetermined:
-        flags.append("K0:ill_conditioned")
+        flags.append(Flag("ill_conditioned", of="K0"))
         ramp = None
     if ramp is None:
         return UnitResult(unit.place, unit.serial, (), (), left_out, tuple(flags))
     found = ramp.found
     if found.excluded["thermometer"]:
-        flags.append(f"{found.excluded['thermometer']} samples: thermometer")
+        flags.append(samples_left_out("thermometer", found.excluded["thermometer"]))
     incomplete = {(leg.cycle, leg.name) for leg in found.legs if not leg.complete}
     lost = [leg.path for leg in level if (leg.cycle, leg.name) in incomplete]
-    flags += [f"{path}: leg_incomplete" for path in lost]
+    flags += [Flag("leg_incomplete", at=path) for path in lost]
     left_out = (*left_out, *lost)
     k1 = float(ramp.scale.line.coefficients[0])
     flags += flags_of_scale(k1, COVERAGE * abs(k1) * settings["misalignment_u_rad"], unit)
@@ -85,17 +86,17 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     )
 
 
-def _legs(data: RunData, unit: UnitUnderTest, sample_s: float) -> tuple[list[RampLeg], tuple[str, ...], list[str]]:
+def _legs(data: RunData, unit: UnitUnderTest, sample_s: float) -> tuple[list[RampLeg], tuple[str, ...], list[Flag]]:
     """The legs of a unit; what was left out of them, and why."""
     legs, left_out, flags = [], [], []
     for acquisition in data.acquisitions:
         leg = cut_into_samples(acquisition, unit, elevation_rad(acquisition, unit, data.bench), sample_s)
-        flags += [f"{leg.step}: {count} samples: {problem}" for problem, count in leg.problems.items()]
+        flags += [samples_left_out(problem, count, leg.step) for problem, count in leg.problems.items()]
         if leg.direction and len(leg.without_turns().time_s):
             legs.append(leg)
         else:
             left_out.append(leg.path)
-            flags.append(f"{leg.path}: {'leg_incomplete' if leg.direction else 'not_one_leg'}")
+            flags.append(Flag("leg_incomplete" if leg.direction else "not_one_leg", at=leg.path))
     return legs, tuple(left_out), flags
 
 

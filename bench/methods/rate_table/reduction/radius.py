@@ -16,6 +16,7 @@ import numpy as np
 from bench.methods.rate_table.reduction.blocks import TableRecord, cut_into_blocks
 from bench.methods.rate_table.reduction.steady_rate import Steady, steady
 from bench.metrology.results.coverage import coverage_factor, effective_dof
+from bench.metrology.results.flag import Flag
 
 BIAS = "bias"
 LEAST_LOW_RATES = 2
@@ -76,7 +77,7 @@ class RangeTest:
     bias: float | None
     points: tuple[RangePoint, ...]
     passed: bool | None
-    flags: tuple[str, ...]
+    flags: tuple[Flag, ...]
     notes: tuple[str, ...]
     excluded: dict[str, int]
     radius_m: float | None = None
@@ -127,9 +128,9 @@ def accelerometer_range(
     bias, low = blocks.steady.get(BIAS), [turning for _, turning in blocks.numbered("low") if turning.rate_dps]
     arm = Arm(bias, low, local_g_mps2) if bias and low else None
     if len(low) < LEAST_LOW_RATES:
-        blocks.flags.append("too_few_low_rates")
+        blocks.flags.append(Flag("too_few_low_rates"))
     elif arm and arm.u_radius_m >= LARGEST_U_RADIUS * abs(arm.radius_m):
-        blocks.flags.append("radius_not_determined")
+        blocks.flags.append(Flag("radius_not_determined"))
     points = []
     for phase, turning in blocks.numbered("run"):
         point = RangePoint(
@@ -155,7 +156,8 @@ class _Blocks:
             turning = steady(block, self.excluded, clip=clip)
             if turning:
                 self.steady[phase] = turning
-        self.flags = [f"{phase} invalid" for phase in sorted(wanted, key=_order) if phase not in self.steady]
+        lost = [phase for phase in sorted(wanted, key=_order) if phase not in self.steady]
+        self.flags = [Flag("{block} invalid", values={"block": phase}) for phase in lost]
 
     def numbered(self, kind: str) -> list[tuple[str, Steady]]:
         """The usable blocks of a kind, by number."""
@@ -246,7 +248,7 @@ def _test(bias: Steady | None, points: list[RangePoint], blocks: _Blocks) -> Ran
         bias=bias.output if bias else None,
         points=tuple(points),
         passed=None if invalid else all(point.passed for point in points),
-        flags=(*blocks.flags, "invalid") if invalid else (),
+        flags=(*blocks.flags, Flag("invalid")) if invalid else (),
         notes=tuple(
             f"{point.phase} is marginal: its limit is within the expanded uncertainty of its error"
             for point in points

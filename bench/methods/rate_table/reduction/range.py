@@ -17,6 +17,7 @@ from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning
 from bench.metrology.orientation import turned_axes
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 RESOLUTION = "encoder: resolution"
@@ -75,16 +76,16 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     runs = [each for each in blocks.turning if all(each is not used for used in low)]
     usable = [each for each in low if form.stable(each)]
     if len({round(abs(each.command_dps), 3) for each in usable}) < LEAST_LOW_RATES:
-        blocks.flags.append("too_few_low_rates")
+        blocks.flags.append(Flag("too_few_low_rates"))
         blocks.left_out.append("radius")
         return form.result(blocks, findings, None)
     arm = Arm(blocks.bias, [each.steady for each in usable], data.bench.gravity_mps2)
     radius = _radius(form, blocks, usable, arm)
     findings.append(radius)
     if _unlike(radius, usable[0], unit, data):
-        blocks.flags.append("radius_unlike_bench_file")
+        blocks.flags.append(Flag("radius_unlike_bench_file"))
     if arm.u_radius_m >= LARGEST_U_RADIUS * abs(arm.radius_m):
-        blocks.flags.append("radius_not_determined")
+        blocks.flags.append(Flag("radius_not_determined"))
         blocks.left_out.append("radius")
         return form.result(blocks, findings, None)
     points = []

@@ -16,6 +16,7 @@ from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import Finding, Subject, UnitResult, Verdict
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 BIAS = "readings at rest"
@@ -267,11 +268,11 @@ class RangeForm:
         flags = list(blocks.flags)
         for each in blocks.turning:
             if not self.stable(each):
-                flags.append(f"{each.step}: off_rate")
+                flags.append(Flag("off_rate", at=each.step))
             if each.steady.saturated:
-                flags.append(f"{each.step}: clipped")
+                flags.append(Flag("clipped", at=each.step))
         if blocks.rest is not None and blocks.rest.of_one_angle:
-            flags.append("rest_of_one_angle")
+            flags.append(Flag("rest_of_one_angle"))
         return UnitResult(
             place=self.unit.place, uut=self.unit.serial, findings=tuple(findings), models=(),
             left_out=tuple(blocks.left_out), flags=tuple(dict.fromkeys(flags)), detail=curve,

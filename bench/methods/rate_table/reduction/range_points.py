@@ -16,6 +16,7 @@ from bench.metrology.acquisition import Counts
 from bench.metrology.bench_uncertainty import AxisRecord
 from bench.metrology.pooled_scatter import Scatter, alike
 from bench.metrology.pulse_counts import mean_rate
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 
@@ -45,7 +46,7 @@ class RangeBlocks:
     rest_steps: list[str] = field(default_factory=list)
     turning: list[Turning] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
-    flags: list[str] = field(default_factory=list)
+    flags: list[Flag] = field(default_factory=list)
 
     @property
     def bias(self) -> Steady:
@@ -58,7 +59,7 @@ class RangeBlocks:
         """An acquisition that cannot be used."""
         path = step.partition("/")[2]
         self.left_out.append(path)
-        self.flags += [f"{step}: {problem}" for problem in problems]
+        self.flags += [Flag(problem, at=step) for problem in problems]
 
 
 def range_blocks(
@@ -99,7 +100,7 @@ def range_blocks(
         turning = [(at_s, replace(each, temperature_c=as_warm_c[at_s])) for at_s, each in turning]
         found.turning = _of_one_scatter(list(_without_drift(turning, found.rest)))
     else:
-        found.flags.append("rest_missing")
+        found.flags.append(Flag("rest_missing"))
         found.left_out += [each.step.partition("/")[2] for _, each in turning]
     return found
 

@@ -28,6 +28,7 @@ from bench.methods.rate_table.reduction.response_points import (
     FrequencyResponse,
     Remarks,
     SweepPoint,
+    at_frequency,
     frequency_response,
     gyro_point,
 )
@@ -39,6 +40,7 @@ from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 ARM_U = 3.0  # by so many standard uncertainties an arm may differ from what the bench file says
@@ -87,9 +89,9 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     if arm is None:
         sweep.leave_out(lever_hz)
     elif abs(arm.y_m) < SHORT_ARM_M:
-        sweep.remarks.flags.append("lever_arm_short")
+        sweep.remarks.flags.append(Flag("lever_arm_short"))
     elif _unlike(arm, unit, float(np.linalg.norm([line.u for line in of_scale]))):
-        sweep.remarks.flags.append("lever_arm_unlike_bench_file")
+        sweep.remarks.flags.append(Flag("lever_arm_unlike_bench_file"))
     points: list[SweepPoint] = []
     if arm is not None and max(abs(arm.x_m), abs(arm.y_m)) >= SHORT_ARM_M:
         known = arm
@@ -146,7 +148,7 @@ class _Sweep:
                 problems.append("not_swinging")
             if problems or motion is None or motion.frequency_hz is None:
                 sweep.left_out.append(acquisition.step.partition("/")[2])
-                sweep.remarks.flags += [f"{acquisition.step}: {problem}" for problem in problems]
+                sweep.remarks.flags += [Flag(problem, at=acquisition.step) for problem in problems]
             else:
                 play = play_pulses if unit.is_counted else 0.0
                 found[motion.frequency_hz] = without_play(samples, motion.frequency_hz, play)
@@ -162,7 +164,7 @@ class _Sweep:
 
     def leave_out(self, frequency_hz: float) -> None:
         """A frequency that tells nothing."""
-        self.remarks.flags.append(f"{frequency_hz:g} Hz invalid")
+        self.remarks.flags.append(at_frequency("invalid", frequency_hz))
         self.left_out.append(f"{frequency_hz:g} Hz")
 
     def points(self, swings: Mapping[float, TableSamples], point_of: PointOf) -> list[SweepPoint]:
@@ -175,9 +177,9 @@ class _Sweep:
                 continue
             found.append(point)
             if point.swing.few_phases:
-                self.remarks.flags.append(f"{nominal_hz:g} Hz few_phases")
+                self.remarks.flags.append(at_frequency("few_phases", nominal_hz))
             if abs(point.swing.frequency_hz / nominal_hz - 1) > OFF_FREQUENCY:
-                self.remarks.flags.append(f"{nominal_hz:g} Hz off_frequency")
+                self.remarks.flags.append(at_frequency("off_frequency", nominal_hz))
         return found
 
     def result(
@@ -185,11 +187,11 @@ class _Sweep:
         scale: Constant,
     ) -> UnitResult:  # fmt: skip
         """All of the unit; `scale` is as stated, of what is in the unit `symbol`."""
-        flags = ["no_response" if flag == "invalid" else flag for flag in self.remarks.flags]
+        flags = [Flag("no_response") if flag.code == "invalid" else flag for flag in self.remarks.flags]
         if found.bandwidth.status in ("not_reached", "below_at_start"):
-            flags.append(f"bandwidth_{found.bandwidth.status}")
+            flags.append(Flag(f"bandwidth_{found.bandwidth.status}"))
         if found.bandwidth.crossings > 1:
-            flags.append("several_crossings")
+            flags.append(Flag("several_crossings"))
         if not points:
             self.left_out.append("response")
         held = {point.frequency_hz for point in found.points}

@@ -15,6 +15,7 @@ import numpy as np
 from bench.methods.rate_table.reduction.blocks import Block, TableRecord, cut_into_blocks
 from bench.methods.rate_table.reduction.sine_fit import SineFit, find_frequency, fit_sine
 from bench.metrology.least_squares import Array, NotDetermined
+from bench.metrology.results.flag import Flag
 
 HALF_POWER = 1 / np.sqrt(2)
 DROOP = 0.5  # of the rate amplitude at the lowest frequency; what is below was not swung
@@ -58,9 +59,14 @@ class SweepPoint:
 class Remarks:
     """What happened on the way: flags and notes of the result, samples left out by reason."""
 
-    flags: list[str] = field(default_factory=list)
+    flags: list[Flag] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     excluded: Counter[str] = field(default_factory=lambda: Counter(missing=0, duplicate=0, outlier=0))
+
+
+def at_frequency(problem: str, frequency_hz: float) -> Flag:
+    """The flag for a problem at one frequency."""
+    return Flag(f"{{frequency}} Hz {problem}", values={"frequency": f"{frequency_hz:g}"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +104,7 @@ class FrequencyResponse:
 
     points: tuple[ResponsePoint, ...]
     bandwidth: Bandwidth
-    flags: tuple[str, ...]
+    flags: tuple[Flag, ...]
     notes: tuple[str, ...]
     excluded: dict[str, int]
 
@@ -115,7 +121,7 @@ def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool
         if point:
             points.append(point)
         else:
-            remarks.flags.append(f"{nominal_hz:g} Hz invalid")
+            remarks.flags.append(at_frequency("invalid", nominal_hz))
     return frequency_response(points, remarks, to_lowest=to_lowest)
 
 
@@ -173,14 +179,14 @@ def frequency_response(points: Sequence[SweepPoint], remarks: Remarks, *, to_low
     """Gains, phases and bandwidth of `points`, which are in the order of frequency."""
     points = _without_droop(points, remarks)
     if not points:
-        remarks.flags.append("invalid")
+        remarks.flags.append(Flag("invalid"))
     gain = np.array([abs(point.response) for point in points])
     u_gain = np.array([point.u_gain for point in points])
     if to_lowest and points:
         gain, u_gain = _over_the_first(gain, u_gain)
     phase_deg = np.degrees(np.unwrap(np.angle([point.response for point in points])))
     for i in np.flatnonzero(np.abs(np.diff(phase_deg)) > COARSE_STEP_DEG):
-        remarks.flags.append(f"{points[i + 1].nominal_hz:g} Hz phase_step")
+        remarks.flags.append(at_frequency("phase_step", points[i + 1].nominal_hz))
     found = bandwidth(np.array([point.swing.frequency_hz for point in points]), gain, phase_deg)
     if found.crossings > 1:
         remarks.notes.append(f"the gain falls through 1/√2 {found.crossings} times; the bandwidth is the first")
@@ -215,7 +221,8 @@ def bandwidth(frequency_hz: Array, gain: Array, phase_deg: Array) -> Bandwidth:
 
 def _without_droop(points: Sequence[SweepPoint], remarks: Remarks) -> list[SweepPoint]:
     held = [abs(point.swing.rate) >= DROOP * abs(points[0].swing.rate) for point in points]
-    remarks.flags.extend(f"{point.nominal_hz:g} Hz droop" for point, well in zip(points, held, strict=True) if not well)
+    drooped = [point.nominal_hz for point, well in zip(points, held, strict=True) if not well]
+    remarks.flags.extend(at_frequency("droop", nominal_hz) for nominal_hz in drooped)
     return list(compress(points, held))
 
 

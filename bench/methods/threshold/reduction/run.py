@@ -23,6 +23,7 @@ from bench.metrology.outputs import Output, mean_output
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import LOWER_BOUND, Finding, UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 NAMES = {
@@ -58,16 +59,16 @@ def _reduced(data: RunData, unit: UnitUnderTest, biased_above_g: float) -> UnitR
     ladders, findings = [], []
     left_out, flags = [], []
     if unit.nominal_per_g is None:
-        return UnitResult(unit.place, unit.serial, (), (), ("all",), ("nominal_unknown",))
+        return UnitResult(unit.place, unit.serial, (), (), ("all",), (Flag("nominal_unknown"),))
     for position, acquisitions in by_position(data).items():
         outputs = {each.step: mean_output(each, unit) for each in acquisitions}
         unusable = {step: problem for step, output in outputs.items() if (problem := _problem(output))}
-        flags += [f"{step}: {problem}" for step, problem in unusable.items()]
+        flags += [Flag(problem, at=step) for step, problem in unusable.items()]
         used = [each for each in acquisitions if each.step not in unusable]
         ladder = _ladder(position, used, outputs, data, unit, biased_above_g) if used else None
         if ladder is None or not ladder.found.steps:
             left_out.append(f"position={position:g}")
-            flags.append(f"position {position:g}: no_steps")
+            flags.append(Flag("no_steps", at=f"position {position:g}"))
             continue
         ladders.append(ladder)
         findings.append(_finding(ladder, used, data, unit))

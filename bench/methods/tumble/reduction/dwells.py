@@ -12,6 +12,7 @@ from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import elevation_rad
 from bench.metrology.outputs import Output, mean_output
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 
@@ -67,7 +68,7 @@ class SolvedDwells:
 
     dwells: tuple[Dwell, ...]
     left_out: tuple[str, ...]
-    flags: tuple[str, ...]
+    flags: tuple[Flag, ...]
     extra: tuple[str, ...]
     angles: int
 
@@ -80,17 +81,23 @@ def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
     rising = _rising([acquisitions[0].set_c for acquisitions in groups.values()])
     dwells: list[Dwell] = []
     left_out: list[str] = []
-    flags: list[str] = []
+    flags: list[Flag] = []
     for number, (group, acquisitions) in enumerate(groups.items()):
         used, outputs = _usable(acquisitions, unit, flags)
         try:
             dwells.append(_solved(number, rising[number], used, outputs, unit, data.bench, extra))
         except IncompleteTumble as problem:
-            missing = ", ".join(f"{position:g}" for position in problem.missing_deg) or "ill_conditioned"
-            flags.append(f"dwell {number} incomplete: {missing}")
+            flags.append(_incomplete(number, problem.missing_deg))
             left_out.append(group.partition("/")[2])
     angles = len(np.unique(np.degrees(angle_rad).round(1) % 360))
     return SolvedDwells(tuple(dwells), tuple(left_out), tuple(flags), extra, angles)
+
+
+def _incomplete(number: int, missing_deg: Sequence[float]) -> Flag:
+    if not missing_deg:
+        return Flag("dwell {number} incomplete: ill_conditioned", values={"number": number})
+    angles = ", ".join(f"{position:g}" for position in missing_deg)
+    return Flag("dwell {number} incomplete: {angles}", values={"number": number, "angles": angles})
 
 
 def axis_rad(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> Array:
@@ -99,7 +106,7 @@ def axis_rad(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: Be
 
 
 def _usable(
-    acquisitions: Sequence[Acquisition], unit: UnitUnderTest, flags: list[str]
+    acquisitions: Sequence[Acquisition], unit: UnitUnderTest, flags: list[Flag]
 ) -> tuple[list[Acquisition], list[Output]]:
     """The acquisitions whose output and temperature can be used, and their outputs; the others are flagged."""
     used, outputs = [], []
@@ -108,7 +115,7 @@ def _usable(
         problems = list(output.problems)
         if not len(acquisition.temperatures_c[unit.temperature]):
             problems.append("no_temperature")
-        flags += [f"{acquisition.step}: {problem}" for problem in problems]
+        flags += [Flag(problem, at=acquisition.step) for problem in problems]
         if not problems:
             used.append(acquisition)
             outputs.append(output)

@@ -19,6 +19,7 @@ from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.acquisition import Array
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import CONFIDENCE, Finding, Interval, UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.unlike_nominal import flags_of_scale
 
@@ -54,7 +55,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, bias_per_c_u: float) -> UnitRes
     solved = solve_dwells(data, unit)
     flags = list(solved.flags)
     if len(solved.dwells) < LEAST:
-        flags.append("too_few_repetitions")
+        flags.append(Flag("too_few_repetitions"))
         return UnitResult(unit.place, unit.serial, (), (), solved.left_out, tuple(flags))
     of = _alike_left_out(TumbleUnit.of(data, unit, solved.dwells))
     flags += flags_of_scale(float(np.mean([dwell.values["K1"] for dwell in of.dwells])), 0.0, unit)

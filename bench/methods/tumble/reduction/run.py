@@ -18,6 +18,7 @@ from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.least_squares import NotDetermined, PolynomialFit, fit_polynomial
 from bench.metrology.results.curves import TemperatureModel
 from bench.metrology.results.finding import NOT_CLOSED, UnitResult
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 MODELLED = ("K0", "K1")
@@ -50,7 +51,7 @@ class _Unit:
         self._of = TumbleUnit.of(data, unit, solved.dwells)
         self._left_out, self._extra, self._angles = solved.left_out, solved.extra, solved.angles
         self._flags = list(solved.flags)
-        self._flags += ["type_a:no_repeats"] if solved.dwells and not self._of.dof else []
+        self._flags += [Flag("type_a:no_repeats")] if solved.dwells and not self._of.dof else []
         self._models = {quantity: self._fit(quantity, degree) for quantity in MODELLED}
         self._lines = {quantity: self._fit(quantity, 1) for quantity in MODELLED}
 
@@ -65,7 +66,7 @@ class _Unit:
         if (closure := over.closure()) is not None:
             findings.append(closure)
             if abs(closure.value) > self._settings["closure_limit_g"]:
-                self._flags.append(NOT_CLOSED)
+                self._flags.append(Flag(NOT_CLOSED))
                 findings = [finding.flagged(NOT_CLOSED) for finding in findings]
         models = [self._model(quantity, fit) for quantity in MODELLED for fit in self._fits(quantity)]
         return UnitResult(
@@ -90,14 +91,14 @@ class _Unit:
         """The model of the highest degree up to `degree` that the temperatures allow."""
         allowed = min(degree, len({dwell.set_c for dwell in self._of.dwells}) - 1)
         if allowed < degree:
-            self._flags.append(f"{quantity}:too_few_temperatures")
+            self._flags.append(Flag("too_few_temperatures", of=quantity))
         if allowed < 1:
-            self._flags.append(f"{quantity}:temperature_slope_unknown")
+            self._flags.append(Flag("temperature_slope_unknown", of=quantity))
             return None
         try:
             return fit_polynomial(self._of.temperatures_c, self._of.values(quantity), allowed)
         except NotDetermined:
-            self._flags.append(f"{quantity}:ill_conditioned")
+            self._flags.append(Flag("ill_conditioned", of=quantity))
             return None
 
     def _fits(self, quantity: str) -> Iterator[PolynomialFit]:

@@ -23,6 +23,7 @@ from bench.methods.tumble.reduction.solution import (
     turn_between_deg,
 )
 from bench.metrology.least_squares import Array, PolynomialFit, choose_degree, fit_polynomial
+from bench.metrology.results.flag import Flag
 from bench.metrology.temperature_checks import broken_at_rest
 
 HIGHEST_DEGREE = 4
@@ -79,7 +80,7 @@ class StaticCharacteristic:
     dwells: tuple[Dwell, ...]
     bias: Characteristic
     scale: Characteristic
-    flags: tuple[str, ...]
+    flags: tuple[Flag, ...]
     excluded: dict[str, int]
 
 
@@ -90,7 +91,7 @@ def reduce_static(record: TumbleRecord, degree: int | None = None) -> StaticChar
     with a position that has no good reading is left out and flagged. `degree` is that of the temperature models; a
     degree that the temperatures do not allow is reduced and flagged, None chooses it by the data among 1 to 4.
     """
-    flags: list[str] = []
+    flags: list[Flag] = []
     excluded: Counter[str] = Counter()
     dwells = tuple(_dwells(record, flags, excluded))
     bias = _characteristic("K0", np.array([d.tumble.c0 for d in dwells]), dwells, degree, flags)
@@ -98,7 +99,7 @@ def reduce_static(record: TumbleRecord, degree: int | None = None) -> StaticChar
     return StaticCharacteristic(dwells, bias, scale, tuple(flags), dict(excluded))
 
 
-def _dwells(record: TumbleRecord, flags: list[str], excluded: Counter[str]) -> Iterator[Dwell]:
+def _dwells(record: TumbleRecord, flags: list[Flag], excluded: Counter[str]) -> Iterator[Dwell]:
     """The dwells that are complete; what is missing goes to `flags` and `excluded`."""
     keys = np.stack([record.cycle, record.dwell, record.leg == "down", record.set_c], axis=-1)
     placed = np.isfinite(keys).all(axis=-1) & np.isfinite(record.position_deg) & np.isin(record.leg, ("up", "down"))
@@ -114,9 +115,12 @@ def _dwells(record: TumbleRecord, flags: list[str], excluded: Counter[str]) -> I
         good = _good(scheduled, excluded)
         missing = missing_positions_deg(good.position_deg)
         if missing:
-            flags.extend(f"dwell {number:.0f} incomplete: {names[position_deg]}" for position_deg in missing)
+            flags.extend(
+                Flag("dwell {number} incomplete: {angles}", values={"number": f"{number:.0f}", "angles": names[each]})
+                for each in missing
+            )
         elif 2 * len(good.cycle) < len(_first_of_each(scheduled)):
-            flags.append(f"dwell {number:.0f} invalid")
+            flags.append(Flag("dwell {number} invalid", values={"number": f"{number:.0f}"}))
         else:
             yield Dwell(
                 cycle=int(cycle),
@@ -164,14 +168,14 @@ def _count(excluded: Counter[str], reason: str, rows: NDArray[np.bool_]) -> None
 
 
 def _characteristic(
-    name: str, value: Array, dwells: tuple[Dwell, ...], degree: int | None, flags: list[str]
+    name: str, value: Array, dwells: tuple[Dwell, ...], degree: int | None, flags: list[Flag]
 ) -> Characteristic:
     """Models and hysteresis of one quantity (n,), one value per dwell."""
     temperature_c = np.array([dwell.temperature_c for dwell in dwells])
     set_c = np.array([dwell.set_c for dwell in dwells])
     allowed = len(np.unique(set_c)) - 1
     if allowed < (1 if degree is None else degree):
-        flags.append(f"{name}:too_few_temperatures")
+        flags.append(Flag("too_few_temperatures", of=name))
     if degree is None:
         degree = choose_degree(temperature_c, value, min(HIGHEST_DEGREE, max(allowed, 1)))
     if allowed < 0:

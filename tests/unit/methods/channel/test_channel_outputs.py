@@ -12,6 +12,7 @@ from bench.methods.channel.reduction.run import reduce
 from bench.metrology.acquisition import Acquisition, Codes, Mount, Voltages
 from bench.metrology.bench_uncertainty import BenchRecord, SourceRecord
 from bench.metrology.run_data import RunData, UnitUnderTest
+from tests.support.flags import texts
 
 LOW_C, HIGH_C, RAMP_S, POINT_S = 10.0, 40.0, 4000.0, 600.0
 K1, BEGIN_S = 1.13e-3, 1000.0  # A/g; when the first acquisition begins
@@ -96,7 +97,7 @@ def test_each_level_has_its_line_in_the_unit_of_the_output(unit):
         "src_1g": "share", "src_12g": "share",
     }  # fmt: skip
     assert {(each.output_unit, each.value_unit) for each in result.compensations} == {(of, of)}
-    assert result.flags == result.left_out == ()
+    assert texts(result.flags) == result.left_out == ()
 
 
 @pytest.mark.parametrize("unit", [VOLTS, CODES], ids=["volts", "codes"])
@@ -135,7 +136,7 @@ def test_what_did_not_come_is_left_out_and_told():
         all_of_it, **{name: getattr(all_of_it, name)[kept] for name in ("sequence", "tick", "values", "host_s")}
     )
     result = reduced(CODES, edited(acquisitions, 1, codes={"x": fewer}))
-    assert "up_1g: 20 samples: too_few_codes" in result.flags
+    assert "up_1g: 20 samples: too_few_codes" in texts(result.flags)
     assert result.left_out == ()
 
 
@@ -144,7 +145,7 @@ def test_a_unit_that_begins_anew_on_a_ramp_makes_its_level_invalid():
     of_ramp = acquisitions[1].codes["x"]
     anew = np.where(np.arange(len(of_ramp.tick)) < 4000, of_ramp.tick, of_ramp.tick - of_ramp.tick[4000])
     result = reduced(CODES, edited(acquisitions, 1, codes={"x": replace(of_ramp, tick=anew)}))
-    assert "up_1g:invalid" in result.flags
+    assert "up_1g:invalid" in texts(result.flags)
     assert "up_1g" in result.left_out
     assert "rate@up_1g" not in found(result)
 
@@ -154,7 +155,7 @@ def test_a_voltmeter_that_read_nothing_for_a_while_leaves_the_rest():
     read = acquisitions[1].voltages["dvm"]
     kept = (np.arange(len(read.at_s)) < 500) | (np.arange(len(read.at_s)) >= 600)
     result = reduced(VOLTS, edited(acquisitions, 1, voltages={"dvm": Voltages(read.at_s[kept], read.values_v[kept])}))
-    assert result.flags == ("up_1g: 19 samples: too_few_voltages",)
+    assert texts(result.flags) == ("up_1g: 19 samples: too_few_voltages",)
 
 
 def test_temperatures_that_are_missing_or_impossible_or_of_an_accelerometer_that_is_not_held_are_told():
@@ -164,7 +165,7 @@ def test_temperatures_that_are_missing_or_impossible_or_of_an_accelerometer_that
     board_c[1001:1004] = 180.0
     unit_c = np.where(np.arange(len(at_s)) < 100, 64.0, 65.0)
     result = reduced(VOLTS, edited(acquisitions, 1, temperatures_c={"board": board_c, "unit": unit_c}))
-    assert result.flags == ("up_1g: 2 samples: thermometer", "up_1g: 20 samples: accelerometer_temperature")
+    assert texts(result.flags) == ("up_1g: 2 samples: thermometer", "up_1g: 20 samples: accelerometer_temperature")
     without = reduced(VOLTS, edited(acquisitions, 1, temperatures_c={}, temperatures_at_s={}))
-    assert "up_1g: 398 samples: missing" in without.flags
-    assert "up_1g:invalid" in without.flags
+    assert "up_1g: 398 samples: missing" in texts(without.flags)
+    assert "up_1g:invalid" in texts(without.flags)

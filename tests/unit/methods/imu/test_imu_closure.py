@@ -10,6 +10,7 @@ from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
 from bench.metrology.acquisition import Mount
 from bench.metrology.bench_uncertainty import Drift
 from bench.metrology.orientation import unit_axes
+from bench.metrology.results.flag import Flag
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.report.flag_words import flag_in_words
@@ -150,13 +151,13 @@ def test_what_moved_beyond_its_limit_makes_every_verdict_marginal(bias_g, tilt_r
     data = RunData("imu", (UNIT,), tuple(block(BENCH, "s/hot", "xyz")), record(BENCH),
                    (*looked("s/opening"), *looked("s/closing", bias_g, tilt_rad)))  # fmt: skip
     (found,) = reduce(data, SETTINGS)
-    assert [flag for flag in found.flags if flag.endswith(":moved")] == [f"{each}/closure:moved" for each in moved]
+    assert [flag for flag in found.flags if flag.code == "moved"] == [Flag("moved", of=f"{each}/closure") for each in moved]
     assert {each.judged(Limits(low=-1e9, high=1e9)).marginal for each in found.findings} == {bool(moved)}
     assert {each.quantity for each in found.findings} >= {"K0/closure", "level/closure"}
 
 
 def test_it_is_told_in_words():
-    told = flag_in_words("level/closure:moved")
+    told = flag_in_words(Flag("moved", of="level/closure"))
     assert told == "level/closure: it changed over the run by more than the settings allow: every verdict is marginal."
 
 

@@ -25,6 +25,7 @@ from bench.reduce.evaluate import Results
 from bench.report.flag_words import flag_in_words
 from bench.report.tables import verdict_rows
 from bench.report.terminal import results_text
+from tests.support.flags import flag_of, texts
 from tests.unit.methods.imu.test_imu_windows import BENCH, K1, KG, LATITUDE, UNIT, acquired, record
 
 SETTINGS = ImuStartUpSettings.model_validate({}).model_dump()
@@ -151,19 +152,18 @@ def test_what_cannot_be_used_is_left_out_and_told_in_words():
     hot = dataclasses.replace(windows[3], temperatures_c={"t": np.full(3, 60.0)})
     found = result([open_thermometer, *windows[1:3], hot, *windows[4:]])
     assert found.left_out == ()
-    assert f"{windows[0].step}: no_temperature" in found.flags
-    assert f"{windows[3].step}: beyond_calibration" in found.flags
-    assert "outside the temperature range of its calibration" in flag_in_words(f"{windows[3].step}: beyond_calibration")
+    assert f"{windows[0].step}: no_temperature" in texts(found.flags)
+    beyond = flag_of(found.flags, f"{windows[3].step}: beyond_calibration")
+    assert "outside the temperature range of its calibration" in flag_in_words(beyond)
 
 
 def test_a_run_that_does_not_tell_the_power_on_or_had_no_calibration_determines_nothing():
     unknown = result([dataclasses.replace(each, on_since_s={}) for each in watched()])
     assert (unknown.findings, unknown.verdict) == ((), "INCOMPLETE")
-    assert "cold: no_power_on" in unknown.flags
-    assert "the time of power-on is not in the record" in flag_in_words("cold: no_power_on")
+    assert "the time of power-on is not in the record" in flag_in_words(flag_of(unknown.flags, "cold: no_power_on"))
     without = result(watched(), dataclasses.replace(SUPPLIED, released=None))
-    assert (without.flags, without.verdict) == (("calibration:not_given",), "INCOMPLETE")
-    assert flag_in_words("calibration:not_given").startswith("calibration: no calibration of the unit was given")
+    assert (texts(without.flags), without.verdict) == (("calibration:not_given",), "INCOMPLETE")
+    assert flag_in_words(without.flags[0]).startswith("calibration: no calibration of the unit was given")
 
 
 def time_to_settle(value_s, low_s, high_s, *flags, limit_s=1800.0):

@@ -15,7 +15,9 @@ from bench.methods.rate_table.reduction.samples import PARTS_DOF
 from bench.methods.rate_table.reduction.stated_scale import STATED_AT
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c
 from bench.metrology.bench_uncertainty import Drift
+from bench.metrology.results.flag import Flag
 from bench.report.flag_words import flag_in_words
+from tests.support.flags import texts
 from tests.support.table_runs import BENCH, UNIT, at_rate, at_rest, data
 
 GYRO = {"scale": "100 pulse/°", "full_scale": "400 °/s", "clip": "420 °/s"}
@@ -55,7 +57,7 @@ def test_the_errors_of_a_gyro_are_those_of_its_scale():
     assert values(unit, "rate_error") == pytest.approx([0.05, -0.05, 0.2], abs=5e-3)
     assert values(unit, "rate_error/relative") == pytest.approx([5e-4, -5e-4, 5e-4], abs=5e-5)
     assert values(unit, "saturated_points") == [0]
-    assert (unit.flags, unit.left_out) == ((), ())
+    assert (texts(unit.flags), unit.left_out) == ((), ())
 
 
 def test_the_scatter_of_few_readings_at_rest_is_told_together_with_that_within_them():
@@ -97,17 +99,17 @@ def test_a_table_that_did_not_turn_as_told_and_a_sensor_at_its_end_are_told():
 
 def test_without_a_reading_at_rest_nothing_is_known():
     unit = gyro(at_rate(100, 10_050))
-    assert (unit.findings, unit.flags, unit.left_out) == ((), ("rest_missing",), ("n=0/acquire",))
-    assert "at rest" in flag_in_words("rest_missing")
+    assert (unit.findings, texts(unit.flags), unit.left_out) == ((), ("rest_missing",), ("n=0/acquire",))
+    assert "at rest" in flag_in_words(unit.flags[0])
 
 
 def test_a_rest_at_one_angle_and_one_that_moves_are_told():
     unit = gyro(at_rest(50.0), at_rate(1.0, 150.0))
-    assert unit.flags == ("rest_of_one_angle",)
+    assert texts(unit.flags) == ("rest_of_one_angle",)
     crept = at_rest(50.0)
     crept.positions["table"].position[:] += np.arange(3001)
     unit = gyro(crept, *REST)
-    assert unit.flags == ("steps/n=0/acquire: not_at_rest",)
+    assert texts(unit.flags) == ("steps/n=0/acquire: not_at_rest",)
     assert "the table moved" in flag_in_words(unit.flags[0])
 
 
@@ -118,8 +120,8 @@ def test_a_scale_factor_that_is_not_as_stated_shows_in_the_radius(scale, contrad
     placed = replace(runs, units=(replace(runs.units[0], arm_m=(-RADIUS_M, 0.0, 0.0), arm_u_m=0.5e-3),))
     chosen = ACCELEROMETER_RANGE.settings.model_validate(ACCELEROMETER).model_dump()
     (unit,) = reduce_accelerometer(placed, chosen)
-    assert ("radius_unlike_bench_file" in unit.flags) == contradicted
-    assert "scale factor at this temperature is not as stated" in flag_in_words("radius_unlike_bench_file")
+    assert ("radius_unlike_bench_file" in texts(unit.flags)) == contradicted
+    assert "scale factor at this temperature is not as stated" in flag_in_words(Flag("radius_unlike_bench_file"))
 
 
 def test_an_accelerometer_finds_its_radius_and_bends_at_high_rates():
@@ -138,18 +140,18 @@ def test_an_accelerometer_finds_its_radius_and_bends_at_high_rates():
 
 def test_one_low_rate_is_not_enough_for_a_radius():
     unit = accelerometer(*rested(), spun(180.0), spun(-180.0), spun(800.0))
-    assert (unit.flags, unit.left_out) == (("too_few_low_rates",), ("radius",))
+    assert (texts(unit.flags), unit.left_out) == (("too_few_low_rates",), ("radius",))
     assert [found.quantity for found in unit.findings] == ["rest_output"]
 
 
 def test_a_radius_that_noise_hides_is_told():
     unit = accelerometer(*rested(), *(at_rate(rate, 20.0) for rate in (5.0, 6.0)), spun(800.0))
-    assert unit.flags == ("radius_not_determined",)
+    assert texts(unit.flags) == ("radius_not_determined",)
 
 
 def test_a_converter_in_its_dead_band_tells_no_bias():
     unit = accelerometer(at_rest(0.0), *rested(), *map(spun, (180.0, 240.0, 800.0)))
-    assert unit.flags == ("steps/n=0/acquire: dead_band",)
+    assert texts(unit.flags) == ("steps/n=0/acquire: dead_band",)
     assert values(unit, "rest_output") == pytest.approx([BIAS_G], abs=2e-5)
 
 

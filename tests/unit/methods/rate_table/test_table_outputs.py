@@ -15,6 +15,7 @@ from bench.methods.rate_table.reduction.samples import steady
 from bench.metrology.acquisition import Motion
 from bench.report.flag_words import flag_in_words
 from simulators.physics.dynamics import Dynamics
+from tests.support.flags import texts
 from tests.support.table_runs import BENCH, READ, SENT, TIME_S, data, read, sent
 
 PER_DPS, PER_G, PERIOD_S = 1000.0, 1e6, 1e-3
@@ -56,7 +57,7 @@ def test_a_sample_is_an_instant_or_half_a_period_late_and_both_are_known(average
     response = SLOW.response(np.array(SWEEP_HZ))
     assert values(unit, "gain") == pytest.approx(np.abs(response), rel=3e-4)
     assert values(unit, "phase") == pytest.approx(np.degrees(np.unwrap(np.angle(response))), abs=0.03)
-    assert (unit.flags, unit.left_out) == ((), ())
+    assert (texts(unit.flags), unit.left_out) == ((), ())
     phase = next(found for found in unit.findings if found.quantity == "phase")
     told = {line.source: line for line in phase.budget}
     assert told["encoder: time to the end of the sample"].u == pytest.approx(360 * SWEEP_HZ[0] * 2e-5, rel=1e-6)
@@ -87,7 +88,7 @@ def test_lost_samples_are_left_out_and_the_steps_of_codes_are_in_the_budget():
 
 def test_a_swing_whose_output_has_another_clock_tells_nothing():
     unit = gyro(*(swing(hz, beside=True) for hz in SWEEP_HZ[:2]))
-    assert unit.flags[:2] == ("steps/n=0/acquire: no_common_clock", "steps/n=1/acquire: no_common_clock")
+    assert texts(unit.flags)[:2] == ("steps/n=0/acquire: no_common_clock", "steps/n=1/acquire: no_common_clock")
     assert "shares no clock" in flag_in_words(unit.flags[0])
     assert unit.left_out[-1] == "response"
 
