@@ -151,7 +151,8 @@ def test_what_moved_beyond_its_limit_makes_every_verdict_marginal(bias_g, tilt_r
     data = RunData("imu", (UNIT,), tuple(block(BENCH, "s/hot", "xyz")), record(BENCH),
                    (*looked("s/opening"), *looked("s/closing", bias_g, tilt_rad)))  # fmt: skip
     (found,) = reduce(data, SETTINGS)
-    assert [flag for flag in found.flags if flag.code == "moved"] == [Flag("moved", of=f"{each}/closure") for each in moved]
+    moved_by_flags = [flag.of for flag in found.flags if flag.code == "moved"]
+    assert moved_by_flags == [f"{each}/closure" for each in moved]
     assert {each.judged(Limits(low=-1e9, high=1e9)).marginal for each in found.findings} == {bool(moved)}
     assert {each.quantity for each in found.findings} >= {"K0/closure", "level/closure"}
 
