@@ -14,7 +14,8 @@ class BudgetLine:
     """One source of uncertainty: `u` in the unit of the finding, `dof` None for unlimited.
 
     Lines of several findings with the same `shared` are one and the same error and not independent. An `alias` is
-    something that the value contains and that this method cannot separate from it.
+    something that the value contains and that this method cannot separate from it. By its `kind` a reduction knows a
+    line again; results do not have it.
     """
 
     source: str
@@ -22,6 +23,7 @@ class BudgetLine:
     u: float
     dof: int | None = None
     shared: str | None = None
+    kind: str = ""
 
     def times(self, factor: float) -> BudgetLine:
         """The line for a value that is `factor` times the one it is of."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.methods.channel.reduction.compared_levels import Compared, Level, is_of_the_read_outs
+from bench.methods.channel.reduction.compared_levels import READ_OUT, Compared, Level
 from bench.methods.channel.reduction.decision import ChannelDrift
 from bench.methods.channel.reduction.findings import ChannelFindings
 from bench.metrology.calibration.temperature import Compensation, Curve
@@ -136,7 +136,7 @@ class ChannelConclusions:
         together: dict[str, float] = {}
         for factor, level in zip(gain.tolist(), self._usable, strict=True):
             for line in level.slope_lines:
-                if is_of_the_read_outs(line):
+                if line.kind == READ_OUT:
                     yield BudgetLine(f"{level.name}: {line.source}", line.type, abs(factor) * line.u, line.dof)
                 else:
                     together[line.source] = together.get(line.source, 0.0) + factor * line.u

@@ -24,18 +24,13 @@ from bench.metrology.thermometer_drift import DriftInRun
 
 GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
 GAP_GATES = 1.5  # a longer time between two read-outs was not recorded
-OWN_TEMPERATURE = "accelerometer: its own temperature"
+READ_OUT, OWN_TEMPERATURE = "read_out", "own_temperature"  # kinds of lines
 SCATTER, COUNTING = "read-outs: scatter", "read-outs: resolution of the count"
 
 
 def resolution_of(unit: UnitUnderTest) -> str:
     """What a mean of its output does not resolve, as a source of uncertainty."""
     return COUNTING if unit.telemetry is None else f"{unit.telemetry}{STEPS}"
-
-
-def is_of_the_read_outs(line: BudgetLine) -> bool:
-    """Whether a line is of what was read out, and not of what fed the channel."""
-    return line.source in (SCATTER, COUNTING) or line.source.endswith(STEPS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +64,7 @@ class Level:
     @property
     def input_lines(self) -> list[BudgetLine]:
         """Those of its slope that its input is the cause of."""
-        return [line for line in self.slope_lines if not is_of_the_read_outs(line)]
+        return [line for line in self.slope_lines if line.kind != READ_OUT]
 
     @property
     def known_run(self) -> ChannelRun:
@@ -171,8 +166,8 @@ def _level(
     by_meter = level.metered is not None and believes_meter(unit, settings)
     what = standard if by_meter else "source" if level.level.kind == "source" else "accelerometer"
     lines = [
-        BudgetLine(SCATTER, "A", scatter.scatter_slope, scatter.dof),
-        BudgetLine(resolution_of(unit), "B", scatter.counting_slope),
+        BudgetLine(SCATTER, "A", scatter.scatter_slope, scatter.dof, kind=READ_OUT),
+        BudgetLine(resolution_of(unit), "B", scatter.counting_slope, kind=READ_OUT),
         BudgetLine(f"{what}: drift during the ramp", "B", rate_pps * drift_u_per_h * abs(scatter.drift_h_per_c)),
     ]
     if level.metered is not None and by_meter:
@@ -181,7 +176,9 @@ def _level(
     if level.level.kind == "gravity":
         followed = abs(scatter.accelerometer_per_c) * settings["accelerometer_drift_u"]
         own = f"{unit.place}.accelerometer"
-        lines.append(BudgetLine(OWN_TEMPERATURE, "B", rate_pps * followed, None, own))
+        lines.append(
+            BudgetLine("accelerometer: its own temperature", "B", rate_pps * followed, None, own, OWN_TEMPERATURE)
+        )
     return Level(level, run, scatter, drift, drift_u_per_h, tuple(lines), *_drifted(data, unit, run, settings))
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.methods.imu.reduction.table_errors import shared_by
 from bench.methods.imu.reduction.windows import Turning
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
@@ -18,6 +17,7 @@ from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import by_level
 
 READINGS = "readings: scatter pooled over the run"
+POOLED = "pooled"  # the kind of these lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,23 +73,15 @@ def gyro_scale_unit(unit: UnitUnderTest) -> str:
     return "pulse/°" if unit.gyro_output_unit == "pulse/s" else f"{unit.gyro_output_unit}/(°/s)"
 
 
-def scatter_line(noise: tuple[float, int], gain: Array, name: str = READINGS) -> BudgetLine:
+def scatter_line(noise: tuple[float, int], gain: Array) -> BudgetLine:
     """A type A line: what the scatter of readings, with its freedom, does to a result that has them by `gain` (n,)."""
     sd, dof = noise
-    return BudgetLine(name, "A", sd * float(np.linalg.norm(gain)), dof)
+    return BudgetLine(READINGS, "A", sd * float(np.linalg.norm(gain)), dof, kind=POOLED)
 
 
 def shared_line(name: str, u: float | np.floating | Array) -> BudgetLine:
     """A type B line of an error that several findings have."""
-    return BudgetLine(name, "B", float(u), None, shared_by(name))
-
-
-def merged(lines: list[BudgetLine]) -> list[BudgetLine]:
-    """Lines of one name as one."""
-    squares: dict[str, float] = {}
-    for line in lines:
-        squares[line.source] = squares.get(line.source, 0.0) + line.u**2
-    return [shared_line(name, math.sqrt(square)) for name, square in squares.items()]
+    return BudgetLine(name, "B", float(u), None, name.replace(": ", "."))
 
 
 def rate_weights(rates: Sequence[Turning]) -> Array:

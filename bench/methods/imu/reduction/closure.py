@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.methods.imu.reduction.attitudes import AXES
-from bench.methods.imu.reduction.table_errors import shared_by, table_errors
+from bench.methods.imu.reduction.table_errors import table_errors
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
@@ -151,5 +151,4 @@ def _of_table(first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, benc
             weights[number[window.step], axis] += sign * weight
     errors = table_errors(windows, unit, bench)
     effects = [np.sum(weights * source.seen(errors.axes, UP), axis=-1) for source in errors.sources]
-    for name, u in errors.propagated(effects, np.ones(len(windows))).items():
-        yield BudgetLine(name, "B", float(u), None, shared_by(name))
+    yield from errors.lines(effects, np.ones(len(windows)))

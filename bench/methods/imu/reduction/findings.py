@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,13 @@ from bench.methods.imu.reduction.budget import (
     OwnErrors,
     gyro_scale_unit,
     harmonics_of_rates,
-    merged,
     rate_weights,
     scatter_line,
     shared_line,
 )
 from bench.methods.imu.reduction.calibrate import AxisCalibration
 from bench.methods.imu.reduction.noise import Noise, about_another
-from bench.methods.imu.reduction.table_errors import TableErrors, table_errors
+from bench.methods.imu.reduction.table_errors import Kind, TableErrors, table_errors
 from bench.methods.imu.reduction.windows import Turning, Visit
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
@@ -97,7 +96,7 @@ class AxisAtVisit:
 
         def lines(weights: Array) -> Iterator[BudgetLine]:
             yield scatter_line(self.noise.accelerometer, weights)
-            yield from (shared_line(name, u) for name, u in errors.propagated(seen, weights).items())
+            yield from errors.lines(seen, weights)
             yield self._warming(float(weights @ self._moved_pps(self._own)))
             yield from self._steps("acc", self._own, weights)
 
@@ -121,10 +120,11 @@ class AxisAtVisit:
         zero_dps = one.d0_pps / kg
         gain = one.gyro_at_rest.gain[0]
         turning = one.gyro_turning.gain[1] / np.sqrt(self.turned_s)
+        of_rates = scatter_line(self.noise.gyro_turning, turning * zero_dps / kg)
         lines = [
             scatter_line(self.noise.gyro_at_rest, gain / kg),
-            scatter_line(self.noise.gyro_turning, turning * zero_dps / kg, "readings of the rates: scatter"),
-            *(shared_line(name, u) for name, u in errors.propagated(seen, gain).items()),
+            replace(of_rates, source="readings of the rates: scatter", kind=""),
+            *errors.lines(seen, gain),
             self._of("gyro").clock(zero_dps),
             self._thermometer("D0", one.gyro_c),
             self._warming(self._slope("D0") * (np.mean(self.gyro_c[self._own]) - one.gyro_c)),
@@ -170,7 +170,7 @@ class AxisAtVisit:
 
             def lines(weights: Array) -> Iterator[BudgetLine]:
                 yield scatter_line(self.noise.accelerometer, weights)
-                yield from (shared_line(name, u) for name, u in errors.propagated(seen, weights).items())
+                yield from errors.lines(seen, weights)
                 yield self._warming(float(weights @ moved_pps))
                 yield from self._steps("acc", used, weights)
 
@@ -196,13 +196,10 @@ class AxisAtVisit:
                 continue
             rates = self.visit.turned(other)
             errors = table_errors([rates[0].acquisition], self.unit, self.bench)
-            lines = [
-                shared_line(source.name, abs(float(effect[0])) * source.u_rad)
-                for source, effect in zip(errors.sources, errors.seen(UP, self.axis), strict=True)
-                if not source.name.startswith("fixture: level")  # the axis of the table is tilted with it
-            ]
+            errors = errors.without(Kind.LEVEL)  # the axis of the table is tilted with it
+            lines = errors.lines(errors.seen(UP, self.axis), np.ones(1))
             yield self._finding(
-                "gyro_misalignment", value, [scatter_line(self.noise.gyro_across, gain), *merged(lines), *hidden],
+                "gyro_misalignment", value, [scatter_line(self.noise.gyro_across, gain), *lines, *hidden],
                 toward=other,
             )  # fmt: skip
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.attitude_fit import AttitudeFits, fit_attitudes
 from bench.methods.imu.reduction.attitudes import AXES, NAMES
-from bench.methods.imu.reduction.budget import READINGS, gyro_scale_unit
+from bench.methods.imu.reduction.budget import POOLED, READINGS, gyro_scale_unit
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate
 from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
 from bench.methods.imu.reduction.findings import AxisAtVisit
@@ -225,7 +225,7 @@ class _Unit:
     ) -> Finding:
         """Its uncertainty is that of the readings: all else is common to the visits."""
         base = quantity.partition("/")[0]
-        scattered = [line for each in found for line in each.budget if line.source == READINGS]
+        scattered = [line for each in found for line in each.budget if line.kind == POOLED]
         dof = min((line.dof for line in scattered if line.dof), default=0)
         lines = [BudgetLine(READINGS, "A", abs(u), dof or None)]
         steps = tuple(dict.fromkeys(step for each in found for step in each.steps))

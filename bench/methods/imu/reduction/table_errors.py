@@ -10,29 +10,59 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import unit_axes
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.run_data import UnitUnderTest
 
 EAST, NORTH, UP = np.eye(3)
+
+
+class Kind(Enum):
+    """What an error of the table is."""
+
+    ZERO = "zero"
+    HARMONICS = "harmonics"
+    REPEATABILITY = "repeatability"
+    ORTHOGONALITY = "orthogonality"
+    LEVEL = "level"
+    AZIMUTH = "azimuth"
+
+
+class Cause(NamedTuple):
+    """An error of an axis, or of the fixture."""
+
+    of: str
+    kind: Kind
+
+    @property
+    def name(self) -> str:
+        """Its name in a budget."""
+        return f"{self.of}: {self.kind.value}"
+
+    @property
+    def shared(self) -> str | None:
+        """What findings share by it; what is drawn anew for each attitude is common to nothing."""
+        return None if self.kind is Kind.REPEATABILITY else f"{self.of}.{self.kind.value}"
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorSource:
     """One error of the table: `u_rad`, and in each of the windows what it turns the unit by, for 1 rad (n, 3).
 
-    An error that is drawn anew for each window has a vector (n, 3) all the same, and is `fresh`.
+    Repeatability, which is drawn anew for each window, has a vector (n, 3) all the same.
     """
 
-    name: str
+    cause: Cause
     u_rad: float
     turns: Array
-    fresh: bool = False
 
     def seen(self, axes: Array, vector: Array) -> Array:
         """What a level vector changes by along the rows of `axes` (n, 3, 3), for 1 rad: (n, 3)."""
@@ -51,27 +81,32 @@ class TableErrors:
         chosen = list(windows)
         return TableErrors(self.axes[chosen], tuple(replace(each, turns=each.turns[chosen]) for each in self.sources))
 
+    def without(self, kind: Kind) -> TableErrors:
+        """The same but for the errors of one kind."""
+        return TableErrors(self.axes, tuple(each for each in self.sources if each.cause.kind is not kind))
+
     def seen(self, vector: Array, axis: int) -> list[Array]:
         """What each error changes a level vector by along one axis of the unit, for 1 rad: (n,) each."""
         return [source.seen(self.axes, vector)[:, axis] for source in self.sources]
 
-    def propagated(self, effects: Sequence[Array], weights: Array) -> dict[str, Array]:
-        """The standard uncertainties by the names of the sources, of what depends on the windows by `weights` (n,).
+    def propagated(self, effects: Sequence[Array], weights: Array) -> dict[Cause, Array]:
+        """The standard uncertainties by cause, of what depends on the windows by `weights` (n,).
 
         Of several such things the weights are (m, n), and so many are the uncertainties. `effects` (n,) are what each
         source changes the window's reading by for 1 rad.
         """
-        squares: dict[str, Array] = {}
+        squares: dict[Cause, Array] = {}
         for source, effect in zip(self.sources, effects, strict=True):
             felt = weights * effect
-            part = np.linalg.norm(felt, axis=-1) if source.fresh else np.abs(felt.sum(axis=-1))
-            squares[source.name] = squares.get(source.name, 0.0) + (part * source.u_rad) ** 2
-        return {name: np.sqrt(square) for name, square in squares.items()}
+            fresh = source.cause.kind is Kind.REPEATABILITY
+            part = np.linalg.norm(felt, axis=-1) if fresh else np.abs(felt.sum(axis=-1))
+            squares[source.cause] = squares.get(source.cause, 0.0) + (part * source.u_rad) ** 2
+        return {cause: np.sqrt(square) for cause, square in squares.items()}
 
-
-def shared_by(name: str) -> str | None:
-    """What findings with a source of this name share; what is drawn anew for each attitude is common to nothing."""
-    return None if name.endswith("repeatability") else name.replace(": ", ".")
+    def lines(self, effects: Sequence[Array], weights: Array) -> Iterator[BudgetLine]:
+        """The same as lines of a budget, of one thing with the weights (n,)."""
+        for cause, u in self.propagated(effects, weights).items():
+            yield BudgetLine(cause.name, "B", float(u), None, cause.shared)
 
 
 def table_errors(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> TableErrors:
@@ -84,32 +119,32 @@ def _sources(acquisitions: Sequence[Acquisition], bench: BenchRecord) -> list[Er
     """Every error of the table that has an uncertainty."""
     by_window = [list(_rotations(acquisition, bench)) for acquisition in acquisitions]
     return [
-        ErrorSource(name, u_rad, np.array([sources[number][2] for sources in by_window]), fresh=fresh)
-        for number, (name, u_rad, _, fresh) in enumerate(by_window[0] if by_window else ())
+        ErrorSource(cause, u_rad, np.array([sources[number][2] for sources in by_window]))
+        for number, (cause, u_rad, _) in enumerate(by_window[0] if by_window else ())
         if u_rad
     ]
 
 
-def _rotations(acquisition: Acquisition, bench: BenchRecord) -> Iterator[tuple[str, float, Array, bool]]:
-    """The sources in one window: name, u, rotation for 1 rad in the level frame, whether it is drawn anew."""
+def _rotations(acquisition: Acquisition, bench: BenchRecord) -> Iterator[tuple[Cause, float, Array]]:
+    """The sources in one window: cause, u, rotation for 1 rad in the level frame."""
     carried = np.eye(3)
     for number, (role, axis) in enumerate(bench.axes.items()):
         angle_rad = np.radians(acquisition.angles_deg.get(role, 0.0))
         points = np.array(axis.points)
         now = carried @ points
         own = _turn(points, float(angle_rad))
-        yield f"{role}: zero", np.radians(axis.zero_u_deg), now, False
+        yield Cause(role, Kind.ZERO), np.radians(axis.zero_u_deg), now
         for order, u_deg in enumerate(axis.harmonics_u_deg, start=1):
-            yield f"{role}: harmonics", np.radians(u_deg), now * np.cos(order * angle_rad), False
-            yield f"{role}: harmonics", np.radians(u_deg), now * np.sin(order * angle_rad), False
-        yield f"{role}: repeatability", np.radians(axis.repeatability_u_deg), now, True
+            yield Cause(role, Kind.HARMONICS), np.radians(u_deg), now * np.cos(order * angle_rad)
+            yield Cause(role, Kind.HARMONICS), np.radians(u_deg), now * np.sin(order * angle_rad)
+        yield Cause(role, Kind.REPEATABILITY), np.radians(axis.repeatability_u_deg), now
         for across in _square_to(axis.points) if number else ():
             apart = carried @ (across - own @ across)
-            yield "fixture: orthogonality", np.radians(bench.orthogonality_u_deg), apart, False
+            yield Cause("fixture", Kind.ORTHOGONALITY), np.radians(bench.orthogonality_u_deg), apart
         carried = carried @ own
     for direction in (EAST, NORTH):
-        yield "fixture: level", np.radians(bench.level_u_deg), direction, False
-    yield "fixture: azimuth", np.radians(bench.azimuth_u_deg), UP, False
+        yield Cause("fixture", Kind.LEVEL), np.radians(bench.level_u_deg), direction
+    yield Cause("fixture", Kind.AZIMUTH), np.radians(bench.azimuth_u_deg), UP
 
 
 @lru_cache(maxsize=16)  # of the few axes of a bench

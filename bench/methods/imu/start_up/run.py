@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.methods.imu.reduction.attitudes import AXES, local_earth_rate_dps
 from bench.methods.imu.reduction.budget import OwnErrors
-from bench.methods.imu.reduction.table_errors import shared_by, table_errors
+from bench.methods.imu.reduction.table_errors import table_errors
 from bench.methods.imu.reduction.windows import visits
 from bench.methods.imu.start_up.courses import Courses, Part, Settling, fit_courses, settling
 from bench.methods.imu.start_up.readings import PowerOn, Readings
@@ -195,8 +195,8 @@ class _Watch:
         earth_dps = local_earth_rate_dps(self._bench.latitude_deg)
         errors = table_errors(readings.windows, self._unit, self._bench)
         seen = errors.seen(earth_dps if quantity == "D0" else UP, axis)
-        for name, u_seen in errors.propagated(seen, weights).items():  # each is one rotation in every attitude
-            yield _Source(name, u_seen, None, shared_by(name))
+        for cause, u_seen in errors.propagated(seen, weights).items():  # each is one rotation in every attitude
+            yield _Source(cause.name, u_seen, None, cause.shared)
         if quantity == "D0":  # turned over about east, it sees north with the other sign, and the mean does not
             across_dps = np.delete(errors.axes @ earth_dps, axis, axis=-1)
             across = np.linalg.norm(weights @ across_dps, axis=-1)

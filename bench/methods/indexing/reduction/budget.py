@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,9 +26,21 @@ from bench.metrology.sampled_codes import by_position
 from bench.metrology.thermometer_drift import source_of
 
 SCATTER = "readings: scatter"
-REPEATABILITY = "head: repeatability"
 BACKLASH = "head: backlash"
 LEVEL = "fixture: level"
+
+
+class Source(NamedTuple):
+    """A source of uncertainty by its name in a budget, and what findings share by it: None where each has its own."""
+
+    name: str
+    shared: str | None = None
+    is_scatter: bool = False
+
+    @classmethod
+    def of(cls, name: str) -> Source:
+        """An error that all findings have."""
+        return cls(name, shared_as(name))
 
 
 @dataclass(frozen=True)
@@ -45,7 +58,7 @@ class IndexingBudget:
     scale: float
     moves_scatter: bool
 
-    def sources(self, gain: Array) -> Mapping[str, Array]:
+    def sources(self, gain: Array) -> Mapping[Source, Array]:
         """The standard uncertainties that each source gives to what depends on the readings by `gain` (n,).
 
         Several of one source are independent of each other. They have signs, which tell results that go together.
@@ -61,13 +74,13 @@ class IndexingBudget:
         together = float(turned.sum())
         from_above = np.array([each.came_from != "below" for each in self.readings])
         return {
-            SCATTER: gain * self.sd,
-            "head: zero": np.array([together * np.radians(head.zero_u_deg)]),
-            "head: harmonics": np.array(harmonics),
-            REPEATABILITY: self._by_stand(turned) * np.radians(head.repeatability_u_deg),
-            BACKLASH: np.array([float(turned[from_above].sum()) * np.radians(head.backlash_u_deg or 0.0)]),
-            LEVEL: np.array([together * np.radians(self.bench.level_u_deg)]),
-            source_of(LEVEL, self.bench.level_drift): np.array(
+            Source(SCATTER, is_scatter=True): gain * self.sd,
+            Source.of("head: zero"): np.array([together * np.radians(head.zero_u_deg)]),
+            Source.of("head: harmonics"): np.array(harmonics),
+            Source("head: repeatability"): self._by_stand(turned) * np.radians(head.repeatability_u_deg),
+            Source.of(BACKLASH): np.array([float(turned[from_above].sum()) * np.radians(head.backlash_u_deg or 0.0)]),
+            Source.of(LEVEL): np.array([together * np.radians(self.bench.level_u_deg)]),
+            Source.of(source_of(LEVEL, self.bench.level_drift)): np.array(
                 [float(turned @ [each.run_share for each in self.readings]) * np.radians(self.bench.level_drift.u)]
             ),
             **self._instrument(gain, values, head_rad),
@@ -79,27 +92,25 @@ class IndexingBudget:
         scattered = np.array([self.moves_scatter and each.kind == "sweep" for each in self.readings], dtype=np.bool_)
         return np.asarray(np.bincount(stand[~scattered], turned[~scattered], minlength=1), np.float64)
 
-    def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[str, Array]:
+    def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[Source, Array]:
         if self.unit.telemetry is not None:
             step_u = np.array([each.step_u for each in self.readings])
-            return {f"{self.unit.telemetry}{STEPS}": by_position(gain, step_u, head_rad)}
+            return {Source(f"{self.unit.telemetry}{STEPS}"): by_position(gain, step_u, head_rad)}
         found = instrument_u(self.unit, self.bench, float(gain @ values), float(gain.sum()))
-        return {source: np.array([u]) for source, u in found.items()}
+        return {Source.of(name): np.array([u]) for name, u in found.items()}
 
     def lines(self, result: Estimate, without: Sequence[str] = ()) -> tuple[BudgetLine, ...]:
         """The budget of a result; `without` the sources that make what it is of, not an error of it."""
         return combined([
             self._line(source, float(np.linalg.norm(parts)))
             for source, parts in self.sources(result.gain).items()
-            if source not in without
+            if source.name not in without
         ])  # fmt: skip
 
-    def _line(self, source: str, u: float) -> BudgetLine:
-        if source == SCATTER:
-            return BudgetLine(source, "A", u, self.dof or None)
-        alone = source == REPEATABILITY or source.endswith(STEPS)
-        shared = None if alone else shared_as(source)
-        return BudgetLine(source, "B", u, None, shared)
+    def _line(self, source: Source, u: float) -> BudgetLine:
+        if source.is_scatter:
+            return BudgetLine(source.name, "A", u, self.dof or None)
+        return BudgetLine(source.name, "B", u, None, source.shared)
 
     def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:
         """How results go together, by all their sources."""

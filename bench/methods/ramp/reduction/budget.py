@@ -27,7 +27,7 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun, source_of
 
 SCATTER = "samples: scatter"
-COUNTING = "samples: resolution of the count"
+COUNTING = "counting"  # the kind of the line of the resolution of the count
 LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
 LEVEL = "fixture: level"
 COUNT_STRIDE = 2  # neighbours share a latch, and so the error of a count
@@ -158,7 +158,11 @@ class RampBudget:
 
 
 def _scatter_lines(found: SlopeScatter, scale: float) -> list[BudgetLine]:
-    counting = [BudgetLine(COUNTING, "B", found.counted * scale)] if found.counted else []
+    counting = (
+        [BudgetLine("samples: resolution of the count", "B", found.counted * scale, kind=COUNTING)]
+        if found.counted
+        else []
+    )
     return [*counting, BudgetLine(SCATTER, "A", found.own * scale, found.dof)]
 
 

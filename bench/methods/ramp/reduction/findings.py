@@ -223,7 +223,7 @@ class RampFindings:
     ) -> Finding:
         steps = steps or tuple(leg.step for leg in self._ramp.level)
         if interval is not None:
-            known = (line.u for line in lines if line.type == "B" and line.source != COUNTING)
+            known = (line.u for line in lines if line.type == "B" and line.kind != COUNTING)
             interval = interval.beside(math.hypot(*known))
         return self.budget.subject.finding(quantity, name, value, unit, lines, at, steps, id_tail, flags, interval)
 
