@@ -34,12 +34,12 @@ SAME_LATCH_S = 1e-3
 class LineScatter:
     """Standard uncertainties of type A of a line's rate (pulse/s) and slope (pulse/s/°C).
 
-    `counting_` is of the count alone, `scatter_` of the rest with `dof` degrees of freedom. `excess_pps` is the
-    standard deviation of a gate that is `gate_s` long, what lags included. `residuals_pps` (m,) are what the means of
-    stretches are away from the line, and `stretch_u_pps` is what they scatter by; none where the run is too short.
+    `counting_` is of the count alone, `scatter_` of the rest with `dof` degrees of freedom. `excess` is the
+    standard deviation of a gate that is `gate_s` long, what lags included. `residuals` (m,) are what the means of
+    stretches are away from the line, and `stretch_u` is what they scatter by; none where the run is too short.
     `drift_h_per_c` and `accelerometer_per_c` are what a line over the converter's temperature gives for time (h) and
     for the accelerometer's temperature (°C): an input that drifts or follows the chamber changes the slope by so much.
-    `step_u_pps` is what the steps of codes hide from a mean, 0 for volts; None where pulses were counted.
+    `step_u` is what the steps of codes hide from a mean, 0 for volts; None where pulses were counted.
     """
 
     counting_rate: float
@@ -47,18 +47,18 @@ class LineScatter:
     scatter_rate: float
     scatter_slope: float
     dof: int
-    excess_pps: float
+    excess: float
     gate_s: float
-    residuals_pps: Array
-    stretch_u_pps: float
+    residuals: Array
+    stretch_u: float
     drift_h_per_c: float
     accelerometer_per_c: float
-    step_u_pps: float | None = None
+    step_u: float | None = None
 
-    def mean_u_pps(self, span_s: float) -> float:
+    def mean_u(self, span_s: float) -> float:
         """Standard uncertainty of a mean rate over `span_s`, of the count or the steps of codes, and the rest."""
-        alone_pps = RESOLUTION_COUNTS / span_s if self.step_u_pps is None else self.step_u_pps
-        return float(np.hypot(alone_pps, self.excess_pps * np.sqrt(self.gate_s / span_s)))
+        alone = RESOLUTION_COUNTS / span_s if self.step_u is None else self.step_u
+        return float(np.hypot(alone, self.excess * np.sqrt(self.gate_s / span_s)))
 
 
 def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
@@ -67,24 +67,24 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
     if count < LEAST_GATES or not np.ptp(gates.converter_c):
         raise NotDetermined(("scatter",), rank=count, of=LEAST_GATES, condition=np.inf)
     slope_gain, rate_gain = line_gains(gates.converter_c, reference_c)
-    smooth = fit_polynomial(gates.converter_c, gates.rate_pps, SMOOTH_DEGREE).residuals
-    line = fit_polynomial(gates.converter_c, gates.rate_pps, 1).residuals
-    own_pps = own_scatter_pps(smooth, gates)
-    counting_slope, counting_rate = np.linalg.norm(unresolved_pps(np.stack([slope_gain, rate_gain]), gates), axis=1)
+    smooth = fit_polynomial(gates.converter_c, gates.rate, SMOOTH_DEGREE).residuals
+    line = fit_polynomial(gates.converter_c, gates.rate, 1).residuals
+    own = own_scatter(smooth, gates)
+    counting_slope, counting_rate = np.linalg.norm(unresolved_u(np.stack([slope_gain, rate_gain]), gates), axis=1)
     accelerometer_c = np.where(np.isfinite(gates.accelerometer_c), gates.accelerometer_c, 0.0)
     return LineScatter(
         counting_rate=float(counting_rate),
         counting_slope=float(counting_slope),
-        scatter_rate=float(own_pps * np.linalg.norm(rate_gain)),
-        scatter_slope=float(own_pps * np.linalg.norm(slope_gain)),
+        scatter_rate=float(own * np.linalg.norm(rate_gain)),
+        scatter_slope=float(own * np.linalg.norm(slope_gain)),
         dof=WAVES_DEGREE - SMOOTH_DEGREE,
-        excess_pps=excess_pps(smooth, gates),
+        excess=excess(smooth, gates),
         gate_s=float(np.mean(gates.seconds)),
-        residuals_pps=_stretches(line, gates.seconds)[0],
-        stretch_u_pps=_stretch_u_pps(smooth, gates),
+        residuals=_stretches(line, gates.seconds)[0],
+        stretch_u=_stretch_u(smooth, gates),
         drift_h_per_c=float(slope_gain @ gates.time_s) / 3600.0,
         accelerometer_per_c=float(slope_gain @ accelerometer_c),
-        step_u_pps=None if gates.step_u is None else float(np.mean(gates.step_u)),
+        step_u=None if gates.step_u is None else float(np.mean(gates.step_u)),
     )
 
 
@@ -95,21 +95,21 @@ def line_gains(converter_c: Array, reference_c: float) -> tuple[Array, Array]:
     return slope_gain, 1 / len(converter_c) + (reference_c - centre_c) * slope_gain
 
 
-def own_scatter_pps(smooth_pps: Array, gates: Gates) -> float:
-    """As `excess_pps` of departures (n,) from a smooth curve, but without what goes with the rate of the temperature.
+def own_scatter(departures: Array, gates: Gates) -> float:
+    """As `excess` of departures (n,) from a smooth curve, but without what goes with the rate of the temperature.
 
     The gates at the ends have no such rate, and are left out.
     """
     rate_c_per_s = rates_c_per_s(gates.time_s, gates.converter_c, LAG_GATES)
     inner = np.arange(len(rate_c_per_s)) + LAG_GATES // 2
     lag = fit_polynomial(gates.converter_c[inner], rate_c_per_s, SMOOTH_DEGREE).residuals
-    own_pps, size = smooth_pps[inner], float(lag @ lag)
+    own, size = departures[inner], float(lag @ lag)
     if size:
-        own_pps = own_pps - lag * (lag @ own_pps) / size
-    return excess_pps(own_pps, gates.rows(inner))
+        own = own - lag * (lag @ own) / size
+    return excess(own, gates.rows(inner))
 
 
-def unresolved_pps(gains: Array, gates: Gates) -> Array:
+def unresolved_u(gains: Array, gates: Gates) -> Array:
     """What a count leaves uncounted in sums of gates with gains (k, n), or the steps of codes hide: (k, m) by cause.
 
     Gates whose means are on one step err alike.
@@ -117,7 +117,7 @@ def unresolved_pps(gains: Array, gates: Gates) -> Array:
     if gates.step_u is None:
         return _of_latches(gains, gates)
     largest = float(np.max(gates.step_u, initial=0.0)) * np.sqrt(12)
-    on_step = np.round(gates.rate_pps / largest) if largest else gates.time_s
+    on_step = np.round(gates.rate / largest) if largest else gates.time_s
     return np.stack([by_level(gain, gates.step_u, on_step) for gain in gains])
 
 
@@ -136,7 +136,7 @@ def _of_latches(gains: Array, gates: Gates) -> Array:
     return np.asarray(LATCH_COUNTS * found)
 
 
-def excess_pps(residual_pps: Array, gates: Gates) -> float:
+def excess(residual: Array, gates: Gates) -> float:
     """The standard deviation of a gate that is not of the count, as far as slow waves of the gates have it.
 
     So large that the squares of the waves are together what they should be (Paule and Mandel, J. Res. NBS 87, 377):
@@ -144,11 +144,11 @@ def excess_pps(residual_pps: Array, gates: Gates) -> float:
     """
     from scipy.optimize import brentq  # and much with it, which most runs do not need
 
-    through = chebyshev.chebvander(np.linspace(-1, 1, len(residual_pps)), WAVES_DEGREE)
+    through = chebyshev.chebvander(np.linspace(-1, 1, len(residual)), WAVES_DEGREE)
     waves = np.linalg.qr(through)[0][:, SMOOTH_DEGREE + 1 :].T
-    unresolved = unresolved_pps(waves, gates)
+    unresolved = unresolved_u(waves, gates)
     counted, apart = np.linalg.eigh(unresolved @ unresolved.T)  # waves share the latches at the ends
-    squares = (apart.T @ waves @ residual_pps) ** 2
+    squares = (apart.T @ waves @ residual) ** 2
     if not unresolved.any():
         return float(np.sqrt(np.mean(squares)))
     counted = np.maximum(counted, np.finfo(np.float64).eps * counted[-1])  # few steps of codes hide nothing of some
@@ -161,18 +161,18 @@ def excess_pps(residual_pps: Array, gates: Gates) -> float:
     return float(np.sqrt(usual * brentq(surplus, 0.0, 2.0))) if surplus(0.0) > 0 else 0.0
 
 
-def _stretch_u_pps(residual_pps: Array, gates: Gates) -> float:
+def _stretch_u(residual: Array, gates: Gates) -> float:
     """What the means of stretches scatter by, of which the count is the least, or the steps of codes."""
-    means, stretches_s = _stretches(residual_pps, gates.seconds)
+    means, stretches_s = _stretches(residual, gates.seconds)
     found = float(np.sum(means**2)) / (STRETCHES - SMOOTH_DEGREE - 1)
-    alone_pps = RESOLUTION_COUNTS / stretches_s if gates.step_u is None else gates.step_u
-    return float(np.sqrt(max(found, float(np.mean(alone_pps**2)))))
+    alone = RESOLUTION_COUNTS / stretches_s if gates.step_u is None else gates.step_u
+    return float(np.sqrt(max(found, float(np.mean(alone**2)))))
 
 
-def _stretches(residual_pps: Array, seconds: Array) -> tuple[Array, Array]:
+def _stretches(residual: Array, seconds: Array) -> tuple[Array, Array]:
     """The mean of each stretch, and how long it is."""
     stretches_s = _sums(seconds)
-    return _sums(residual_pps * seconds) / stretches_s, stretches_s
+    return _sums(residual * seconds) / stretches_s, stretches_s
 
 
 def _sums(values: Array) -> Array:

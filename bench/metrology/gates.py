@@ -29,7 +29,7 @@ class Gates:
     step_u: Array | None = None
 
     @property
-    def rate_pps(self) -> Array:
+    def rate(self) -> Array:
         """Net pulses in a second, or the mean of volts or codes."""
         return (self.positive - self.negative) / self.seconds
 
@@ -39,6 +39,6 @@ class Gates:
         return replace(self, **{name: values[which] for name, values in columns.items() if values is not None})
 
     @property
-    def resolution_pps(self) -> Array:
+    def resolution(self) -> Array:
         """What a mean rate alone does not resolve, for what it is counted with or for the steps of codes."""
         return RESOLUTION_COUNTS / self.seconds if self.step_u is None else self.step_u

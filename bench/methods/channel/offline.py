@@ -166,12 +166,12 @@ def _record(table: Table) -> ChannelRecord:
 def _run(run: ChannelRun, level_g: float) -> dict[str, Any]:
     return {
         "a_g": level_g,
-        "D_ref_pps": run.rate_pps,
-        "u_D_ref": run.u_rate_pps,
-        "k_pps_per_C": run.slope_pps_per_c,
-        "u_k": run.u_slope_pps_per_c,
+        "D_ref_pps": run.rate,
+        "u_D_ref": run.u_rate,
+        "k_pps_per_C": run.slope_per_c,
+        "u_k": run.u_slope_per_c,
         "kappa_per_C": run.relative_slope_per_c,
-        "residual_rms_pps": run.residual_rms_pps,
+        "residual_rms_pps": run.residual_rms,
         "n_used": run.gates_used,
         "rejected": run.excluded,
         "span_C": run.span_c,
@@ -191,8 +191,8 @@ def _deviation(found: Comparison, reference: str) -> dict[str, Any]:
         "dkappa_abs_per_C": found.normalised.difference,
         "decision": found.decision,
         "marginal": found.marginal,
-        "final_c0": found.rate_pps,
-        "final_k": found.slope_pps_per_c,
+        "final_c0": found.rate,
+        "final_k": found.slope_per_c,
     }
 
 
@@ -210,18 +210,18 @@ def _drift(valid: list[ChannelRun]) -> tuple[ChannelDrift | None, list[str], lis
 
 def _tempcos(drift: ChannelDrift | None) -> dict[str, Any]:
     return {
-        "tempco_offset_pps_per_C": drift and drift.offset_pps_per_c,
+        "tempco_offset_pps_per_C": drift and drift.offset_per_c,
         "tempco_scale_per_C": drift and drift.scale_per_c,
-        "u_tempco_offset_pps_per_C": drift and drift.u_offset_pps_per_c,
+        "u_tempco_offset_pps_per_C": drift and drift.u_offset_per_c,
         "u_tempco_scale_per_C": drift and drift.u_scale_per_c,
     }
 
 
 def _levels_notes(settings: ChannelSettings, runs: Mapping[str, ChannelRun]) -> list[str]:
     levels_g = np.array([settings.runs[name].level_g for name in runs])
-    odd = out_of_proportion(levels_g, np.array([run.rate_pps for run in runs.values()]))
+    odd = out_of_proportion(levels_g, np.array([run.rate for run in runs.values()]))
     return [
-        f"{name}: {run.rate_pps:.6g} pulse/s at {level_g:.6g} g is not proportional to the other runs"
+        f"{name}: {run.rate:.6g} pulse/s at {level_g:.6g} g is not proportional to the other runs"
         for (name, run), level_g, is_odd in zip(runs.items(), levels_g, odd, strict=True)
         if is_odd
     ]

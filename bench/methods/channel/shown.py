@@ -31,7 +31,7 @@ def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     detail = unit.detail
     if not isinstance(detail, ChannelDetail):
         return
-    drawn = [level for level in detail.levels if np.isfinite(level.run.slope_pps_per_c)]
+    drawn = [level for level in detail.levels if np.isfinite(level.run.slope_per_c)]
     if detail.compared:
         yield _decisions(unit, detail)
     if drawn:
@@ -141,10 +141,8 @@ def _means(level: Level, reference_c: float) -> tuple[Array, Array, Array]:
     order = np.argsort(gates.converter_c, kind="stable")
     parts = [part for part in np.array_split(order, STRETCHES) if len(part)]
     temperature_c = np.array([np.mean(gates.converter_c[part]) for part in parts])
-    rate_pps = np.array(
-        [np.sum((gates.rate_pps * gates.seconds)[part]) / np.sum(gates.seconds[part]) for part in parts]
-    )
-    relative = (rate_pps / run.rate_pps - 1) * PPM
+    rate = np.array([np.sum((gates.rate * gates.seconds)[part]) / np.sum(gates.seconds[part]) for part in parts])
+    relative = (rate / run.rate - 1) * PPM
     return temperature_c, relative, relative - run.relative_slope_per_c * (temperature_c - reference_c) * PPM
 
 

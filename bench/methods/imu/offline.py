@@ -184,7 +184,7 @@ def _table(found: ImuCalibration, show: Callable[[AxisCalibration, Scatter], dic
 
 
 def _calibrated(axis: AxisCalibration) -> dict[str, float]:
-    values = (axis.k0_pps, axis.k1_pps_per_g, axis.d0_pps, axis.d0_dph, axis.kg_pulse_per_deg)
+    values = (axis.k0, axis.k1_per_g, axis.d0, axis.d0_dph, axis.kg_pulse_per_deg)
     temperatures = {"Ta_C": axis.accelerometer_c, "Tg_C": axis.gyro_c}
     return temperatures | dict(zip(CALIBRATED, values, strict=True))
 
@@ -208,8 +208,8 @@ def _fits(
     point = found.points[near[0]]
     doubted = point.doubted[:, np.newaxis]
     fits = fit_attitudes(
-        np.where(doubted, np.nan, readings.accelerometer_pps[near[0]]),
-        np.where(doubted, np.nan, readings.gyro_pps[near[0]]),
+        np.where(doubted, np.nan, readings.accelerometer_output[near[0]]),
+        np.where(doubted, np.nan, readings.gyro_output[near[0]]),
         latitude_deg,
         np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes]),
     )
@@ -230,7 +230,7 @@ def _by_axis(
 def _accelerometer(found: AccelerometerFit | None) -> dict[str, Any]:
     return {
         "K0_g": found and found.k0_g,
-        "K1_pps_per_g": found and found.k1_pps_per_g,
+        "K1_pps_per_g": found and found.k1_per_g,
         "K2_g_per_g2": found and found.k2_g_per_g2,
         "mis": found.misalignment_rad if found else 3 * [None],
     }
@@ -243,15 +243,15 @@ def _u_accelerometer(found: AccelerometerFit | None) -> dict[str, Any]:
 
 def _gyro(found: GyroFit | None) -> dict[str, Any]:
     return {
-        "gyro_D0_pps": found and found.d0_pps,
-        "gyro_gsens_pps_per_g": found.g_sensitivity_pps_per_g if found else 3 * [None],
+        "gyro_D0_pps": found and found.d0,
+        "gyro_gsens_pps_per_g": found.g_sensitivity_per_g if found else 3 * [None],
     }
 
 
 def _u_gyro(found: GyroFit | None) -> dict[str, Any]:
     return {
-        "gyro_D0_pps": found and found.u_d0_pps,
-        "gyro_gsens_pps_per_g": found.u_g_sensitivity_pps_per_g if found else 3 * [None],
+        "gyro_D0_pps": found and found.u_d0,
+        "gyro_gsens_pps_per_g": found.u_g_sensitivity_per_g if found else 3 * [None],
     }
 
 
@@ -259,9 +259,9 @@ def _temperature_table(found: ImuCalibration, sensor: str, axis: str) -> Tempera
     """The knots of one channel."""
     every = found.over_temperature(AXES.index(axis))
     if sensor == "acc":
-        knots = [(one.accelerometer_c, one.k0_pps, one.k1_pps_per_g) for one in every]
+        knots = [(one.accelerometer_c, one.k0, one.k1_per_g) for one in every]
     else:
-        knots = [(one.gyro_c, one.d0_pps, one.kg_pulse_per_deg) for one in every]
+        knots = [(one.gyro_c, one.d0, one.kg_pulse_per_deg) for one in every]
     return temperature_table(np.array(knots, dtype=np.float64).reshape(-1, 3))
 
 
@@ -275,16 +275,16 @@ def _apply(
         raise InputError(f"{case.name}: settings.T_nominal_C: is missing; the record 'apply' needs it")
     record = case.record("apply", APPLY)
     channel = _which(record, "channel", CHANNELS)
-    temperature_c, raw_pps = record.numbers("T_C"), record.numbers("raw_pps")
-    value, nominal_pps = np.full((2, len(channel)), np.nan)
+    temperature_c, raw = record.numbers("T_C"), record.numbers("raw_pps")
+    value, nominal = np.full((2, len(channel)), np.nan)
     extrapolated = np.zeros(len(channel), dtype=np.bool_)
     for number, table in enumerate(tables.values()):
         of = channel == number
-        done = compensate(table, temperature_c[of], raw_pps[of], settings.nominal_c, settings.extrapolation)
-        value[of], nominal_pps[of], extrapolated[of] = done.value, done.nominal_pps, done.extrapolated
+        done = compensate(table, temperature_c[of], raw[of], settings.nominal_c, settings.extrapolation)
+        value[of], nominal[of], extrapolated[of] = done.value, done.nominal, done.extrapolated
     names = np.array([*CHANNELS, None], dtype=object)[channel]  # -1, a blank, is the last
     keys = ("channel", "T_C", "value", "comp_pps", "extrapolated")
-    rows = zip(*(array.tolist() for array in (names, temperature_c, value, nominal_pps, extrapolated)), strict=True)
+    rows = zip(*(array.tolist() for array in (names, temperature_c, value, nominal, extrapolated)), strict=True)
     return [dict(zip(keys, row, strict=True)) for row in rows], [
         f"T_nominal_C {settings.nominal_c:.10g} is outside of the knots of {name}"
         for name, table in tables.items()
@@ -295,7 +295,7 @@ def _apply(
 def _model_check(sensor: str, table: TemperatureTable) -> dict[str, Any]:
     """How well the knots of one channel tell each other."""
     result: dict[str, Any] = {"T_C": table.temperature_c[1:-1]}
-    for name, values in zip(COMPENSATED[sensor], (table.zero_pps, table.scale), strict=True):
+    for name, values in zip(COMPENSATED[sensor], (table.zero, table.scale), strict=True):
         check = check_model(table.temperature_c, values)
         largest = float(np.max(np.abs(check.curvature))) if len(check.curvature) else None
         result[name] = {"left_out_error": check.error, "max_curvature_per_C2": largest}

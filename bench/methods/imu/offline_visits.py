@@ -110,7 +110,7 @@ def _apart(
     apart = {}
     for sensor, thermometer in (("acc", "Ta_C"), ("gyro", "Tg_C")):
         table = tables[f"{sensor}_{axis}"]
-        for key, values in zip(COMPENSATED[sensor], (table.zero_pps, table.scale), strict=True):
+        for key, values in zip(COMPENSATED[sensor], (table.zero, table.scale), strict=True):
             at_c, of_visits = [one[thermometer] for one in known], [one[key] for one in known]
             apart[key] = float(np.max(np.abs(differences(at_c, of_visits, (table.temperature_c, values)))))
     return apart

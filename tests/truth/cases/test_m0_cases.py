@@ -658,8 +658,8 @@ def test_the_uncertainty_of_slope_and_rate_is_their_scatter(experiments, name):
     channel, experiments = experiments
     runs = [experiment[name] for experiment in experiments]
     slope, rate_pps = channel.slope(LEVELS_G[name]), channel.rate_pps(T_REF_C, LEVELS_G[name])
-    assert 0.85 < spread([(run.slope_pps_per_c - slope) / run.u_slope_pps_per_c for run in runs]) < 1.15
-    assert 0.85 < spread([(run.rate_pps - rate_pps) / run.u_rate_pps for run in runs]) < 1.15
+    assert 0.85 < spread([(run.slope_per_c - slope) / run.u_slope_per_c for run in runs]) < 1.15
+    assert 0.85 < spread([(run.rate - rate_pps) / run.u_rate for run in runs]) < 1.15
 
 
 @pytest.mark.parametrize("basis", ["raw", "normalised"])
@@ -683,11 +683,11 @@ def test_the_uncertainty_of_the_drift_is_its_scatter(experiments):
     scale = 1e-5 / (1 + 1e-5 * (T_REF_C - 25))  # at the reference temperature
     offset = 0.04 - scale * float(channel.rate_pps(T_REF_C, 0.0))
     assert 0.85 < spread([(drift.scale_per_c - scale) / drift.u_scale_per_c for drift in drifts]) < 1.15
-    assert 0.85 < spread([(drift.offset_pps_per_c - offset) / drift.u_offset_pps_per_c for drift in drifts]) < 1.15
+    assert 0.85 < spread([(drift.offset_per_c - offset) / drift.u_offset_per_c for drift in drifts]) < 1.15
     assert np.mean([drift.misfit for drift in drifts]) < 0.03
 
 
 def test_counting_alone_scatters_less_than_its_uncertainty(rng):
     # The errors of adjacent gates have opposite signs: equations 2.5.
     runs = [analysed(run_columns(rng, SCALE, 1.0, noise_counts=0.0)) for _ in range(100)]
-    assert spread([(run.slope_pps_per_c - SCALE.slope(1)) / run.u_slope_pps_per_c for run in runs]) < 0.5
+    assert spread([(run.slope_per_c - SCALE.slope(1)) / run.u_slope_per_c for run in runs]) < 0.5

@@ -42,10 +42,10 @@ def test_a_published_accelerometer_has_its_published_bias_scale_and_misalignment
     found = fit_accelerometer(means[:, axis], axis)
     u = u_means[axis]
     # Their bias is the mean of up and down, which has K2 in it.
-    bias = (found.k0_g + found.k2_g_per_g2) * found.k1_pps_per_g
+    bias = (found.k0_g + found.k2_g_per_g2) * found.k1_per_g
     assert abs(bias - published.B_A[axis]) < COVERAGE * u / np.sqrt(2)
     # Their K R is what one sensor reads for 1 m/s² along x, y and z: ours is K1 times (own axis 1, misalignments).
-    per_mps2 = found.k1_pps_per_g * (found.misalignment_rad + np.eye(3)[axis]) / PER_G
+    per_mps2 = found.k1_per_g * (found.misalignment_rad + np.eye(3)[axis]) / PER_G
     away = per_mps2 - published.K_A[axis] * published.R_A[axis]
     assert (np.abs(away) < COVERAGE * u / np.sqrt(2) / PER_G).all(), away
 
@@ -54,7 +54,7 @@ def test_a_published_accelerometer_has_its_published_bias_scale_and_misalignment
 def test_a_published_gyro_has_its_published_zero(axis, means, u_means):
     # imucal leaves the earth's rate out: 0.07 units here, of a scatter of 0.5 in the mean of a section
     found = fit_gyro_of_known_scale(means[:, 3 + axis], axis, latitude_deg=0.0, pulse_per_deg=0.0)
-    assert abs(found.d0_pps - published.B_G[axis]) < COVERAGE * u_means[3 + axis] / np.sqrt(6)
+    assert abs(found.d0 - published.B_G[axis]) < COVERAGE * u_means[3 + axis] / np.sqrt(6)
 
 
 def test_a_published_gyro_has_its_published_scale_factor(sections):
@@ -78,10 +78,10 @@ def test_imucal_finds_the_same_of_the_same_readings(sections):
     zero = np.mean([rows[:, 3:].mean(axis=0) for rows in sections.values()], axis=0)
     theirs, ours = _imucal(sections, scale, zero), _calibrated(sections, scale, zero)
     for axis, found in enumerate(ours.points[0].axes):
-        assert found.k0_pps == pytest.approx(theirs.b_a[axis], rel=1e-12)
-        assert found.k1_pps_per_g / PER_G == pytest.approx(theirs.K_a[axis, axis] * theirs.R_a[axis, axis], rel=1e-12)
+        assert found.k0 == pytest.approx(theirs.b_a[axis], rel=1e-12)
+        assert found.k1_per_g / PER_G == pytest.approx(theirs.K_a[axis, axis] * theirs.R_a[axis, axis], rel=1e-12)
         own_gyro = [sections[part][:, 3 + axis].mean() for part in published.PARTS[2 * axis : 2 * axis + 2]]
-        assert found.d0_pps == pytest.approx(np.mean(own_gyro), rel=1e-12)
+        assert found.d0 == pytest.approx(np.mean(own_gyro), rel=1e-12)
         # Theirs is the length of a row, and of one turn: what the bias of the horizontal accelerometers does to the
         # sensitivity to g that it takes off is some 0.01 units, of 1,500 while the gyro turns.
         assert found.kg_pulse_per_deg == pytest.approx(theirs.K_g[axis, axis], rel=1e-5)

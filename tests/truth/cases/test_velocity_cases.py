@@ -16,9 +16,9 @@ def calibrated(rng):
     """The normalised model of a run at 1 g, as M0 shares it with other levels."""
     columns = run_columns(rng, PURE, 1.0)
     run = reduce_run(ChannelRecord(*(columns[name] for name in COLUMNS)), RULES)
-    u = np.array([run.u_rate_pps, 0.0, run.u_relative_slope_per_c, 0.0])
+    u = np.array([run.u_rate, 0.0, run.u_relative_slope_per_c, 0.0])
     return ChannelModel(
-        reference_c=T_REF_C, scale_pps_per_g=run.rate_pps, bias_g=0.0, scale_drift_per_c=run.relative_slope_per_c,
+        reference_c=T_REF_C, scale_pps_per_g=run.rate, bias_g=0.0, scale_drift_per_c=run.relative_slope_per_c,
         offset_drift_pps_per_c=0.0, covariance=np.diag(u**2),
     )  # fmt: skip
 

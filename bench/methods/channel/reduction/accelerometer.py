@@ -48,7 +48,7 @@ def _by_thermometer(level: Level) -> float:
 def _u_without(level: Level) -> float:
     """Standard uncertainty of a relative slope without the part of the accelerometer's own temperature."""
     parts = [line.u for line in level.slope_lines if line.kind != OWN_TEMPERATURE]
-    return float(np.linalg.norm(parts) / abs(level.run.rate_pps))
+    return float(np.linalg.norm(parts) / abs(level.run.rate))
 
 
 def with_own_drift(levels: Mapping[str, Level], stated_u: float) -> dict[str, Level]:
@@ -64,6 +64,6 @@ def with_own_drift(levels: Mapping[str, Level], stated_u: float) -> dict[str, Le
 
 
 def _widened(level: Level, per_c: float) -> Level:
-    u = abs(level.run.rate_pps * level.scatter.accelerometer_per_c) * per_c
+    u = abs(level.run.rate * level.scatter.accelerometer_per_c) * per_c
     lines = [replace(line, u=u) if line.kind == OWN_TEMPERATURE else line for line in level.slope_lines]
     return replace(level, slope_lines=tuple(lines))

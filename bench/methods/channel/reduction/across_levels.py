@@ -95,12 +95,12 @@ class ChannelConclusions:
     def _deviations(self, compared: Compared) -> Iterator[Finding]:
         ours, theirs, found = compared.level, compared.reference, compared.comparison
         at = {"run": ours.name, "reference": theirs.name, "decision": found.decision}
-        raw, raw_reference = ours.run.slope_pps_per_c, theirs.run.slope_pps_per_c
+        raw, raw_reference = ours.run.slope_per_c, theirs.run.slope_per_c
         relative, relative_reference = ours.run.relative_slope_per_c, theirs.run.relative_slope_per_c
         for quantity, deviation, value, reference, per in (
             ("deviation/raw", found.raw, raw, raw_reference, (1.0, 1.0)),
             ("deviation/normalised", found.normalised, relative, relative_reference,
-             (ours.run.rate_pps, theirs.run.rate_pps)),
+             (ours.run.rate, theirs.run.rate)),
         ):  # fmt: skip
             if not np.isfinite(deviation.value):
                 continue
@@ -117,13 +117,13 @@ class ChannelConclusions:
     def _coefficients(self, drift: ChannelDrift) -> Iterator[Finding]:
         steps = tuple(step for level in self._usable for step in level.data.steps)
         for gain, (quantity, name, value, unit) in zip(drift.gain, (
-            ("tempco_offset", "part of the slope that is the same at all levels", drift.offset_pps_per_c,
+            ("tempco_offset", "part of the slope that is the same at all levels", drift.offset_per_c,
              f"{self.of_levels.unit.output_unit}/°C"),
             ("tempco_scale", f"part of the slope in proportion to the {self.of_levels.output}", drift.scale_per_c,
              "1/°C"),
         ), strict=True):  # fmt: skip
             drifted = sum(
-                part * level.run.slope_pps_per_c * level.drifted_share
+                part * level.run.slope_per_c * level.drifted_share
                 for part, level in zip(gain.tolist(), self._usable, strict=True)
             )
             lines = [
@@ -179,7 +179,7 @@ class ChannelConclusions:
             },
             valid={
                 "rate_pps" if self.of_levels.unit.is_counted else "output": _ends(
-                    np.array([level.run.rate_pps for level in self._usable])
+                    np.array([level.run.rate for level in self._usable])
                 )
             },
         )

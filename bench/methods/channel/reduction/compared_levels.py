@@ -86,7 +86,7 @@ class Level:
     def _run_known_by(self, lines: Sequence[BudgetLine]) -> ChannelRun:
         return replace(
             self.run,
-            u_slope_pps_per_c=float(np.sqrt(sum(line.u**2 for line in lines))),
+            u_slope_per_c=float(np.sqrt(sum(line.u**2 for line in lines))),
             dof_slope=effective_dof([(line.u, line.dof) for line in lines]),
         )
 
@@ -162,23 +162,21 @@ def _level(
     ramp_h = float(np.sum(run.gates.seconds)) / 3600.0
     found_per_h = drift.found_per_h(None if level.level.kind == "source" else ramp_h) if drift is not None else 0.0
     drift_u_per_h = found_per_h if found_per_h > COVERAGE * certified_per_h else certified_per_h
-    rate_pps = abs(run.rate_pps)
+    rate = abs(run.rate)
     by_meter = level.metered is not None and believes_meter(unit, settings)
     what = standard if by_meter else "source" if level.level.kind == "source" else "accelerometer"
     lines = [
         BudgetLine(SCATTER, "A", scatter.scatter_slope, scatter.dof, kind=READ_OUT),
         BudgetLine(resolution_of(unit), "B", scatter.counting_slope, kind=READ_OUT),
-        BudgetLine(f"{what}: drift during the ramp", "B", rate_pps * drift_u_per_h * abs(scatter.drift_h_per_c)),
+        BudgetLine(f"{what}: drift during the ramp", "B", rate * drift_u_per_h * abs(scatter.drift_h_per_c)),
     ]
     if level.metered is not None and by_meter:
         drift_u = level.metered.change_per_c(run.gates)[1] if run.gates_used else np.nan
-        lines.append(BudgetLine(f"{standard}: scatter", "A", rate_pps * drift_u))
+        lines.append(BudgetLine(f"{standard}: scatter", "A", rate * drift_u))
     if level.level.kind == "gravity":
         followed = abs(scatter.accelerometer_per_c) * settings["accelerometer_drift_u"]
         own = f"{unit.place}.accelerometer"
-        lines.append(
-            BudgetLine("accelerometer: its own temperature", "B", rate_pps * followed, None, own, OWN_TEMPERATURE)
-        )
+        lines.append(BudgetLine("accelerometer: its own temperature", "B", rate * followed, None, own, OWN_TEMPERATURE))
     return Level(level, run, scatter, drift, drift_u_per_h, tuple(lines), *_drifted(data, unit, run, settings))
 
 
@@ -199,7 +197,7 @@ def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:
     except NotDetermined:
         dof = max(run.gates_used - 2, 1)
         return LineScatter(
-            0.0, 0.0, run.u_rate_pps, run.u_slope_pps_per_c, dof, run.residual_rms_pps, np.nan, np.empty(0), np.nan,
+            0.0, 0.0, run.u_rate, run.u_slope_per_c, dof, run.residual_rms, np.nan, np.empty(0), np.nan,
             0.0, 0.0,
         )  # fmt: skip
 

@@ -44,7 +44,7 @@ class RelativeDeviation(NamedTuple):
 class Comparison:
     """A run held against its reference, by the slopes k and by the relative slopes k / D.
 
-    `rate_pps` + `slope_pps_per_c` (T - reference temperature) is the model that serves the level; NaN where there is no
+    `rate` + `slope_per_c` (T - reference temperature) is the model that serves the level; NaN where there is no
     decision. `remarks` tell in words why there is none, or why it does not rest on the deviation.
     """
 
@@ -52,8 +52,8 @@ class Comparison:
     normalised: RelativeDeviation
     decision: Decision
     marginal: bool
-    rate_pps: float
-    slope_pps_per_c: float
+    rate: float
+    slope_per_c: float
     remarks: tuple[str, ...]
 
 
@@ -66,9 +66,7 @@ def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: 
     converter has another scale factor there.
     """
     certain = _is_certain(reference)
-    raw = _deviation(
-        run.slope_pps_per_c, run.u_slope_pps_per_c, reference.slope_pps_per_c, reference.u_slope_pps_per_c, certain
-    )
+    raw = _deviation(run.slope_per_c, run.u_slope_per_c, reference.slope_per_c, reference.u_slope_per_c, certain)
     normalised = _deviation(
         run.relative_slope_per_c, run.u_relative_slope_per_c,
         reference.relative_slope_per_c, reference.u_relative_slope_per_c, certain,
@@ -76,26 +74,26 @@ def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: 
     deciding = raw if basis == "raw" else normalised
     k = coverage_factor(_dof(run, reference)) if certain else np.nan
     invalid = _problems(run, reference, certain, deciding)
-    opposite = run.rate_pps * reference.rate_pps < 0
+    opposite = run.rate * reference.rate < 0
     close = bool(deciding.value <= threshold)
     decision: Decision = "invalid" if invalid else "share" if close and not opposite else "keep"
-    shared_slope = reference.slope_pps_per_c if basis == "raw" else reference.relative_slope_per_c * run.rate_pps
+    shared_slope = reference.slope_per_c if basis == "raw" else reference.relative_slope_per_c * run.rate
     return Comparison(
         raw=raw,
         normalised=normalised,
         decision=decision,
         marginal=not invalid and not opposite and abs(deciding.value - threshold) < k * deciding.u,
-        rate_pps=np.nan if invalid else run.rate_pps,
-        slope_pps_per_c={"share": shared_slope, "keep": run.slope_pps_per_c, "invalid": np.nan}[decision],
+        rate=np.nan if invalid else run.rate,
+        slope_per_c={"share": shared_slope, "keep": run.slope_per_c, "invalid": np.nan}[decision],
         remarks=(OTHER_POLARITY,) if opposite and not invalid else invalid,
     )
 
 
 def _is_certain(reference: ChannelRun) -> bool:
     """Whether a slope is known so well that others can be divided by it."""
-    slope, rate_pps = abs(reference.slope_pps_per_c), abs(reference.rate_pps)
-    significant = slope >= LEAST_SIGNIFICANCE * reference.u_slope_pps_per_c
-    return significant and slope * reference.span_c > ROUNDING * rate_pps
+    slope, rate = abs(reference.slope_per_c), abs(reference.rate)
+    significant = slope >= LEAST_SIGNIFICANCE * reference.u_slope_per_c
+    return significant and slope * reference.span_c > ROUNDING * rate
 
 
 def _deviation(value: float, u: float, reference: float, u_reference: float, certain: bool) -> RelativeDeviation:
@@ -109,8 +107,8 @@ def _deviation(value: float, u: float, reference: float, u_reference: float, cer
 
 def _dof(run: ChannelRun, reference: ChannelRun) -> int | None:
     """Effective degrees of freedom of the uncertainty of the deviation of two slopes, raw or normalised."""
-    of_reference = run.slope_pps_per_c / reference.slope_pps_per_c * reference.u_slope_pps_per_c
-    return effective_dof([(run.u_slope_pps_per_c, run.dof_slope), (of_reference, reference.dof_slope)])
+    of_reference = run.slope_per_c / reference.slope_per_c * reference.u_slope_per_c
+    return effective_dof([(run.u_slope_per_c, run.dof_slope), (of_reference, reference.dof_slope)])
 
 
 def _problems(run: ChannelRun, reference: ChannelRun, certain: bool, deciding: RelativeDeviation) -> tuple[str, ...]:
@@ -133,9 +131,9 @@ class ChannelDrift:
     unit of each slope adds to offset and scale.
     """
 
-    offset_pps_per_c: float
+    offset_per_c: float
     scale_per_c: float
-    u_offset_pps_per_c: float
+    u_offset_per_c: float
     u_scale_per_c: float
     misfit: bool
     gain: Array = field(compare=False, repr=False)
@@ -146,34 +144,34 @@ def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
 
     The slopes are finite. Raises NotDetermined when the rates are all about the same.
     """
-    rate_pps = np.array([run.rate_pps for run in runs])
-    slope = np.array([run.slope_pps_per_c for run in runs])
-    u = np.array([run.u_slope_pps_per_c for run in runs])
+    rate = np.array([run.rate for run in runs])
+    slope = np.array([run.slope_per_c for run in runs])
+    u = np.array([run.u_slope_per_c for run in runs])
     exact = not (u > 0).all()
     weight = (np.ones_like(u) if exact else 1 / u)[:, np.newaxis]
-    design = np.stack([np.ones_like(rate_pps), rate_pps], axis=-1)
+    design = np.stack([np.ones_like(rate), rate], axis=-1)
     least_squares(design, slope, names=("tempco_offset", "tempco_scale"))  # raises; weights do not tell rates apart
     fit = least_squares(design * weight, slope * weight[:, 0], condition_limit=np.finfo(np.float64).max)
     u_offset, u_scale = np.full(2, np.nan) if exact else np.sqrt(np.diag(fit.unscaled_covariance))
     chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof and not exact else 1.0  # of chi²
     return ChannelDrift(
-        offset_pps_per_c=float(fit.coefficients[0]),
+        offset_per_c=float(fit.coefficients[0]),
         scale_per_c=float(fit.coefficients[1]),
-        u_offset_pps_per_c=float(u_offset),
+        u_offset_per_c=float(u_offset),
         u_scale_per_c=float(u_scale),
         misfit=bool(chance < MISFIT_PROBABILITY),
         gain=fit.gain * weight[:, 0],
     )
 
 
-def out_of_proportion(level_g: Array, rate_pps: Array) -> NDArray[np.bool_]:
+def out_of_proportion(level_g: Array, rate: Array) -> NDArray[np.bool_]:
     """Which runs (n,) have a rate per g that is not that of most others: a wrong unit, fixture or polarity."""
-    judged = (np.abs(level_g) >= LEAST_LEVEL_G) & np.isfinite(level_g) & np.isfinite(rate_pps)
+    judged = (np.abs(level_g) >= LEAST_LEVEL_G) & np.isfinite(level_g) & np.isfinite(rate)
     odd = np.zeros(len(level_g), dtype=np.bool_)
     if judged.any():
-        per_g = rate_pps[judged] / level_g[judged]
+        per_g = rate[judged] / level_g[judged]
         usual = np.median(per_g)
         odd[judged] = np.abs(per_g - usual) > PROPORTION * np.abs(usual)
-        small = ~judged & np.isfinite(level_g) & np.isfinite(rate_pps)
-        odd[small] = np.abs(rate_pps[small] - usual * level_g[small]) > LARGEST_BIAS_G * np.abs(usual)
+        small = ~judged & np.isfinite(level_g) & np.isfinite(rate)
+        odd[small] = np.abs(rate[small] - usual * level_g[small]) > LARGEST_BIAS_G * np.abs(usual)
     return odd

@@ -42,7 +42,7 @@ class ChannelFindings:
     def findings(self) -> Iterator[Finding]:
         """Everything that a limit may name, level by level, then with nothing fed."""
         for level in self.levels:
-            if np.isfinite(level.run.slope_pps_per_c):
+            if np.isfinite(level.run.slope_per_c):
                 yield self.rate(level)
                 yield self.slope(level)
                 yield self.relative_slope(level)
@@ -57,12 +57,12 @@ class ChannelFindings:
         """The rate at the reference temperature."""
         run, name = level.run, f"{self.output} at {self.reference_c:g} °C"
         offset_u, gain_u = self._thermometer
-        rate_pps, slope = abs(run.rate_pps), abs(run.slope_pps_per_c)
+        rate, slope = abs(run.rate), abs(run.slope_per_c)
         reading = self.unit.converter
         lines = [
             BudgetLine(SCATTER, "A", level.scatter.scatter_rate, level.scatter.dof),
             BudgetLine(resolution_of(self.unit), "B", level.scatter.counting_rate),
-            *self._instrument_lines(rate_pps),
+            *self._instrument_lines(rate),
             BudgetLine(f"{reading}: offset", "B", slope * offset_u, None, f"{reading}.offset"),
             BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
             *self._input_lines(level),
@@ -70,11 +70,11 @@ class ChannelFindings:
             self.drift_line(slope * level.drifted_c),
             LAG,
         ]
-        return self._of_level("rate", name, level, run.rate_pps, self.unit.output_unit, lines)
+        return self._of_level("rate", name, level, run.rate, self.unit.output_unit, lines)
 
-    def _instrument_lines(self, rate_pps: float) -> Iterator[BudgetLine]:
+    def _instrument_lines(self, rate: float) -> Iterator[BudgetLine]:
         """What the certificate of whatever measures the output says of it."""
-        for source, u in instrument_u(self.unit, self.data.bench, rate_pps, 1.0).items():
+        for source, u in instrument_u(self.unit, self.data.bench, rate, 1.0).items():
             yield BudgetLine(source, "B", abs(u), None, shared_as(source))
 
     def _away_c(self, level: Level) -> float:
@@ -83,22 +83,22 @@ class ChannelFindings:
 
     def _input_lines(self, level: Level) -> Iterator[BudgetLine]:
         """How well the input of a level is known: the source by its certificate, gravity by the level of the slab."""
-        rate_pps, at = abs(level.run.rate_pps), level.data.level
+        rate, at = abs(level.run.rate), level.data.level
         certificate = self.certificate
         if not level.is_source:
             tilt, level_g = np.radians(self.data.bench.level_u_deg), abs(at.level_g)
             tilted_g = np.hypot(np.sqrt(max(1 - level_g**2, 0.0)) * tilt, level_g * tilt**2 / np.sqrt(2))
-            yield BudgetLine("fixture: level", "B", float(rate_pps * tilted_g / level_g), None, "fixture.level")
+            yield BudgetLine("fixture: level", "B", float(rate * tilted_g / level_g), None, "fixture.level")
         elif certificate is not None:
             source = self.standard
-            yield BudgetLine(f"{source}: gain", "B", rate_pps * certificate.gain_u, None, f"{source}.gain")
-            offset_pps = abs(rate_pps / at.current_a) * certificate.offset_u_a
-            yield BudgetLine(f"{source}: offset", "B", offset_pps, None, f"{source}.offset")
+            yield BudgetLine(f"{source}: gain", "B", rate * certificate.gain_u, None, f"{source}.gain")
+            offset = abs(rate / at.current_a) * certificate.offset_u_a
+            yield BudgetLine(f"{source}: offset", "B", offset, None, f"{source}.offset")
             drifted = level.drift_u_per_h * self._hours_of_run(level)
-            yield BudgetLine(f"{source}: drift since the run began", "B", rate_pps * drifted, None, f"{source}.drift")
+            yield BudgetLine(f"{source}: drift since the run began", "B", rate * drifted, None, f"{source}.drift")
         if level.is_source and level.data.metered is not None and believes_meter(self.unit, self.settings):
             scatter = level.data.metered.mean_u_a / abs(at.current_a)
-            yield BudgetLine(f"{self.standard}: scatter of the mean", "A", rate_pps * scatter)
+            yield BudgetLine(f"{self.standard}: scatter of the mean", "A", rate * scatter)
 
     def _hours_of_run(self, level: Level) -> float:
         """From the first point of the run, at whatever level, to the middle of the ramp.
@@ -111,16 +111,16 @@ class ChannelFindings:
 
     def slope(self, level: Level) -> Finding:
         """What the rate changes with the temperature of the converter."""
-        slope = level.run.slope_pps_per_c
+        slope = level.run.slope_per_c
         lines = [*level.slope_lines, self.thermometer_gain(slope), self.drift_line(slope * level.drifted_share), LAG]
         unit = f"{self.unit.output_unit}/°C"
         return self._of_level("rate/temperature_coefficient", "slope", level, slope, unit, lines)
 
     def relative_slope(self, level: Level) -> Finding:
         """The same relative to the rate."""
-        slope, rate_pps = level.run.relative_slope_per_c, abs(level.run.rate_pps)
+        slope, rate = level.run.relative_slope_per_c, abs(level.run.rate)
         lines = [
-            *(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope),
+            *(line.times(1 / rate) for line in level.slope_lines), self.thermometer_gain(slope),
             self.drift_line(slope * level.drifted_share), LAG,
         ]  # fmt: skip
         name = f"slope relative to the {self.output}"
@@ -136,12 +136,12 @@ class ChannelFindings:
         return DriftInRun(self.data, self.unit.converter).line(u)
 
     def _residual(self, level: Level) -> Iterator[Finding]:
-        scatter, rate_pps = level.scatter, abs(level.run.rate_pps)
-        if not len(scatter.residuals_pps):
+        scatter, rate = level.scatter, abs(level.run.rate)
+        if not len(scatter.residuals):
             return
-        residuals = scatter.residuals_pps / rate_pps
+        residuals = scatter.residuals / rate
         value = float(np.max(np.abs(residuals)))
-        u = scatter.stretch_u_pps / rate_pps
+        u = scatter.stretch_u / rate
         name = "largest departure from the line, of means over a twenty-fourth of the run"
         lines = [BudgetLine("read-outs: scatter of a mean", "A", u, scatter.dof)]
         found = self._of_level("rate/model_residual", name, level, value, "1", lines)
@@ -196,21 +196,21 @@ class ChannelFindings:
             return
         at = {"run": ZERO}
         first, last = points[0], points[-1]
-        offset_pps = self._pps_per_a * self._source_offset_u_a
-        fed_pps = self._pps_per_a * self._zero_a
+        offset = self._output_per_a * self._source_offset_u_a
+        fed = self._output_per_a * self._zero_a
         lines = [
             *self._point_lines(first),
-            *(() if self.unit.is_counted else self._instrument_lines(first.rate_pps)),
-            BudgetLine(f"{self.standard}: offset", "B", offset_pps, None, f"{self.standard}.offset"),
+            *(() if self.unit.is_counted else self._instrument_lines(first.rate)),
+            BudgetLine(f"{self.standard}: offset", "B", offset, None, f"{self.standard}.offset"),
         ]
         unit = self.unit.output_unit
         name = f"{self.output} with the source at 0 A"
-        yield self.finding("zero", name, at, first.rate_pps - fed_pps, unit, lines, (first.step,))
+        yield self.finding("zero", name, at, first.rate - fed, unit, lines, (first.step,))
         if last is not first:
             hours = (last.middle_s - first.middle_s) / HOUR_S
             name = f"change of the {self.output} at 0 A within {hours:.1f} h"
             lines = self._point_lines(first, last)
-            change = last.rate_pps - first.rate_pps
+            change = last.rate - first.rate
             yield self.finding("zero/drift", name, at, change, unit, lines, (first.step, last.step))
 
     @property
@@ -231,16 +231,16 @@ class ChannelFindings:
 
     def _point_lines(self, *points: Point) -> list[BudgetLine]:
         """What points alone tell of their uncertainty, or of that of their difference."""
-        alone = float(np.linalg.norm([each.alone_u_pps for each in points]))
-        steps = float(np.linalg.norm([each.step_u_pps for each in points]))
+        alone = float(np.linalg.norm([each.alone_u for each in points]))
+        steps = float(np.linalg.norm([each.step_u for each in points]))
         if self.unit.is_counted:
             return [BudgetLine(resolution_of(self.unit), "B", alone)]
         return [BudgetLine(SCATTER, "A", alone), BudgetLine(resolution_of(self.unit), "B", steps)]
 
     @property
-    def _pps_per_a(self) -> float:
+    def _output_per_a(self) -> float:
         """The scale of the converter, by what it made of a current."""
-        found = [abs(level.run.rate_pps / level.data.level.current_a) for level in self.levels if level.is_source]
+        found = [abs(level.run.rate / level.data.level.current_a) for level in self.levels if level.is_source]
         found = [each for each in found if np.isfinite(each)]
         return float(np.median(found)) if found else 0.0
 

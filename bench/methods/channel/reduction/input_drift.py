@@ -46,15 +46,15 @@ def input_drift(
 ) -> InputDrift | None:
     """The drift of a level between its first point and its last; None without two that can be used."""
     usable = [point for point in points if not point.problems and point.span_s > 0]
-    if len(usable) < 2 or not run.rate_pps:
+    if len(usable) < 2 or not run.rate:
         return None
     first, last = usable[0], usable[-1]
-    warmed_pps = run.slope_pps_per_c * (last.converter_c - first.converter_c)
-    u_pps = (scatter.mean_u_pps(first.span_s) ** 2 + scatter.mean_u_pps(last.span_s) ** 2) ** 0.5
+    warmed = run.slope_per_c * (last.converter_c - first.converter_c)
+    u = (scatter.mean_u(first.span_s) ** 2 + scatter.mean_u(last.span_s) ** 2) ** 0.5
     began_c, ended_c = thermometer.error_c(np.array([first.middle_s, last.middle_s]))
     return InputDrift(
-        change=(last.rate_pps - first.rate_pps - warmed_pps) / run.rate_pps,
-        scatter_u=u_pps / abs(run.rate_pps),
+        change=(last.rate - first.rate - warmed) / run.rate,
+        scatter_u=u / abs(run.rate),
         thermometer_u=abs(run.relative_slope_per_c * (ended_c - began_c)),
         hours=(last.middle_s - first.middle_s) / HOUR_S,
         steps=(first.step, last.step),

@@ -51,17 +51,17 @@ class InputLevel:
 class Point:
     """A mean output at rest; `problems` are those of `mean_output`. Temperatures are means, NaN without a reading.
 
-    `alone_u_pps` is what it alone tells of its standard uncertainty, `step_u_pps` what steps of codes hide from it.
+    `alone_u` is what it alone tells of its standard uncertainty, `step_u` what steps of codes hide from it.
     """
 
     step: str
     middle_s: float
     span_s: float
-    rate_pps: float
+    rate: float
     converter_c: float
     problems: tuple[str, ...]
-    alone_u_pps: float
-    step_u_pps: float = 0.0
+    alone_u: float
+    step_u: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def _as_metered(level: LevelData, members: list[tuple[InputLevel, Acquisition]],
     fed_a = level.metered.mean_a
     by_step = {acquisition.step: metered([acquisition], unit).mean_a for _, acquisition in members}
     points = tuple(
-        replace(point, rate_pps=point.rate_pps * fed_a / by_step[point.step]) if level.level.told_g else point
+        replace(point, rate=point.rate * fed_a / by_step[point.step]) if level.level.told_g else point
         for point in level.points
     )
     return replace(
@@ -225,9 +225,9 @@ def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:
         step=acquisition.step,
         middle_s=(acquisition.begin_s + acquisition.end_s) / 2,
         span_s=span_s,
-        rate_pps=output.value,
+        rate=output.value,
         converter_c=float(np.nanmean(temperatures_c)) if np.isfinite(temperatures_c).any() else float("nan"),
         problems=output.problems,
-        alone_u_pps=output.alone_u,
-        step_u_pps=output.step_u,
+        alone_u=output.alone_u,
+        step_u=output.step_u,
     )

@@ -2,7 +2,7 @@
 
 Two consecutive readings of the counters make a gate: a mean rate at a mean temperature of the converter. A straight
 line goes through the gates of a run. Where a converter makes volts or codes their mean stands in place of the rate, and
-what the arithmetic calls pps is in V or codes.
+the rate is in V or codes.
 """
 
 from __future__ import annotations
@@ -84,11 +84,11 @@ class ChannelRun:
     no flag. `gates` are those used, in the order of time.
     """
 
-    rate_pps: float
-    u_rate_pps: float
-    slope_pps_per_c: float
-    u_slope_pps_per_c: float
-    residual_rms_pps: float
+    rate: float
+    u_rate: float
+    slope_per_c: float
+    u_slope_per_c: float
+    residual_rms: float
     gates_used: int
     span_c: float
     ramp_c_per_h: float
@@ -101,12 +101,12 @@ class ChannelRun:
     @property
     def relative_slope_per_c(self) -> float:
         """Slope over rate; NaN without a rate."""
-        return self.slope_pps_per_c / self.rate_pps if self.rate_pps else np.nan
+        return self.slope_per_c / self.rate if self.rate else np.nan
 
     @property
     def u_relative_slope_per_c(self) -> float:
         """Standard uncertainty of the relative slope; that of the rate does not matter beside that of the slope."""
-        return self.u_slope_pps_per_c / abs(self.rate_pps) if self.rate_pps else np.nan
+        return self.u_slope_per_c / abs(self.rate) if self.rate else np.nan
 
     @property
     def valid(self) -> bool:
@@ -151,14 +151,14 @@ def run_through(
         FAST: ramp.fastest_c_per_h > RAMP_SLACK * rules.max_ramp_c_per_h,
         INVALID: bool(shortage),
     }
-    rate_pps, slope_pps_per_c = map(float, line.powers) if line else UNKNOWN
-    u_rate_pps, u_slope_pps_per_c = map(float, line.u_powers) if line else UNKNOWN
+    rate, slope_per_c = map(float, line.powers) if line else UNKNOWN
+    u_rate, u_slope_per_c = map(float, line.u_powers) if line else UNKNOWN
     return ChannelRun(
-        rate_pps=rate_pps,
-        u_rate_pps=u_rate_pps,
-        slope_pps_per_c=slope_pps_per_c,
-        u_slope_pps_per_c=u_slope_pps_per_c,
-        residual_rms_pps=float(np.sqrt(np.mean(line.residuals**2))) if line else np.nan,
+        rate=rate,
+        u_rate=u_rate,
+        slope_per_c=slope_per_c,
+        u_slope_per_c=u_slope_per_c,
+        residual_rms=float(np.sqrt(np.mean(line.residuals**2))) if line else np.nan,
         gates_used=used,
         span_c=span_c,
         ramp_c_per_h=ramp.usual_c_per_h,
@@ -240,8 +240,8 @@ def _stuck(gates: Gates) -> NDArray[np.bool_]:
     """Whether no line pulsed for five times the usual period; all gates of a run in which none ever did."""
     both = gates.positive + gates.negative
     pulsing = both > 0
-    usual_pps = float(np.median(both[pulsing] / gates.seconds[pulsing])) if pulsing.any() else np.inf
-    return ~pulsing & (gates.seconds * usual_pps > STANDSTILL_PERIODS)
+    usual = float(np.median(both[pulsing] / gates.seconds[pulsing])) if pulsing.any() else np.inf
+    return ~pulsing & (gates.seconds * usual > STANDSTILL_PERIODS)
 
 
 def away_from_thermostat(gates: Gates, rules: ChannelRules) -> NDArray[np.bool_]:
@@ -262,8 +262,8 @@ def _line(away_c: Array, gates: Gates, sigmas: float) -> tuple[PolynomialFit | N
         return None, kept
     design = np.stack([np.ones_like(away_c), away_c - np.mean(away_c)], axis=-1)
     try:
-        kept = reject_outliers(design, gates.rate_pps, sigmas=sigmas, resolution=gates.resolution_pps).kept
-        return fit_polynomial(away_c[kept], gates.rate_pps[kept], 1), kept
+        kept = reject_outliers(design, gates.rate, sigmas=sigmas, resolution=gates.resolution).kept
+        return fit_polynomial(away_c[kept], gates.rate[kept], 1), kept
     except NotDetermined:
         return None, kept
 

@@ -61,9 +61,9 @@ def joined(parts: Sequence[Means]) -> Means:
 def reduce_means(means: Means, rules: ChannelRules) -> ChannelRun:
     """The output of one run as a straight line over the converter's temperature, as `reduce_run` has it for counts."""
     gates, excluded = means.gates, means.problems.copy()
-    excluded["missing"] += int(np.sum(~np.isfinite(gates.rate_pps))) - sum(means.problems.values())
+    excluded["missing"] += int(np.sum(~np.isfinite(gates.rate))) - sum(means.problems.values())
     held_c = np.zeros_like(gates.time_s) if rules.accelerometer_c is None else gates.accelerometer_c
-    good = np.isfinite(gates.rate_pps)
+    good = np.isfinite(gates.rate)
     untold = ~np.isfinite(gates.converter_c + held_c)
     excluded["missing"] += int(np.sum(good & untold))
     good &= ~untold

@@ -143,14 +143,14 @@ def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) ->
         yield Flag("not_certified", of=of_levels.standard)
     yield from of_levels.flags_of_currents()
     odd = out_of_proportion(
-        np.array([level.data.level.level_g for level in levels]), np.array([level.run.rate_pps for level in levels])
+        np.array([level.data.level.level_g for level in levels]), np.array([level.run.rate for level in levels])
     )
     yield from (Flag("out_of_proportion", of=level.name) for level, is_odd in zip(levels, odd, strict=True) if is_odd)
     if drift is not None and drift.misfit:
         yield Flag("drift_not_linear", of="channel")
     by_gravity = [level for level in levels if not level.is_source and level.data.level.level_g]
     for level in by_gravity[:1]:
-        yield from flags_of_scale(level.run.rate_pps / level.data.level.level_g, 0.0, of_levels.unit)
+        yield from flags_of_scale(level.run.rate / level.data.level.level_g, 0.0, of_levels.unit)
 
 
 def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Iterator[Flag]:
@@ -162,8 +162,8 @@ def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Ite
 
 def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[Flag]:
     """Points at which the source gave nothing, and the channel counted as if something fed it."""
-    per_g = [abs(each.run.rate_pps / each.data.level.level_g) for each in of_levels.levels if each.is_source]
+    per_g = [abs(each.run.rate / each.data.level.level_g) for each in of_levels.levels if each.is_source]
     for point in of_levels.zero_points:
         yield from (Flag(problem, at=point.step) for problem in point.problems)
-        if per_g and abs(point.rate_pps) > ZERO_SHARE * min(per_g):
+        if per_g and abs(point.rate) > ZERO_SHARE * min(per_g):
             yield Flag("not_zero", at=point.step)

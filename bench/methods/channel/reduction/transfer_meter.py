@@ -73,13 +73,13 @@ class Metered:
         if not np.isfinite(per_c):
             lost = float("nan")
             flags = tuple(dict.fromkeys((*run.flags, INVALID)))
-            return replace(run, rate_pps=lost, slope_pps_per_c=lost, flags=flags)
-        followed_pps_per_c = run.rate_pps * per_c
+            return replace(run, rate=lost, slope_per_c=lost, flags=flags)
+        followed_per_c = run.rate * per_c
         away_c = reference_c - float(np.mean(run.gates.converter_c))
         return replace(
             run,
-            rate_pps=run.rate_pps - followed_pps_per_c * away_c,
-            slope_pps_per_c=run.slope_pps_per_c - followed_pps_per_c,
+            rate=run.rate - followed_per_c * away_c,
+            slope_per_c=run.slope_per_c - followed_per_c,
         )
 
 

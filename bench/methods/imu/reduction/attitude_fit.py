@@ -28,7 +28,7 @@ class AccelerometerFit:
     fit: LinearFit
 
     @property
-    def k1_pps_per_g(self) -> float:
+    def k1_per_g(self) -> float:
         """Scale factor, with K3 in it."""
         return float(self._k1)
 
@@ -78,45 +78,45 @@ class GyroFit:
     of the squares of the residuals, `dof` are their degrees of freedom.
     """
 
-    d0_pps: float
-    g_sensitivity_pps_per_g: Array
-    u_d0_pps: float
-    u_g_sensitivity_pps_per_g: Array
+    d0: float
+    g_sensitivity_per_g: Array
+    u_d0: float
+    u_g_sensitivity_per_g: Array
     weights: Array
     squares: float
     dof: int
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def fit_accelerometer(pps: Array, axis: int) -> AccelerometerFit:
+def fit_accelerometer(output: Array, axis: int) -> AccelerometerFit:
     """From the readings (24,) in pulse/s of the channel `axis`, NaN where there is none.
 
     Raises NotDetermined when too many are missing.
     """
-    there = np.isfinite(pps)
+    there = np.isfinite(output)
     force_g = SPECIFIC_FORCE_G[there]
     design = np.column_stack([np.ones(len(force_g)), force_g, force_g[:, axis] ** 2])
     names = [f"K0 of acc_{AXES[axis]}", *_by_axis("K1", "misalignment", axis), "K2"]
-    return AccelerometerFit(axis, least_squares(design, pps[there], names=names))
+    return AccelerometerFit(axis, least_squares(design, output[there], names=names))
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def fit_gyro(pps: Array, axis: int, latitude_deg: float) -> GyroFit:
+def fit_gyro(output: Array, axis: int, latitude_deg: float) -> GyroFit:
     """From the readings (24,) in pulse/s of the channel `axis`, NaN where there is none.
 
     W/t = D0 + KG (w_a + m_b w_b + m_c w_c) + g_x f_x + g_y f_y + g_z f_z, w the earth rate.
 
     Raises NotDetermined when too many are missing, or so near a pole that headings tell nothing.
     """
-    there = np.isfinite(pps)
+    there = np.isfinite(output)
     rate_dps, force_g = earth_rate_dps(latitude_deg)[there], SPECIFIC_FORCE_G[there]
     design = np.column_stack([np.ones(len(force_g)), force_g, rate_dps])
     names = [f"D0 of gyro_{AXES[axis]}", *_g_sensitivities(), *_by_axis("KG", "misalignment", axis)]
-    return _gyro(least_squares(design, pps[there], names=names), 3 * [True])
+    return _gyro(least_squares(design, output[there], names=names), 3 * [True])
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def fit_gyro_of_known_scale(pps: Array, axis: int, latitude_deg: float, pulse_per_deg: float) -> GyroFit:
+def fit_gyro_of_known_scale(output: Array, axis: int, latitude_deg: float, pulse_per_deg: float) -> GyroFit:
     """The same near a pole, with KG from the rates.
 
     There the earth rate is vertical, as gravity is: with KG the sensitivity along the gyro's own axis is determined;
@@ -124,12 +124,12 @@ def fit_gyro_of_known_scale(pps: Array, axis: int, latitude_deg: float, pulse_pe
 
     Raises NotDetermined when too many readings are missing.
     """
-    turning_pps = pulse_per_deg * earth_rate_dps(latitude_deg)[:, axis]
-    there = np.isfinite(pps - turning_pps)
+    turning_output = pulse_per_deg * earth_rate_dps(latitude_deg)[:, axis]
+    there = np.isfinite(output - turning_output)
     force_g = SPECIFIC_FORCE_G[there]
     design = np.column_stack([np.ones(len(force_g)), force_g])
     names = [f"D0 of gyro_{AXES[axis]}", *_g_sensitivities()]
-    fit = least_squares(design, (pps - turning_pps)[there], names=names)
+    fit = least_squares(design, (output - turning_output)[there], names=names)
     return _gyro(fit, [other == axis for other in range(len(AXES))])
 
 
@@ -159,7 +159,9 @@ class AttitudeFits:
     notes: tuple[str, ...]
 
 
-def fit_attitudes(accelerometer_pps: Array, gyro_pps: Array, latitude_deg: float, pulse_per_deg: Array) -> AttitudeFits:
+def fit_attitudes(
+    accelerometer_output: Array, gyro_output: Array, latitude_deg: float, pulse_per_deg: Array
+) -> AttitudeFits:
     """All channels from readings (24, 3) in pulse/s, NaN where there is none; `pulse_per_deg` (3,) is KG of the rates.
 
     Where the headings do not tell KG from the g-sensitivity, KG is taken as known.
@@ -167,8 +169,8 @@ def fit_attitudes(accelerometer_pps: Array, gyro_pps: Array, latitude_deg: float
     notes: list[str] = []
     accelerometers, gyros = [], []
     for axis in range(len(AXES)):
-        accelerometers.append(_attempt(notes, fit_accelerometer, accelerometer_pps[:, axis], axis))
-        at_rest, scale = gyro_pps[:, axis], float(pulse_per_deg[axis])
+        accelerometers.append(_attempt(notes, fit_accelerometer, accelerometer_output[:, axis], axis))
+        at_rest, scale = gyro_output[:, axis], float(pulse_per_deg[axis])
         gyros.append(
             _attempt(notes, fit_gyro, at_rest, axis, latitude_deg)
             or _attempt(notes, fit_gyro_of_known_scale, at_rest, axis, latitude_deg, scale)

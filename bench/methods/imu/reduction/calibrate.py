@@ -30,18 +30,18 @@ DEG_PER_S_IN_DEG_PER_H = 3600.0
 class Scatter:
     """Standard deviations in pulse/s of one reading about its fit, pooled over all set points of one axis."""
 
-    accelerometer_pps: float
-    gyro_at_rest_pps: float
-    gyro_turning_pps: float
+    accelerometer_output: float
+    gyro_at_rest_output: float
+    gyro_turning_output: float
 
 
 @dataclass(frozen=True, slots=True)
 class AxisUncertainty:
     """Standard uncertainties of the properties of the same names of an AxisCalibration, type A."""
 
-    k0_pps: float
-    k1_pps_per_g: float
-    d0_pps: float
+    k0: float
+    k1_per_g: float
+    d0: float
     d0_dph: float
     kg_pulse_per_deg: float
 
@@ -61,17 +61,17 @@ class AxisCalibration:
     gyro_turning: LinearFit
 
     @property
-    def k0_pps(self) -> float:
+    def k0(self) -> float:
         """Zero of the accelerometer in pulse/s."""
         return float(self.accelerometer.coefficients[0])
 
     @property
-    def k1_pps_per_g(self) -> float:
+    def k1_per_g(self) -> float:
         """Scale factor of the accelerometer, per local g."""
         return float(self.accelerometer.coefficients[1])
 
     @property
-    def d0_pps(self) -> float:
+    def d0(self) -> float:
         """Zero of the gyro in pulse/s."""
         return float(self.gyro_at_rest.coefficients[0])
 
@@ -84,16 +84,16 @@ class AxisCalibration:
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def d0_dph(self) -> float:
         """Zero of the gyro in °/h."""
-        return float(DEG_PER_S_IN_DEG_PER_H * np.float64(self.d0_pps) / self.kg_pulse_per_deg)
+        return float(DEG_PER_S_IN_DEG_PER_H * np.float64(self.d0) / self.kg_pulse_per_deg)
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def uncertainty(self, scatter: Scatter) -> AxisUncertainty:
         """What the scatter of the readings leaves uncertain."""
-        u_k0, u_k1 = scatter.accelerometer_pps * np.linalg.norm(self.accelerometer.gain, axis=-1)
-        u_d0 = scatter.gyro_at_rest_pps * np.linalg.norm(self.gyro_at_rest.gain[0])
-        u_kg = scatter.gyro_turning_pps * np.linalg.norm(self.gyro_turning.gain[1])
+        u_k0, u_k1 = scatter.accelerometer_output * np.linalg.norm(self.accelerometer.gain, axis=-1)
+        u_d0 = scatter.gyro_at_rest_output * np.linalg.norm(self.gyro_at_rest.gain[0])
+        u_kg = scatter.gyro_turning_output * np.linalg.norm(self.gyro_turning.gain[1])
         scale = np.float64(self.kg_pulse_per_deg)
-        u_d0_dps = np.hypot(u_d0, self.d0_pps / scale * u_kg) / abs(scale)
+        u_d0_dps = np.hypot(u_d0, self.d0 / scale * u_kg) / abs(scale)
         return AxisUncertainty(
             float(u_k0), float(u_k1), float(u_d0), float(DEG_PER_S_IN_DEG_PER_H * u_d0_dps), float(u_kg)
         )
@@ -146,7 +146,7 @@ def calibrate(readings: ImuReadings, attitude_tolerance_g: float, latitude_deg: 
     remarks = _Remarks(excluded=Counter({**readings.excluded, "thermometer": 0}))
     points = []
     for number, set_c in enumerate(readings.set_c):
-        doubted = doubtful_attitudes(readings.accelerometer_pps[number], attitude_tolerance_g)
+        doubted = doubtful_attitudes(readings.accelerometer_output[number], attitude_tolerance_g)
         axes = tuple(_axis(readings, number, axis, doubted, remarks) for axis in range(len(AXES)))
         points.append(SetPoint(float(set_c), axes, doubted, int(readings.visit[number])))
     remarks.notes += _check_headings(readings, points, latitude_deg)
@@ -168,7 +168,7 @@ def _axis(
 ) -> AxisCalibration | None:
     """One axis at one set point; None when something is missing or contradicts itself."""
     set_c = f"{readings.set_c[point]:.10g}"
-    problems = list(_problems(readings.accelerometer_pps[point], axis, doubted))
+    problems = list(_problems(readings.accelerometer_output[point], axis, doubted))
     turning = _turning(readings.rates[point][axis])
     if turning is None:
         problems.append(("missing_rate", AXES[axis]))
@@ -186,10 +186,10 @@ def _axis(
     return AxisCalibration(accelerometer_c, gyro_c, *_at_rest(readings, point, axis), turning)
 
 
-def _problems(accelerometer_pps: Array, axis: int, doubted: NDArray[np.bool_]) -> Iterator[tuple[str, str]]:
+def _problems(accelerometer_output: Array, axis: int, doubted: NDArray[np.bool_]) -> Iterator[tuple[str, str]]:
     """Problems of the eight attitudes of an axis, each with its attitude; readings are (24, 3), of one set point."""
     own = range(len(NAMES))[block(axis)]
-    yield from (("missing_position", NAMES[i]) for i in own if np.isnan(accelerometer_pps[i, axis]))
+    yield from (("missing_position", NAMES[i]) for i in own if np.isnan(accelerometer_output[i, axis]))
     yield from (("attitude_inconsistent", NAMES[i]) for i in own if doubted[i])
 
 
@@ -203,8 +203,8 @@ def _at_rest(readings: ImuReadings, point: int, axis: int) -> tuple[LinearFit, L
     own = block(axis)
     one, up = np.ones(own.stop - own.start), SPECIFIC_FORCE_G[own, axis]
     north = NORTH[own, [other for other in range(len(AXES)) if other != axis]]
-    accelerometer = least_squares(np.stack([one, up], axis=-1), readings.accelerometer_pps[point, own, axis])
-    return accelerometer, least_squares(np.column_stack([one, up, north]), readings.gyro_pps[point, own, axis])
+    accelerometer = least_squares(np.stack([one, up], axis=-1), readings.accelerometer_output[point, own, axis])
+    return accelerometer, least_squares(np.column_stack([one, up, north]), readings.gyro_output[point, own, axis])
 
 
 def _turning(readings: RateReadings) -> LinearFit | None:
@@ -212,7 +212,9 @@ def _turning(readings: RateReadings) -> LinearFit | None:
     if len(readings.rate_dps) < RATES:
         return None
     try:
-        return least_squares(np.stack([np.ones_like(readings.rate_dps), readings.rate_dps], axis=-1), readings.gyro_pps)
+        return least_squares(
+            np.stack([np.ones_like(readings.rate_dps), readings.rate_dps], axis=-1), readings.gyro_output
+        )
     except NotDetermined:
         return None
 
@@ -225,7 +227,7 @@ def _check_headings(readings: ImuReadings, points: list[SetPoint], latitude_deg:
     untold = 0
     for number, point in enumerate(points):
         scale = np.array([axis.kg_pulse_per_deg if axis else math.nan for axis in point.axes])
-        exchanged, unclear = exchanged_headings(readings.gyro_pps[number], scale, latitude_deg)
+        exchanged, unclear = exchanged_headings(readings.gyro_output[number], scale, latitude_deg)
         untold += len(unclear)
         if exchanged:
             point.doubted[exchanged] = True
@@ -238,9 +240,9 @@ def _check_headings(readings: ImuReadings, points: list[SetPoint], latitude_deg:
 def _scatter(calibrated: Sequence[AxisCalibration]) -> Scatter:
     """Of one axis at all its set points; NaN without any."""
     return Scatter(
-        accelerometer_pps=_pooled_sd([one.accelerometer for one in calibrated]),
-        gyro_at_rest_pps=_pooled_sd([one.gyro_at_rest for one in calibrated]),
-        gyro_turning_pps=_pooled_sd([one.gyro_turning for one in calibrated]),
+        accelerometer_output=_pooled_sd([one.accelerometer for one in calibrated]),
+        gyro_at_rest_output=_pooled_sd([one.gyro_at_rest for one in calibrated]),
+        gyro_turning_output=_pooled_sd([one.gyro_turning for one in calibrated]),
     )
 
 

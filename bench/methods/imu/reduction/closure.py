@@ -35,8 +35,8 @@ UP = np.array([0.0, 0.0, 1.0])
 class Sensitivity:
     """Of one accelerometer: pulse/s per g, the scatter of a reading in pulse/s with its freedom, g/°C of its bias."""
 
-    pps_per_g: float
-    scatter_pps: float
+    per_g: float
+    scatter: float
     dof: int
     bias_g_per_c: float
 
@@ -92,7 +92,7 @@ def _entry(
             counted = window.windows[unit.channels[f"acc_{AXES[axis]}"]]
             if abs(lies[axis, 2]) < LEVEL and not set(counted.problems) - {"dead_band"}:
                 rows.append((axis, lies[axis, :2]))
-                values_g.append(counted.mean / known.pps_per_g)
+                values_g.append(counted.mean / known.per_g)
                 readings.append((window, axis))
     if not rows:
         return None
@@ -136,7 +136,7 @@ def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Se
     for entry in (first, last):
         for weight, (_, axis) in zip(entry.fit.gain[index], entry.readings, strict=True):
             known = sensitive[axis]
-            square += (float(weight) * known.scatter_pps / known.pps_per_g) ** 2
+            square += (float(weight) * known.scatter / known.per_g) ** 2
             dofs.append(known.dof)
     yield BudgetLine(READINGS, "A", math.sqrt(square), max(dofs))
 

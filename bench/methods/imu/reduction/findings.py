@@ -88,20 +88,20 @@ class AxisAtVisit:
     # The means over the own block
 
     def _accelerometer(self) -> Iterator[Finding]:
-        one, k1 = self.calibration, self.calibration.k1_pps_per_g
+        one, k1 = self.calibration, self.calibration.k1_per_g
         errors = self.errors.of(self._own)
         seen = [k1 * each for each in errors.seen(UP, self.axis)]
         gain = one.accelerometer.gain
-        bias = gain[0] / k1 - one.k0_pps / k1**2 * gain[1]
+        bias = gain[0] / k1 - one.k0 / k1**2 * gain[1]
 
         def lines(weights: Array) -> Iterator[BudgetLine]:
             yield scatter_line(self.noise.accelerometer, weights)
             yield from errors.lines(seen, weights)
-            yield self._warming(float(weights @ self._moved_pps(self._own)))
+            yield self._warming(float(weights @ self._moved(self._own)))
             yield from self._steps("acc", self._own, weights)
 
         yield self._finding(
-            "K0", one.k0_pps / k1, [
+            "K0", one.k0 / k1, [
                 *lines(bias), self._thermometer("K0", one.accelerometer_c),
                 BudgetLine("K2 of the accelerometer: contained, inseparable in these attitudes", "alias", 0),
             ],
@@ -117,7 +117,7 @@ class AxisAtVisit:
         one, kg = self.calibration, self.calibration.kg_pulse_per_deg
         errors = self.errors.of(self._own)
         seen = errors.seen(local_earth_rate_dps(self.bench.latitude_deg), self.axis)
-        zero_dps = one.d0_pps / kg
+        zero_dps = one.d0 / kg
         gain = one.gyro_at_rest.gain[0]
         turning = one.gyro_turning.gain[1] / np.sqrt(self.turned_s)
         of_rates = scatter_line(self.noise.gyro_turning, turning * zero_dps / kg)
@@ -165,13 +165,13 @@ class AxisAtVisit:
         accelerometer, gyro = self.fits.accelerometers[self.axis], self.fits.gyros[self.axis]
         if accelerometer is not None:
             used = np.flatnonzero(self.used).tolist()
-            errors, moved_pps = self.errors.of(used), self._moved_pps(used)
-            seen = [accelerometer.k1_pps_per_g * each for each in errors.seen(UP, self.axis)]
+            errors, moved = self.errors.of(used), self._moved(used)
+            seen = [accelerometer.k1_per_g * each for each in errors.seen(UP, self.axis)]
 
             def lines(weights: Array) -> Iterator[BudgetLine]:
                 yield scatter_line(self.noise.accelerometer, weights)
                 yield from errors.lines(seen, weights)
-                yield self._warming(float(weights @ moved_pps))
+                yield self._warming(float(weights @ moved))
                 yield from self._steps("acc", used, weights)
 
             alias = BudgetLine("asymmetry of the converter: contained, inseparable", "alias", 0)
@@ -182,7 +182,7 @@ class AxisAtVisit:
         if gyro is not None:
             kg = self.calibration.kg_pulse_per_deg
             for other in range(len(AXES)):
-                value = float(gyro.g_sensitivity_pps_per_g[other]) / kg
+                value = float(gyro.g_sensitivity_per_g[other]) / kg
                 if math.isfinite(value):
                     line = scatter_line(self.noise.gyro_at_rest, gyro.weights[1 + other] / kg)
                     yield self._finding("g_sensitivity", value, [line], toward=other)
@@ -254,11 +254,11 @@ class AxisAtVisit:
         slope = self.slopes.get(quantity, math.nan)
         return 0.0 if math.isnan(slope) else slope
 
-    def _moved_pps(self, attitudes: Sequence[int]) -> Array:
+    def _moved(self, attitudes: Sequence[int]) -> Array:
         """What the accelerometer's readings in attitudes are off because it was not yet as warm as in the mean."""
         away_c = self.accelerometer_c[attitudes] - self.calibration.accelerometer_c
-        force_g, k1 = SPECIFIC_FORCE_G[attitudes, self.axis], self.calibration.k1_pps_per_g
-        bias_g = self.calibration.k0_pps / k1
+        force_g, k1 = SPECIFIC_FORCE_G[attitudes, self.axis], self.calibration.k1_per_g
+        bias_g = self.calibration.k0 / k1
         moved = away_c * (k1 * self._slope("K0") + (force_g + bias_g) * self._slope("K1"))
         return np.where(np.isfinite(moved), moved, 0.0)
 

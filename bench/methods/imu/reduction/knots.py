@@ -23,7 +23,7 @@ class TemperatureTable:
     """Zero in pulse/s and scale factor, pulse/s/g or pulse/°, of one channel at knots (k,) of rising temperature."""
 
     temperature_c: Array
-    zero_pps: Array
+    zero: Array
     scale: Array
 
     @property
@@ -46,10 +46,8 @@ class TemperatureTable:
         part = (temperature_c - self.temperature_c[lower]) / width_c
         if extrapolation == "reject":
             part = np.where(inside, part, np.nan)
-        zero_pps, scale = (
-            values[lower] + part * (values[upper] - values[lower]) for values in (self.zero_pps, self.scale)
-        )
-        return zero_pps, scale
+        zero, scale = (values[lower] + part * (values[upper] - values[lower]) for values in (self.zero, self.scale))
+        return zero, scale
 
 
 def temperature_table(knots: Array) -> TemperatureTable:
@@ -73,23 +71,23 @@ class Compensated:
     """
 
     value: Array
-    nominal_pps: Array
+    nominal: Array
     extrapolated: NDArray[np.bool_]
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def compensate(
-    table: TemperatureTable, temperature_c: Array, raw_pps: Array, nominal_c: float, extrapolation: Extrapolation
+    table: TemperatureTable, temperature_c: Array, raw: Array, nominal_c: float, extrapolation: Extrapolation
 ) -> Compensated:
     """Readings (n,) of one channel at temperatures (n,), regressed to the nominal temperature."""
     if not table.usable:
-        unknown = np.full(len(raw_pps), np.nan)
-        return Compensated(unknown, unknown, np.zeros(len(raw_pps), dtype=np.bool_))
+        unknown = np.full(len(raw), np.nan)
+        return Compensated(unknown, unknown, np.zeros(len(raw), dtype=np.bool_))
     told_c = np.where(beyond_possible(temperature_c), np.nan, temperature_c)
-    zero_pps, scale = table.at(told_c, extrapolation)
-    nominal_zero_pps, nominal_scale = table.at(np.array([nominal_c]), extrapolation)
-    value = (raw_pps - zero_pps) / scale
-    return Compensated(value, value * nominal_scale + nominal_zero_pps, np.isfinite(told_c) & ~table.covers(told_c))
+    zero, scale = table.at(told_c, extrapolation)
+    nominal_zero, nominal_scale = table.at(np.array([nominal_c]), extrapolation)
+    value = (raw - zero) / scale
+    return Compensated(value, value * nominal_scale + nominal_zero, np.isfinite(told_c) & ~table.covers(told_c))
 
 
 @dataclass(frozen=True, slots=True)

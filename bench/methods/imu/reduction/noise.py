@@ -53,16 +53,21 @@ def noise_of(
     """
     scatter = found.scatter[axis]
     every = found.over_temperature(axis)
-    accelerometer_pps, gyro_pps = (_alone(unit.channels[f"{each}_{AXES[axis]}"], visits) for each in ("acc", "gyro"))
+    accelerometer_output, gyro_output = (
+        _alone(unit.channels[f"{each}_{AXES[axis]}"], visits) for each in ("acc", "gyro")
+    )
     floor = _alone_density(unit.channels[f"gyro_{AXES[axis]}"], visits)
-    turned = [(each.rate_dps, each.dwell_s, each.gyro_pps) for each in (visit[axis] for visit in arranged.rates)]
+    turned = [(each.rate_dps, each.dwell_s, each.gyro_output) for each in (visit[axis] for visit in arranged.rates)]
     others = [other for other in range(len(AXES)) if other != axis]
     across = [about_another(axis, other, unit, visit) for visit, other in product(visits, others)]
     by_others = _density([(each.rate_dps, each.span_s, each.output) for each in across], floor)
-    at_rest_pps, dof = _at_rest(over_attitudes) or (scatter.gyro_at_rest_pps, _dof([one.gyro_at_rest for one in every]))
+    at_rest_output, dof = _at_rest(over_attitudes) or (
+        scatter.gyro_at_rest_output,
+        _dof([one.gyro_at_rest for one in every]),
+    )
     return Noise(
-        (max(scatter.accelerometer_pps, accelerometer_pps), _dof([one.accelerometer for one in every])),
-        (max(at_rest_pps, gyro_pps), dof),
+        (max(scatter.accelerometer_output, accelerometer_output), _dof([one.accelerometer for one in every])),
+        (max(at_rest_output, gyro_output), dof),
         max(_density(turned, floor), by_others),
         by_others,
     )
@@ -103,11 +108,11 @@ def _density(readings: Iterable[tuple[Array, Array, Array]], floor: float) -> tu
     What is even in the rate is taken away: a gyro's asymmetry scatters nothing, and turns no line.
     """
     squares, dof = 0.0, 0
-    for rate_dps, span_s, pps in readings:
+    for rate_dps, span_s, output in readings:
         weights = np.sqrt(span_s)
         columns = np.stack([np.ones_like(rate_dps), rate_dps, np.abs(rate_dps)], axis=-1)
         with suppress(NotDetermined):
-            fit = least_squares(columns * weights[:, np.newaxis], pps * weights)
+            fit = least_squares(columns * weights[:, np.newaxis], output * weights)
             squares, dof = squares + float(np.sum(fit.residuals**2)), dof + fit.dof
     return (max(float(np.sqrt(squares / dof)), floor), dof) if dof else (0.0, 0)
 

@@ -63,7 +63,7 @@ class RateReadings:
 
     rate_dps: Array
     dwell_s: Array
-    gyro_pps: Array
+    gyro_output: Array
     accelerometer_c: Array
     gyro_c: Array
 
@@ -78,8 +78,8 @@ class ImuReadings:
     """
 
     set_c: Array
-    accelerometer_pps: Array
-    gyro_pps: Array
+    accelerometer_output: Array
+    gyro_output: Array
     accelerometer_c: Array
     gyro_c: Array
     rates: tuple[tuple[RateReadings, ...], ...]
@@ -126,9 +126,9 @@ def _at_rest(
 ) -> tuple[Array, Array, Array, Array]:
     """Pulses per second and temperatures at rest: four arrays (points, 24, 3)."""
     dwell_s = np.where(record.dwell_s > 0, record.dwell_s, np.nan)[:, np.newaxis]
-    accelerometer_pps, gyro_pps = record.accelerometer_counts / dwell_s, record.gyro_counts / dwell_s
+    accelerometer_output, gyro_output = record.accelerometer_counts / dwell_s, record.gyro_counts / dwell_s
     placed = np.isfinite(record.set_c) & (record.attitude >= 0)
-    good = placed[:, np.newaxis] & np.isfinite(accelerometer_pps) & np.isfinite(gyro_pps)
+    good = placed[:, np.newaxis] & np.isfinite(accelerometer_output) & np.isfinite(gyro_output)
     row, axis = np.nonzero(good)
 
     def by_place(values: Array) -> Array:
@@ -139,7 +139,12 @@ def _at_rest(
     vertical = good[np.arange(len(good)), record.attitude // BLOCK]
     excluded["missing"] += int(np.sum(~vertical))
     excluded["duplicate"] += int(np.sum(vertical)) - len(_last_of_each(point[vertical], record.attitude[vertical]))
-    return by_place(accelerometer_pps), by_place(gyro_pps), by_place(record.accelerometer_c), by_place(record.gyro_c)
+    return (
+        by_place(accelerometer_output),
+        by_place(gyro_output),
+        by_place(record.accelerometer_c),
+        by_place(record.gyro_c),
+    )
 
 
 def _turning(
@@ -147,9 +152,9 @@ def _turning(
 ) -> tuple[tuple[RateReadings, ...], ...]:
     """What the turned axis read, by set point and axis."""
     own = (np.arange(len(record.axis)), record.axis)
-    pps = record.gyro_counts[own] / np.where(record.dwell_s > 0, record.dwell_s, np.nan)
+    output = record.gyro_counts[own] / np.where(record.dwell_s > 0, record.dwell_s, np.nan)
     given = np.isfinite(record.set_c) & np.isfinite(record.command_dps) & np.isfinite(record.rate_dps)
-    present = given & (record.axis >= 0) & np.isfinite(pps)
+    present = given & (record.axis >= 0) & np.isfinite(output)
     as_told = np.abs(record.rate_dps - record.command_dps) <= tolerance * np.abs(record.command_dps)
     used = np.flatnonzero(present & as_told)
     rows = used[_last_of_each(point[used], record.axis[used], record.command_dps[used])]
@@ -160,7 +165,7 @@ def _turning(
     members = np.split(rows, np.searchsorted(place, np.arange(1, points * len(AXES))))
     readings = [
         RateReadings(
-            record.rate_dps[of], record.dwell_s[of], pps[of], record.accelerometer_c[own][of], record.gyro_c[own][of]
+            record.rate_dps[of], record.dwell_s[of], output[of], record.accelerometer_c[own][of], record.gyro_c[own][of]
         )
         for of in members
     ]

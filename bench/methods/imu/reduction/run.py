@@ -105,9 +105,9 @@ class _Unit:
     def _sensitive(self) -> Iterator[tuple[int, Sensitivity]]:
         """The accelerometers that were calibrated where the run began, for its closure."""
         for axis in range(len(AXES)):
-            every, (scatter_pps, dof) = self._found.over_temperature(axis), self._noise[axis].accelerometer
+            every, (scatter, dof) = self._found.over_temperature(axis), self._noise[axis].accelerometer
             if every:
-                yield axis, Sensitivity(every[0].k1_pps_per_g, scatter_pps, dof, self._slope("K0", axis, every[0]))
+                yield axis, Sensitivity(every[0].k1_per_g, scatter, dof, self._slope("K0", axis, every[0]))
 
     def _left_out(self) -> Iterator[str]:
         """Axes without a calibration at a set point."""
@@ -147,8 +147,8 @@ class _Unit:
         """The least squares over the attitudes of a visit without doubtful ones; which readings it has (24, 3)."""
         point = self._found.points[number]
         doubted = point.doubted[:, np.newaxis]
-        accelerometers = np.where(doubted, np.nan, self._readings.accelerometer_pps[number])
-        gyros = np.where(doubted, np.nan, self._readings.gyro_pps[number])
+        accelerometers = np.where(doubted, np.nan, self._readings.accelerometer_output[number])
+        gyros = np.where(doubted, np.nan, self._readings.gyro_output[number])
         scale = np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes])
         fits = fit_attitudes(accelerometers, gyros, self._data.bench.latitude_deg, scale)
         return np.isfinite(accelerometers), fits
@@ -158,7 +158,7 @@ class _Unit:
         relative = self._settings["scale_per_c_u"]
         return {
             "K0": self._settings["bias_per_c_u"],
-            "K1": relative * abs(calibration.k1_pps_per_g),
+            "K1": relative * abs(calibration.k1_per_g),
             "D0": self._settings["gyro_bias_per_c_u"],
             "KG": relative * abs(calibration.kg_pulse_per_deg),
         }
@@ -270,7 +270,7 @@ class _Unit:
 
         unit = self._output_unit(sensor)
         scale_unit = f"{unit}/g" if sensor == "acc" else gyro_scale_unit(self._unit)
-        return model("offset", unit, table.zero_pps, u_zero), model("scale", scale_unit, table.scale, u_scale)
+        return model("offset", unit, table.zero, u_zero), model("scale", scale_unit, table.scale, u_scale)
 
     def _output_unit(self, sensor: str) -> str:
         return self._unit.output_unit if sensor == "acc" else self._unit.gyro_output_unit
@@ -287,9 +287,7 @@ class _Unit:
 def knots_of(sensor: str, every: Sequence[AxisCalibration]) -> TemperatureTable:
     """The knots of one channel, from its axis at all visits."""
     rows = [
-        (one.accelerometer_c, one.k0_pps, one.k1_pps_per_g)
-        if sensor == "acc"
-        else (one.gyro_c, one.d0_pps, one.kg_pulse_per_deg)
+        (one.accelerometer_c, one.k0, one.k1_per_g) if sensor == "acc" else (one.gyro_c, one.d0, one.kg_pulse_per_deg)
         for one in every
     ]
     return temperature_table(np.array(rows, np.float64).reshape(-1, 3))
@@ -300,7 +298,7 @@ def _curve(every: Sequence[AxisCalibration], quantity: str) -> tuple[Array, Arra
     table = knots_of("gyro" if quantity in OF_GYROS else "acc", every)
     if not len(table.temperature_c) or quantity in RELATIVE:
         return table.temperature_c, table.scale
-    return table.temperature_c, np.asarray(table.zero_pps / table.scale)
+    return table.temperature_c, np.asarray(table.zero / table.scale)
 
 
 def _own(finding: Finding) -> float:

@@ -170,8 +170,8 @@ def readings(found: Sequence[Visit], unit: UnitUnderTest, rate_tolerance: float)
     empty = np.full((0, len(NAMES), len(AXES)), np.nan)
     return ImuReadings(
         set_c=np.array([visit.set_c for visit in found]),
-        accelerometer_pps=np.concatenate([empty, *(part.accelerometer_pps for part in parts)]),
-        gyro_pps=np.concatenate([empty, *(part.gyro_pps for part in parts)]),
+        accelerometer_output=np.concatenate([empty, *(part.accelerometer_output for part in parts)]),
+        gyro_output=np.concatenate([empty, *(part.gyro_output for part in parts)]),
         accelerometer_c=np.concatenate([empty, *(part.accelerometer_c for part in parts)]),
         gyro_c=np.concatenate([empty, *(part.gyro_c for part in parts)]),
         rates=tuple(rates for part in parts for rates in part.rates),

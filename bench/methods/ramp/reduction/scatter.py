@@ -20,9 +20,9 @@ from bench.metrology.gate_scatter import (
     LEAST_GATES,
     SMOOTH_DEGREE,
     WAVES_DEGREE,
-    excess_pps,
-    own_scatter_pps,
-    unresolved_pps,
+    excess,
+    own_scatter,
+    unresolved_u,
 )
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array, fit_polynomial
@@ -61,8 +61,8 @@ def sum_scatter(legs: Sequence[RampLeg], gains: Sequence[Array]) -> SlopeScatter
     parts = [_gates(leg) for leg in legs]
     if not parts or min(len(part.seconds) for part in parts) < LEAST_GATES:
         return None
-    counted = [unresolved_pps(gain[np.newaxis], part) for gain, part in zip(gains, parts, strict=True)]
-    own = list(_between_cycles(legs, parts)) or [own_scatter_pps(_departures(part), part) for part in parts]
+    counted = [unresolved_u(gain[np.newaxis], part) for gain, part in zip(gains, parts, strict=True)]
+    own = list(_between_cycles(legs, parts)) or [own_scatter(_departures(part), part) for part in parts]
     return SlopeScatter(
         counted=float(np.sqrt(sum(float(np.sum(each**2)) for each in counted))),
         own=float(np.sqrt(np.mean(np.square(own)) * sum(float(np.sum(gain**2)) for gain in gains))),
@@ -78,12 +78,12 @@ def _between_cycles(legs: Sequence[RampLeg], parts: Sequence[Gates]) -> Iterator
             samples = min(len(before.seconds), len(after.seconds))
             rows = np.arange(int(TURN_SHARE * samples), samples)
             change = _departures(after.rows(rows)) - _departures(before.rows(rows))
-            yield excess_pps(change / np.sqrt(2), after.rows(rows))
+            yield excess(change / np.sqrt(2), after.rows(rows))
 
 
 def _departures(part: Gates) -> Array:
     """What the outputs of a leg are away from a smooth curve over the temperature."""
-    return fit_polynomial(part.converter_c, part.rate_pps, SMOOTH_DEGREE).residuals
+    return fit_polynomial(part.converter_c, part.rate, SMOOTH_DEGREE).residuals
 
 
 def _usable(leg: RampLeg) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ from tests.support.m0_cases import SETTINGS, Channel, campaign, write_case
 
 NO_GATES = Gates(*(np.zeros(0) for _ in range(6)))
 RUN = ChannelRun(
-    rate_pps=11_300.0, u_rate_pps=0.01, slope_pps_per_c=0.1, u_slope_pps_per_c=0.001, residual_rms_pps=0.3,
+    rate=11_300.0, u_rate=0.01, slope_per_c=0.1, u_slope_per_c=0.001, residual_rms=0.3,
     gates_used=600, span_c=45.0, ramp_c_per_h=25.0, flags=(), notes=(), excluded={},
     gates=NO_GATES,
 )  # fmt: skip
@@ -26,7 +26,7 @@ RUN = ChannelRun(
 
 def scaled(level, **changes):
     """A run of a converter whose drift is all in proportion to the level."""
-    return replace(RUN, rate_pps=level * RUN.rate_pps, slope_pps_per_c=level * RUN.slope_pps_per_c, **changes)
+    return replace(RUN, rate=level * RUN.rate, slope_per_c=level * RUN.slope_per_c, **changes)
 
 
 def test_the_skew_level():
@@ -55,7 +55,7 @@ def test_a_pure_scale_part_departs_by_42_and_1100_percent_raw_and_not_at_all_nor
 
 
 def test_the_uncertainty_of_a_deviation():
-    run = replace(RUN, rate_pps=22_600.0, slope_pps_per_c=0.15, u_slope_pps_per_c=0.002)
+    run = replace(RUN, rate=22_600.0, slope_per_c=0.15, u_slope_per_c=0.002)
     found = compare(run, RUN, threshold=0.3, basis="raw")
     assert found.raw == pytest.approx((0.5, math.sqrt((0.002 / 0.1) ** 2 + (0.15 * 0.001 / 0.1**2) ** 2), 0.05))
     ratio = (0.15 / 22_600) / (0.1 / 11_300)
@@ -68,30 +68,30 @@ def test_the_uncertainty_of_a_deviation():
     [(0.5, "share", True), (0.4999, "keep", True), (0.6, "share", False), (0.4, "keep", False)],
 )
 def test_the_threshold_is_included(threshold, decision, marginal):
-    run = replace(RUN, slope_pps_per_c=0.15, u_slope_pps_per_c=0.001)
-    found = compare(run, replace(RUN, slope_pps_per_c=0.1), threshold=threshold + 1e-12, basis="raw")
+    run = replace(RUN, slope_per_c=0.15, u_slope_per_c=0.001)
+    found = compare(run, replace(RUN, slope_per_c=0.1), threshold=threshold + 1e-12, basis="raw")
     assert (found.decision, found.marginal) == (decision, marginal)
 
 
 @pytest.mark.parametrize(
     ("reference", "certain"),
     [
-        (replace(RUN, u_slope_pps_per_c=0.0333), True),
-        (replace(RUN, u_slope_pps_per_c=0.0334), False),
-        (replace(RUN, slope_pps_per_c=-0.1, u_slope_pps_per_c=0.0333), True),
-        (replace(RUN, slope_pps_per_c=0.0, u_slope_pps_per_c=0.0), False),
-        (replace(RUN, slope_pps_per_c=1e-11, u_slope_pps_per_c=1e-13), False),
+        (replace(RUN, u_slope_per_c=0.0333), True),
+        (replace(RUN, u_slope_per_c=0.0334), False),
+        (replace(RUN, slope_per_c=-0.1, u_slope_per_c=0.0333), True),
+        (replace(RUN, slope_per_c=0.0, u_slope_per_c=0.0), False),
+        (replace(RUN, slope_per_c=1e-11, u_slope_per_c=1e-13), False),
     ],
 )
 def test_a_slope_within_three_uncertainties_is_nothing_to_divide_by(reference, certain):
     found = compare(RUN, reference, threshold=0.05, basis="raw")
     assert (found.decision != "invalid") == certain
     assert math.isfinite(found.raw.value) == certain
-    assert found.raw.difference == abs(RUN.slope_pps_per_c - reference.slope_pps_per_c)
+    assert found.raw.difference == abs(RUN.slope_per_c - reference.slope_per_c)
 
 
 def test_no_rate_no_relative_slope():
-    still = replace(RUN, rate_pps=0.0)
+    still = replace(RUN, rate=0.0)
     assert compare(still, RUN, threshold=0.05, basis="raw").decision == "share"
     found = compare(still, RUN, threshold=0.05, basis="normalised")
     assert (found.decision, found.remarks) == ("invalid", ("no decision: a rate is 0",))
@@ -238,7 +238,7 @@ def test_many_unknown_runs_are_named_in_part(tmp_path):
 
 
 def test_a_deviation_is_marginal_by_its_expanded_uncertainty():
-    run = replace(RUN, slope_pps_per_c=0.15, u_slope_pps_per_c=0.002)
+    run = replace(RUN, slope_per_c=0.15, u_slope_per_c=0.002)
     deviation = compare(run, RUN, threshold=0.3, basis="raw").raw
     near = deviation.value - 2.5 * deviation.u
     assert not compare(run, RUN, threshold=near, basis="raw").marginal

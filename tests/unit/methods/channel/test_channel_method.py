@@ -458,7 +458,7 @@ def test_the_uncertainty_of_a_line_is_what_lines_scatter_by(count, scatter_pps, 
     slopes, rates, told = [], [], []
     for _ in range(150):
         gates = gates_of(rng, scatter_pps, count, cycle_pps=cycle_pps)
-        slope, offset = np.polyfit(gates.converter_c - 25, gates.rate_pps, 1)
+        slope, offset = np.polyfit(gates.converter_c - 25, gates.rate, 1)
         slopes.append(slope)
         rates.append(offset)
         scatter = line_scatter(gates, 25.0)
@@ -471,7 +471,7 @@ def test_the_uncertainty_of_a_line_is_what_lines_scatter_by(count, scatter_pps, 
 
 def test_residuals_of_the_gates_would_tell_ten_times_too_much_where_only_counts_scatter():
     gates = gates_of(np.random.default_rng(2))
-    residuals = np.std(gates.rate_pps - np.polyval(np.polyfit(gates.converter_c, gates.rate_pps, 1), gates.converter_c))
+    residuals = np.std(gates.rate - np.polyval(np.polyfit(gates.converter_c, gates.rate, 1), gates.converter_c))
     naive = residuals / np.sqrt(np.sum((gates.converter_c - gates.converter_c.mean()) ** 2))
     assert naive > 10 * line_scatter(gates, 25.0).counting_slope
 
@@ -498,7 +498,7 @@ def cycling(rng, count=150, seconds=10.0, cycle_c=0.024, period_s=87.0, lag_s=20
 def errors_over_u(rng):
     for _ in range(150):
         gates, true = cycling(rng)
-        found = np.polyfit(gates.converter_c - 25, gates.rate_pps, 1)
+        found = np.polyfit(gates.converter_c - 25, gates.rate, 1)
         scatter = line_scatter(gates, 25.0)
         yield (found - true) / (scatter.scatter_slope, scatter.scatter_rate)
 
@@ -506,7 +506,7 @@ def errors_over_u(rng):
 def test_what_a_thermometer_tells_of_a_cycle_later_is_no_scatter(monkeypatch):
     ratios = np.sqrt(np.mean(np.square(list(errors_over_u(np.random.default_rng(4)))), axis=0))
     assert ratios == pytest.approx(1.0, abs=0.15)
-    monkeypatch.setattr(channel_scatter, "own_scatter_pps", channel_scatter.excess_pps)
+    monkeypatch.setattr(channel_scatter, "own_scatter", channel_scatter.excess)
     taken_for_scatter = np.square(list(errors_over_u(np.random.default_rng(4))))
     assert np.max(np.sqrt(np.mean(taken_for_scatter, axis=0))) < 0.5
 

@@ -53,12 +53,12 @@ def test_the_formulas_as_printed():
     for axis in range(3):
         own, w = slice(8 * axis, 8 * axis + 8), rate_pps[0, axis]
         eight, turning = accelerometer_pps[0, own, axis], found.points[0].axes[axis]
-        assert turning.k0_pps == pytest.approx(eight.sum() / 8)
-        assert turning.k1_pps_per_g == pytest.approx((eight[:4].sum() - eight[4:].sum()) / 8, rel=1e-13)
-        assert turning.d0_pps == pytest.approx(gyro_pps[0, own, axis].sum() / 8)
+        assert turning.k0 == pytest.approx(eight.sum() / 8)
+        assert turning.k1_per_g == pytest.approx((eight[:4].sum() - eight[4:].sum()) / 8, rel=1e-13)
+        assert turning.d0 == pytest.approx(gyro_pps[0, own, axis].sum() / 8)
         slope = (1 * (w[0] - w[1]) + 3 * (w[2] - w[3]) + 5 * (w[4] - w[5])) / 70
         assert turning.kg_pulse_per_deg == pytest.approx(slope, rel=1e-13)
-        assert turning.d0_dph == pytest.approx(3600 * turning.d0_pps / slope)
+        assert turning.d0_dph == pytest.approx(3600 * turning.d0 / slope)
         assert (turning.accelerometer_c, turning.gyro_c) == (20, 21)
 
 
@@ -70,7 +70,7 @@ def test_uncertainties_of_the_table_tell_the_errors():
         axis = int(rng.integers(3))
         of, u = found.points[2].axes[axis], found.points[2].axes[axis].uncertainty(found.scatter[axis])
         ratios.append([
-            of.k0_pps / u.k0_pps, (of.k1_pps_per_g - 1000) / u.k1_pps_per_g, (of.d0_pps - 3000) / u.d0_pps,
+            of.k0 / u.k0, (of.k1_per_g - 1000) / u.k1_per_g, (of.d0 - 3000) / u.d0,
             (of.d0_dph - 2700) / u.d0_dph, (of.kg_pulse_per_deg - 4000) / u.kg_pulse_per_deg,
         ])  # fmt: skip
     rms = np.sqrt(np.mean(np.square(ratios), axis=0))
@@ -84,9 +84,9 @@ def test_uncertainties_of_the_least_squares_tell_the_errors():
         accelerometer_pps, gyro_pps, _ = noisy(rng, 1)
         accelerometer = fit_accelerometer(accelerometer_pps[0, :, 1], 1)
         gyro = fit_gyro(gyro_pps[0, :, 1], 1, LATITUDE_DEG)
-        found = [accelerometer.k0_g, accelerometer.k1_pps_per_g - 1000, accelerometer.k2_g_per_g2]
-        found += [*accelerometer.misalignment_rad[[0, 2]], gyro.d0_pps - 3000, *gyro.g_sensitivity_pps_per_g]
-        u = [*accelerometer.u[[0, 1, 2, 3, 5]], gyro.u_d0_pps, *gyro.u_g_sensitivity_pps_per_g]
+        found = [accelerometer.k0_g, accelerometer.k1_per_g - 1000, accelerometer.k2_g_per_g2]
+        found += [*accelerometer.misalignment_rad[[0, 2]], gyro.d0 - 3000, *gyro.g_sensitivity_per_g]
+        u = [*accelerometer.u[[0, 1, 2, 3, 5]], gyro.u_d0, *gyro.u_g_sensitivity_per_g]
         ratios.append(np.array(found) / u)
         assert accelerometer.u[4] == accelerometer.misalignment_rad[1] == 0
     rms = np.sqrt(np.mean(np.square(ratios), axis=0))
@@ -164,11 +164,11 @@ def test_with_the_scale_factor_of_the_rates_a_pole_tells_the_own_sensitivity():
     sensitivity = np.array([0.4, -0.3, 0.2])
     pps = 2 + 4000 * earth_rate_dps(90.0) @ [1e-3, 1, 2e-3] + SPECIFIC_FORCE_G @ sensitivity
     found = fit_gyro_of_known_scale(pps, 1, 90.0, 4000.0)
-    assert found.d0_pps == pytest.approx(2)
-    assert found.g_sensitivity_pps_per_g == pytest.approx([NAN, -0.3, NAN], nan_ok=True)
+    assert found.d0 == pytest.approx(2)
+    assert found.g_sensitivity_per_g == pytest.approx([NAN, -0.3, NAN], nan_ok=True)
     fits = fit_attitudes(
         1000 * SPECIFIC_FORCE_G, np.stack([pps, pps, pps], axis=-1), 90.0, np.array([NAN, 4000.0, 4000.0])
     )
     assert fits.gyros[0] is None
-    assert fits.gyros[1].g_sensitivity_pps_per_g[1] == pytest.approx(-0.3)
+    assert fits.gyros[1].g_sensitivity_per_g[1] == pytest.approx(-0.3)
     assert len(fits.notes) == 4  # three without KG, one that has none from the rates either

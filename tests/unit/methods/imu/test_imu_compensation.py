@@ -33,14 +33,14 @@ def test_outside_of_the_knots(extrapolation, zero_pps, scale):
 def test_a_reading_is_regressed_to_the_nominal_temperature():
     done = compensate(table(), np.array([15.0, 15.0, NAN, 850.0]), np.array([530.5, NAN, 1.0, 1.0]), 0.0, "hold")
     assert done.value == pytest.approx([0.5, NAN, NAN, NAN], nan_ok=True)  # (530.5 - 30) / 1001
-    assert done.nominal_pps == pytest.approx([515.0, NAN, NAN, NAN], nan_ok=True)  # 0.5 · 1010 + 10
+    assert done.nominal == pytest.approx([515.0, NAN, NAN, NAN], nan_ok=True)  # 0.5 · 1010 + 10
     assert done.extrapolated.tolist() == 4 * [False]  # nothing is known of an open thermometer
 
 
 def test_knots_closer_than_half_a_degree_become_their_mean():
     merged = table([*KNOTS, (10.4, 30.0, 1006.0), (10.8, 25.0, 1001.0), (20.5, 44.0, 990.0), (5.0, NAN, 1.0)])
     assert merged.temperature_c == pytest.approx([0, 10.4, 20, 20.5])
-    assert merged.zero_pps == pytest.approx([10, 25, 40, 44])
+    assert merged.zero == pytest.approx([10, 25, 40, 44])
     assert merged.scale == pytest.approx([1010, 1003, 1000, 990])
 
 
@@ -48,7 +48,7 @@ def test_knots_closer_than_half_a_degree_become_their_mean():
 def test_fewer_than_two_knots_compensate_nothing(knots):
     done = compensate(table(knots), np.array([20.0, 30.0]), np.array([1.0, 2.0]), 20.0, "linear")
     assert np.isnan(done.value).all()
-    assert np.isnan(done.nominal_pps).all()
+    assert np.isnan(done.nominal).all()
     assert not done.extrapolated.any()
 
 
