@@ -179,11 +179,6 @@ class PolynomialFit:
         """Its derivative to x at `x`."""
         return np.asarray(polynomial.polyval(self._z(x), polynomial.polyder(self.coefficients)) / self.scale)
 
-    def u_at(self, x: Array | float) -> Array:
-        """Standard uncertainty of the polynomial at `x`, type A."""
-        terms = polynomial.polyvander(self._z(x), self.degree)
-        return np.asarray(np.sqrt(np.einsum("...i,ij,...j->...", terms, self.covariance, terms)))
-
     def _z(self, x: Array | float) -> Array:
         return (np.asarray(x, dtype=np.float64) - self.centre) / self.scale
 

@@ -140,14 +140,12 @@ def test_a_polynomial_in_its_centred_variable_is_the_one_in_powers_of_x():
     assert np.diag(model.correlation) == pytest.approx(np.ones(5))
 
 
-def test_uncertainties_of_powers_and_of_values_agree_with_the_textbook_line():
+def test_uncertainties_of_powers_agree_with_the_textbook_line():
     x, y = np.array([1.0, 2, 3, 4, 6]), np.array([1.1, 1.9, 3.2, 3.9, 6.1])
     model = fit_polynomial(x, y, 1)
     spread = np.sum((x - x.mean()) ** 2)
     u_slope = model.residual_sd / np.sqrt(spread)
     assert model.u_powers == pytest.approx([model.residual_sd * np.sqrt(1 / 5 + x.mean() ** 2 / spread), u_slope])
-    at = np.array([0.0, x.mean(), 10.0])
-    assert model.u_at(at) == pytest.approx(model.residual_sd * np.sqrt(1 / 5 + (at - x.mean()) ** 2 / spread))
     assert model.u[1] == pytest.approx(u_slope * model.scale)
     assert model.u == pytest.approx(np.sqrt(np.diag(model.covariance)))
 

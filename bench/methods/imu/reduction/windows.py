@@ -21,7 +21,6 @@ from bench.metrology.orientation import unit_axes
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 ACCELEROMETERS, GYROS = (tuple(f"{sensor}_{axis}" for axis in AXES) for sensor in ("acc", "gyro"))
-CHANNELS_OF = (*ACCELEROMETERS, *GYROS)
 ALIGNED = 0.999  # the cosine of how far an axis may be from where an attitude has it
 SAME_SET_POINT_C = 0.5
 LEAST_SHARE = 0.5  # of the readings of a thermometer must be there

@@ -9,7 +9,7 @@ from bench.config.bench import load_bench
 from bench.methods.imu.method import ImuCalibrationSettings
 from bench.methods.imu.reduction.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
 from bench.methods.imu.reduction.run import reduce
-from bench.methods.imu.reduction.windows import CHANNELS_OF, visits
+from bench.methods.imu.reduction.windows import ACCELEROMETERS, GYROS, visits
 from bench.metrology.acquisition import Acquisition, Mount, Turned, Window
 from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -20,6 +20,7 @@ from tests.support.runs import ROOT
 
 BENCH = load_bench(ROOT / "config/imu.yaml").bench
 TWO = load_bench(ROOT / "config/imu_two_axis.yaml").bench
+CHANNELS_OF = (*ACCELEROMETERS, *GYROS)
 CHANNELS = {name: name for name in CHANNELS_OF}
 UNIT = UnitUnderTest("a", "S", "", 0.0, "t", channels=CHANNELS, gyro_temperature="t")
 SETTINGS = ImuCalibrationSettings.model_validate({}).model_dump()
