@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.methods.imu.reduction.table_errors import table_errors
+from bench.methods.imu.reduction.table_errors import Kind, table_errors
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
 from bench.metrology.run_data import UnitUnderTest
@@ -79,3 +79,15 @@ def test_the_base_and_the_axes_against_each_other():
     for change, base in zip(found[4:], np.eye(3), strict=True):
         moved = seen(tilted(STRAIGHT, tuple(np.degrees(SMALL) * base), [(0, 0), (0, 0)])) - seen(STRAIGHT)
         assert change == pytest.approx(moved / SMALL, abs=1e-4)
+
+
+def test_errors_of_one_kind_are_left_out_and_lines_keep_their_names():
+    errors = table_errors(
+        POSES, UNIT, record(level=1.0, azimuth=1.0, outer={"zero_u_deg": 1.0, "repeatability_u_deg": 1.0})
+    )
+    left = errors.without(Kind.LEVEL)
+    lines = list(left.lines(left.seen(LEVEL, 0), np.ones(len(POSES))))
+    assert {(line.source, line.shared) for line in lines} == {
+        ("outer: zero", "outer.zero"), ("outer: repeatability", None), ("fixture: azimuth", "fixture.azimuth"),
+    }  # fmt: skip
+    assert {each.cause.name for each in errors.sources} - {line.source for line in lines} == {"fixture: level"}

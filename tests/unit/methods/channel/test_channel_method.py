@@ -284,7 +284,7 @@ def test_a_drift_beyond_its_limit_makes_the_verdicts_on_the_run_marginal(drift_l
 def test_an_accelerometer_that_drifts_more_than_is_stated_shows_it_beside_the_source(own):
     result = reduced(four_levels(own=own))
     slope = found(result)["rate/relative_temperature_coefficient@up_1g"]
-    line = next(each for each in slope.budget if each.source == OWN_TEMPERATURE)
+    line = next(each for each in slope.budget if each.kind == OWN_TEMPERATURE)
     beyond = abs(own) > 2 * 60e-6
     assert ("up_1g:accelerometer_drift" in texts(result.flags)) == beyond
     assert line.u == pytest.approx(FOLLOWS * (abs(own) if beyond else 60e-6), rel=0.3)
