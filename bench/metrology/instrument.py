@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import numpy as np
 
 from bench.metrology.bench_uncertainty import BenchRecord
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.run_data import UnitUnderTest
 
 STEPS = ": steps of the codes"  # what a source of uncertainty ends with, after the channel of the telemetry
 
 
-def instrument_u(unit: UnitUnderTest, bench: BenchRecord, scaled: float, together: float) -> Mapping[str, float]:
-    """Standard uncertainties by source, with the signs of `scaled` and `together`.
+def instrument_lines(unit: UnitUnderTest, bench: BenchRecord, scaled: float, together: float) -> list[BudgetLine]:
+    """Lines of a budget, with the signs of `scaled` and `together`.
 
     `scaled` is what the result changes by where all readings grow by as much as they are, `together` where all grow by
     one. A unit that sends its output has no instrument but itself.
     """
     if unit.telemetry is not None:
-        return {}
+        return []
     if unit.voltmeter is None:
-        return {"counter: time base": scaled * bench.time_base_u}
+        return [shared_line("counter: time base", scaled * bench.time_base_u)]
     gain_u, offset_u_v = bench.voltmeters_u.get(unit.voltmeter, (0.0, 0.0))
-    return {f"{unit.voltmeter}: gain": scaled * gain_u, f"{unit.voltmeter}: offset": together * offset_u_v}
+    return [
+        shared_line(f"{unit.voltmeter}: gain", scaled * gain_u),
+        shared_line(f"{unit.voltmeter}: offset", together * offset_u_v),
+    ]
+
+
+def shared_line(source: str, u: float | np.floating) -> BudgetLine:
+    """A line of an error that all results have."""
+    return BudgetLine(source, "B", float(u), None, shared_as(source))
 
 
 def shared_as(source: str) -> str:

@@ -7,7 +7,7 @@ at rest an axis that points up reads +1 g.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -71,3 +71,17 @@ def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: float) -> Array:
     for axis, angle_deg in steps:
         turned *= Rotation.from_euler(axis, -angle_deg if axis == "y" else angle_deg, degrees=True)
     return np.asarray(turned.as_matrix().T @ np.stack([x, np.cross(z, x), z]))
+
+
+def by_harmonics(turned: Array, head_rad: Array, u_deg: Sequence[float]) -> Array:
+    """What the harmonics of a head give to a result, of cosine and sine after each other, (2m,), with their signs.
+
+    `turned` (n,) is what the result changes by for 1 rad of the head at each of its angles.
+    """
+    return np.array(
+        [
+            float(turned @ shape(order * head_rad)) * np.radians(u)
+            for order, u in enumerate(u_deg, start=1)
+            for shape in (np.cos, np.sin)
+        ]
+    )

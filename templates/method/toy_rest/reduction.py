@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from bench.metrology.instrument import instrument_u, shared_as
+from bench.metrology.instrument import instrument_lines
 from bench.metrology.least_squares import Array, least_squares
 from bench.metrology.outputs import mean_output
 from bench.metrology.results.budget import BudgetLine
@@ -80,10 +80,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, fewest: int) -> UnitResult:
     own = BudgetLine("readings: scatter about the line", "A", rest.mean_u, rest.dof)
     if alone_u > rest.sd:  # readings that are alike by chance; else their scatter contains their resolution
         own = BudgetLine("readings: resolution of each", "B", alone_u / np.sqrt(count))
-    of_instrument = [
-        BudgetLine(source, "B", u, None, shared_as(source))
-        for source, u in instrument_u(unit, data.bench, rest.mean, 1.0).items()
-    ]
+    of_instrument = instrument_lines(unit, data.bench, rest.mean, 1.0)
     per_mean = float(np.sqrt(count / np.sum(rest.time_h**2))) / size  # from u of the mean to that of the drift
     few = BudgetLine("readings: few readings", "A", rest.sd / size / np.sqrt(2 * rest.dof), rest.dof)
     findings = (

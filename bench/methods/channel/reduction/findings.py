@@ -16,7 +16,7 @@ from bench.methods.channel.reduction.levels import LevelData, Point
 from bench.methods.channel.reduction.transfer_meter import believes_meter, standard_of
 from bench.metrology.bench_uncertainty import SourceRecord
 from bench.metrology.extremes import interval_of_largest
-from bench.metrology.instrument import instrument_u, shared_as
+from bench.metrology.instrument import instrument_lines
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding
 from bench.metrology.results.flag import Flag
@@ -74,8 +74,7 @@ class ChannelFindings:
 
     def _instrument_lines(self, rate: float) -> Iterator[BudgetLine]:
         """What the certificate of whatever measures the output says of it."""
-        for source, u in instrument_u(self.unit, self.data.bench, rate, 1.0).items():
-            yield BudgetLine(source, "B", abs(u), None, shared_as(source))
+        yield from instrument_lines(self.unit, self.data.bench, rate, 1.0)
 
     def _away_c(self, level: Level) -> float:
         """How far the reference temperature is from the middle of a run: errors of the slope go into the rate by it."""

@@ -17,8 +17,9 @@ import numpy as np
 
 from bench.methods.indexing.reduction.readings import IndexingReading
 from bench.metrology.bench_uncertainty import BenchRecord
-from bench.metrology.instrument import STEPS, instrument_u, shared_as
+from bench.metrology.instrument import STEPS, instrument_lines, shared_as
 from bench.metrology.least_squares import Array
+from bench.metrology.orientation import by_harmonics
 from bench.metrology.propagation import Estimate
 from bench.metrology.results.budget import BudgetLine, combined
 from bench.metrology.run_data import UnitUnderTest
@@ -66,17 +67,12 @@ class IndexingBudget:
         head_rad = np.array([each.head_rad for each in self.readings])
         turned = gain * np.array([each.turn for each in self.readings]) * self.scale
         head, values = self.bench.head, np.array([each.output for each in self.readings])
-        harmonics = [
-            float(turned @ shape(order * head_rad)) * np.radians(u_deg)
-            for order, u_deg in enumerate(head.harmonics_u_deg, start=1)
-            for shape in (np.cos, np.sin)
-        ]
         together = float(turned.sum())
         from_above = np.array([each.came_from != "below" for each in self.readings])
         return {
             Source(SCATTER, is_scatter=True): gain * self.sd,
             Source.of("head: zero"): np.array([together * np.radians(head.zero_u_deg)]),
-            Source.of("head: harmonics"): np.array(harmonics),
+            Source.of("head: harmonics"): by_harmonics(turned, head_rad, head.harmonics_u_deg),
             Source("head: repeatability"): self._by_stand(turned) * np.radians(head.repeatability_u_deg),
             Source.of(BACKLASH): np.array([float(turned[from_above].sum()) * np.radians(head.backlash_u_deg or 0.0)]),
             Source.of(LEVEL): np.array([together * np.radians(self.bench.level_u_deg)]),
@@ -96,8 +92,8 @@ class IndexingBudget:
         if self.unit.telemetry is not None:
             step_u = np.array([each.step_u for each in self.readings])
             return {Source(f"{self.unit.telemetry}{STEPS}"): by_position(gain, step_u, head_rad)}
-        found = instrument_u(self.unit, self.bench, float(gain @ values), float(gain.sum()))
-        return {Source.of(name): np.array([u]) for name, u in found.items()}
+        lines = instrument_lines(self.unit, self.bench, float(gain @ values), float(gain.sum()))
+        return {Source(line.source, line.shared): np.array([line.u]) for line in lines}
 
     def lines(self, result: Estimate, without: Sequence[str] = ()) -> tuple[BudgetLine, ...]:
         """The budget of a result; `without` the sources that make what it is of, not an error of it."""

@@ -11,7 +11,8 @@ import numpy as np
 from bench.methods.tumble.reduction.dwells import Dwell
 from bench.methods.tumble.reduction.unit import TumbleUnit, type_b
 from bench.metrology.acquisition import Array
-from bench.metrology.instrument import STEPS, instrument_u, shared_as
+from bench.metrology.instrument import STEPS, instrument_lines, shared_line
+from bench.metrology.orientation import by_harmonics
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding
 from bench.metrology.sampled_codes import by_position
@@ -91,16 +92,12 @@ class TumbleConstants:
         bench, dwell = self.of.bench, self.of.dwells[index]
         turned = gain * dwell.turn
         together = abs(float(turned.sum()))  # all positions turned alike
-        harmonics = [
-            float(turned @ shape(order * dwell.head_rad)) * np.radians(u_deg)
-            for order, u_deg in enumerate(bench.head.harmonics_u_deg, start=1)
-            for shape in (np.cos, np.sin)
-        ]
+        harmonics = by_harmonics(turned, dwell.head_rad, bench.head.harmonics_u_deg)
         lines = [
             *self.of.own(quantity, [(dwell, 1.0)]),
-            type_b("head: zero", together * np.radians(bench.head.zero_u_deg), "head.zero"),
-            type_b("head: harmonics", np.linalg.norm(harmonics), "head.harmonics"),
-            type_b("fixture: level", together * np.radians(bench.level_u_deg), "fixture.level"),
+            shared_line("head: zero", together * np.radians(bench.head.zero_u_deg)),
+            shared_line("head: harmonics", np.linalg.norm(harmonics)),
+            shared_line("fixture: level", together * np.radians(bench.level_u_deg)),
             *self._of_the_instrument(gain, dwell),
         ]
         if quantity in self.per_c:
@@ -128,8 +125,7 @@ class TumbleConstants:
         if unit.telemetry is not None:
             hidden = np.linalg.norm(by_position(gain, dwell.step_u, dwell.head_rad))
             return [type_b(f"{unit.telemetry}{STEPS}", hidden, None)]
-        found = instrument_u(unit, self.of.bench, abs(float(gain @ dwell.readings)), abs(float(gain.sum())))
-        return [type_b(source, u, shared_as(source)) for source, u in found.items()]
+        return instrument_lines(unit, self.of.bench, float(gain @ dwell.readings), float(gain.sum()))
 
 
 def _tail(dwell: Dwell) -> str:
