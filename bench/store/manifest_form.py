@@ -1,4 +1,4 @@
-"""The forms of manifests and seals, of this version and of those before: who reads one need not look at its types."""
+"""Structure of manifests and seals of this version and earlier ones, so that readers need not check types."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from datetime import datetime
 from bench.store.kept_json import NUMBER, TEXT, TRUTH, WHOLE, an_object, every, named, one_of, or_none, pair
 
 STATES = ("running", "completed", "failed", "error", "aborted")
-SHOWN_STATES = (*STATES, "interrupted", "damaged")  # what a list of runs may say of one
+SHOWN_STATES = (*STATES, "interrupted", "damaged")  # states in a list of runs
 VERDICTS = ("PASS", "FAIL", "ERROR", "ABORTED", "INCOMPLETE", "NOT JUDGED")
-WHOLE_MANIFEST = (  # what every manifest has had since the first version
+WHOLE_MANIFEST = (  # fields of every manifest since the first version
     "state", "run", "verdict", "title", "sequence", "bench", "operator", "started", "ended", "wall_s", "bench_s",
     "preset", "parameters", "seed", "simulated", "units", "instruments", "hashes", "software", "host", "problems",
 )  # fmt: skip
 
 
 def instant(value: object) -> str:
-    """An instant in ISO 8601 with its distance from UTC."""
+    """Validate an instant in ISO 8601 with UTC offset."""
     try:
         if isinstance(value, str) and datetime.fromisoformat(value).tzinfo is not None:
             return ""

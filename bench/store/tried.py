@@ -19,7 +19,7 @@ _FORM = an_object({"what": TEXT, "key": TEXT, "at": instant}, ("what", "key", "a
 
 
 def note_tried(what: What, key: str) -> None:
-    """Record, durably, that something was tried with success. Raises StoreError."""
+    """Record a success, durably. Raises StoreError."""
     line = {"what": what, "key": key, "at": wall_utc().isoformat(timespec="seconds")}
     try:
         append_line(state_folder() / TRIED, json.dumps(line))
@@ -28,7 +28,7 @@ def note_tried(what: What, key: str) -> None:
 
 
 def last_tried(what: What, key: str) -> datetime | None:
-    """When it was last tried with success; None for never. Lines that cannot be read are passed over."""
+    """Return the time of the last success, or None; lines that cannot be read are ignored."""
     try:
         lines = (state_folder() / TRIED).read_text("utf-8", errors="replace").splitlines()
     except OSError:
