@@ -12,13 +12,15 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
-from bench.clock import Stopwatch
+from bench.clock import Stopwatch, wall_utc
 from bench.config.bench import LoadedBench
 from bench.errors import StoreError
+from bench.figures.after_run import chamber_sentence
 from bench.guardian.course import Course
 from bench.guardian.follow import Follower, Following
 from bench.runner.held import A_VISIT, LOOKS, energising_addresses, owners
 from bench.store.energised import Energised, energised
+from bench.store.followed import Followed
 
 BY_HAND = "'bench make-safe'"
 SHOWN_EVERY_S = 60.0
@@ -69,18 +71,13 @@ def look_after(made: Sequence[MadeSafe], notice: Notice, *, wait: bool) -> Arriv
     return Arrivals(all(each.good for each in watched), bool(request) and any(each.on_its_way for each in watched))
 
 
-def in_words(course: Course) -> str:
-    """Where the air of a chamber is, and whether it has arrived."""
+def _entry(role: str, course: Course) -> Followed:
+    """Return the present state of a chamber in the form of the record; one that is left is still on its way."""
     state, end = course.state, course.end
-    air = "its air could not be looked at" if state is None else f"its air is at {state.process_value_c:.1f} °C"
-    unseen = f" ({course.why_unseen})" if course.why_unseen else ""
-    match end.event if end is not None else "":
-        case "arrived":
-            return f"{air} and has arrived, set point {course.target_c:g} °C"
-        case "not_arrived" | "handed_over" if end is not None:
-            return f"{'its air HAS NOT ARRIVED: ' if end.event == 'not_arrived' else ''}{end.why}"
-        case _:
-            return f"{air}{unseen}, on its way to the set point {course.target_c:g} °C"
+    on_its_way = end is None or end.event == "ended"
+    event, why = ("commanded", course.why_unseen) if end is None or on_its_way else (end.event, end.why)
+    air_c = None if state is None else state.process_value_c
+    return Followed(role, event, wall_utc().isoformat(), why, "", False, air_c, course.target_c)
 
 
 class _Watched:
@@ -88,6 +85,7 @@ class _Watched:
 
     def __init__(self, made: MadeSafe, notice: Notice) -> None:
         path = made.loaded.document.path
+        self._zone = made.loaded.bench.site.time_zone
         self._bench = f"--bench {shlex.quote(str(path))}"
         self._notice, self._others = notice, _others(made)
         run = None if self._others else made.run  # its guardian keeps that record
@@ -139,7 +137,7 @@ class _Watched:
             last = self._shown.get(role)
             if last is None or (course.is_over and not last[1]) or self._is_due(course, last[0]):
                 self._shown[role] = Stopwatch(), course.is_over
-                self._say(f"{role}: {in_words(course)}")
+                self._say(f"{role}: {chamber_sentence(_entry(role, course), self._zone)}")
 
     @staticmethod
     def _is_due(course: Course, last: Stopwatch) -> bool:

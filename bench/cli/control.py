@@ -89,8 +89,8 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
         return asked
     from bench.engine.state import replayed
     from bench.errors import StoreError
+    from bench.figures.after_run import last_states
     from bench.runner.commands import state_to_json
-    from bench.store.followed import course_of
     from bench.store.latch import latch
     from bench.store.reader import RunReader
     from bench.store.verify import examine
@@ -103,7 +103,7 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
     with RunReader(run.path) as reader:
         over = {"state": run.state, "verdict": run.manifest.get("verdict")}
         over |= {"latched": latched.why} if latched is not None else {}
-        over |= {"made_safe": made_safe} if (made_safe := course_of(run.path)) else {}
+        over |= {"made_safe": made_safe} if (made_safe := last_states(run.path)) else {}
         return over | state_to_json(replayed(reader.events()))
 
 

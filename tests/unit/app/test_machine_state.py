@@ -208,7 +208,7 @@ def test_a_folder_that_was_set_up_in_part_is_named(machine, missing):
     (machine / missing).rmdir()
     assert f"{machine / missing} is missing" in problem_to_write()
     (machine / missing).write_text("", "utf-8")
-    assert "is no folder" in problem_to_write()
+    assert "is not a folder" in problem_to_write()
 
 
 @as_root
@@ -218,7 +218,7 @@ def test_a_link_in_place_of_a_folder_leads_nobody_elsewhere(place, machine):
     (machine / "energised").symlink_to(elsewhere)
     note_energised(Path("/runs/a"), Path("/b.yaml"), AT, {"supply": SUPPLY})
     assert list(elsewhere.iterdir()) == []
-    assert "is no folder" in problem_to_write()
+    assert "is not a folder" in problem_to_write()
 
 
 def odd(path: Path, kind: str, place: Path) -> None:

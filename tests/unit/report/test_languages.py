@@ -11,7 +11,7 @@ from jinja2 import Environment, nodes
 
 from bench.config.document import read_document
 from bench.config.fixture import Compass, Direction
-from bench.figures import languages, svg, words
+from bench.figures import after_run, languages, svg, words
 from bench.figures.languages import LANGUAGES, catalogue_of, language, tr
 from bench.methods.imu import words as imu_words
 from bench.methods.rate_table import words as table_words
@@ -82,6 +82,7 @@ def texts_in_tables():
         words.ENDINGS,
         words.REASONS,
         words.CONTENTS,
+        after_run.SENTENCES,
         flag_words._READINGS,
         flag_words._UNITS,
         flag_words._QUANTITIES,
