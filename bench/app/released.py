@@ -63,7 +63,7 @@ def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[st
             )
         found[place] = _read(Path(name))
     problems = [problem for place, released in found.items() for problem in _channels(place, released, bench)]
-    problems += plan.document.told(_beyond(found, plan, bench))
+    problems += plan.document.located(_beyond(found, plan, bench))
     if problems:
         raise InputError(*problems)
     return found

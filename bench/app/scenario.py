@@ -31,7 +31,7 @@ def with_scenario(loaded: LoadedBench, path: Path | None, plan: Plan | None) -> 
     """
     if plan is None or loaded.bench.needs_simulators:
         own = loaded.bench.simulation.faults
-        if found := loaded.document.told(_misfits(own, loaded.bench, plan, IN_BENCH)):
+        if found := loaded.document.located(_misfits(own, loaded.bench, plan, IN_BENCH)):
             raise InputError(*found)
     if path is None:
         return loaded, None
@@ -41,7 +41,7 @@ def with_scenario(loaded: LoadedBench, path: Path | None, plan: Plan | None) -> 
         )
     document = read_document(path)
     scripted = load(document, ScenarioFile).faults
-    if found := document.told(
+    if found := document.located(
         [*fault_misfits(scripted, loaded.bench, IN_SCENARIO), *_misfits(scripted, loaded.bench, plan, IN_SCENARIO)]
     ):
         raise InputError(*found)

@@ -32,7 +32,7 @@ def read_script(path: Path | None, plan: Plan, bench: BenchFile) -> Script:
         return {}
     document = read_document(path)
     script = load(document, AnswersFile).answers
-    if found := document.told(_misfits(script, plan, bench)):
+    if found := document.located(_misfits(script, plan, bench)):
         raise InputError(*found)
     return script
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bench.cli.commands import Command, argument, flag, option
 from bench.cli.stored import RUN, RUNS
 
-if TYPE_CHECKING:  # `bench --help` loads none of it
+if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.store.runs import RunSummary
 
 
@@ -52,7 +52,7 @@ def abort(run: str, runs: Path) -> None:
 
 
 def skip(run: str, runs: Path) -> None:
-    """Interrupt the current step and continue with the next; whatever is still moving is first brought to rest."""
+    """Interrupt the current step, bring moving axes to rest, and continue with the next step."""
     _tell(run, runs, "skip")
 
 
@@ -81,7 +81,7 @@ def status(run: str, runs: Path, *, as_json: bool) -> None:
 
 
 def _state_of(run: RunSummary) -> dict[str, Any]:
-    """The status of a run as JSON: asked of the run itself, or read from the journal of one that is over."""
+    """Return the status of a run as JSON: queried from a running run, or read from the journal."""
     if run.state == "running":
         from bench.runner.tell import tell
 
@@ -108,7 +108,7 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
 
 
 def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
-    """Take the latch off a run that did not end by itself with everything safe; a person has looked at the bench."""
+    """Acknowledge a run that did not end by itself with everything safe, after a person has inspected the bench."""
     import getpass
 
     from bench.runner.held import is_followed

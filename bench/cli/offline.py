@@ -1,4 +1,4 @@
-"""reduce, compensate: recorded data by our methods, stored runs once more, data of units by their calibrations."""
+"""reduce, compensate: reduction of recorded data and stored runs, and compensation of unit data by calibrations."""
 
 from __future__ import annotations
 

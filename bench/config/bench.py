@@ -36,7 +36,7 @@ def load_bench(path: Path, *, named: set[str] | None = None) -> LoadedBench:
     """
     document = read_document(path)
     bench = load(document, BenchFile, named=named)
-    if found := document.told(misfits(bench)):
+    if found := document.located(misfits(bench)):
         raise InputError(*found)
     return LoadedBench(document, bench)
 

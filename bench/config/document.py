@@ -123,7 +123,7 @@ class Document:
         mark = self.mark(place)
         return f"{self.owner(place)[0].path}:{mark.line}:{mark.column}"
 
-    def told(self, problems: Iterable[Problem]) -> list[str]:
+    def located(self, problems: Iterable[Problem]) -> list[str]:
         """`file:line:column: what is wrong` for each problem, once; in the order of the file, then of included ones."""
         found = dict.fromkeys((self.owner(place)[0].path, self.mark(place), problem) for place, problem in problems)
         in_order = sorted(found, key=lambda item: (item[0] != self.path, *item))

@@ -30,7 +30,7 @@ def load(document: Document, model: type[ModelT], **context: Any) -> ModelT:
             document.value, context={"folder": document.path.parent, "load": load_file, **context}
         )
     except ValidationError as error:
-        raise InputError(*document.told(problems(document.value, error))) from None
+        raise InputError(*document.located(problems(document.value, error))) from None
 
 
 def load_file(path: Path, model: type[ModelT]) -> ModelT:

@@ -90,14 +90,14 @@ def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(
     held = run.steps("step_begins")
     time.sleep(1.0)  # twenty seconds of bench time
     assert run.steps("step_begins") == held
-    assert run.tell("resume").stdout.endswith(": it goes on\n")
+    assert run.tell("resume").stdout.endswith(": the run continues\n")
     run.wait_for(lambda: run.steps("step_begins") != held)
     assert run.tell("stop", "--after-step").stdout.endswith(": the teardown runs after the current step\n")
     assert run.finish() == 4
     assert run.operator() == ["held", "released", "stop after step"]
     user = pwd.getpwuid(os.getuid()).pw_name
     for said in (
-        f"pause by {user}: the run pauses before its next step", "Held before step", f"resume by {user}: it goes on",
+        f"pause by {user}: the run pauses before its next step", "Held before step", f"resume by {user}: the run continues",
         f"stop after step by {user}: the teardown runs after the current step",
     ):  # fmt: skip
         assert said in run.said
@@ -187,7 +187,7 @@ def test_a_step_is_skipped_or_begun_anew_and_the_run_goes_on(started):
     run = started("smoke", "--speed", "20", "--set", "soak=10 min")
     soak = "steps/temperature=20/soak"
     run.wait_for(lambda: soak in run.steps("step_begins"))
-    assert run.tell("repeat").stdout.endswith(f": done again: {soak}\n")
+    assert run.tell("repeat").stdout.endswith(f": repeated: {soak}\n")
     run.wait_for(lambda: f"{soak}~2" in run.steps("step_begins"))
     told = run.tell("skip")
     assert told.stdout.endswith(f": skipped: {soak}~2\n")
@@ -204,7 +204,7 @@ def test_the_step_before_a_pause_is_done_again_while_the_run_is_held(started):
     run.wait_for(lambda: soak in run.steps("step_begins"))
     run.tell("pause")
     run.wait_for(lambda: run.operator() == ["held"])
-    assert run.tell("repeat").stdout.endswith(": done again: the last one\n")
+    assert run.tell("repeat").stdout.endswith(": repeated: the last one\n")
     run.wait_for(lambda: f"{soak}~2" in run.steps("step_ended"))
     assert "steps/temperature=20/position=0/move" not in run.steps("step_begins")
     run.tell("resume")

@@ -684,7 +684,7 @@ def test_a_bench_with_any_part_changed_is_a_bench_or_tells_its_problems(value):
 
     def read() -> BenchFile:
         bench = load(document, BenchFile)
-        if found := document.told(misfits(bench)):
+        if found := document.located(misfits(bench)):
             raise InputError(*found)
         return bench
 

@@ -166,7 +166,7 @@ def test_a_run_that_goes_on_is_not_held() -> None:
 def test_who_listens_late_is_told_that_the_run_is_to_be_held() -> None:
     hold, told = Hold(), list[bool]()
     hold.want(True)
-    with hold.told_to(told.append):
+    with hold.calling(told.append):
         hold.want(True)
         hold.want(False)
     hold.want(True)
