@@ -377,7 +377,7 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
         ("input_axis: {at_0: level, at_90: up}", "body: {x: east, z: west}", "body:",
          "body: x and z are on one line; they are at right angles"),
         ("input_axis: {at_0: level, at_90: up}", "body: {x: east, z: up}\n  axes: [{device: chamber, points: up}]",
-         "device: chamber, points", "'chamber' is no head and no rate table; expected head"),
+         "device: chamber, points", "'chamber' is neither a head nor a rate table; expected head"),
         ("upright: 0°", "upright: {roll: 0°, tilt: 1°}", "tilt: 1°",
          "tilt: unknown key; expected angle, roll or clock"),
         ("[2 arcsec, 2 arcsec, 2 arcsec, 2 arcsec]", "[2 arcsec, 7]", "7]", "7 has no unit, write it like '7 arcsec'"),
@@ -459,7 +459,7 @@ def test_a_reading_may_be_in_any_unit_but_then_it_is_no_temperature(folder):
     assert problems(folder, text) == [
         f"{place_of(text, 'limits: {min: -55 °C')}: is for a temperature, supply.current is in A",
         f"{calibration}: is for a temperature, supply.current is in A",
-        f"{place_of(text, 'temperature: unit_temperature')}: 'unit_temperature' is no temperature",
+        f"{place_of(text, 'temperature: unit_temperature')}: 'unit_temperature' is not a temperature",
     ]
 
 
