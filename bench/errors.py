@@ -1,4 +1,4 @@
-"""What can go wrong, each with a stable code and one line that a technician can act on."""
+"""Errors of the bench, each with a stable code and a message that a technician can act on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from drivers.errors import DriverError
 
 
 class BenchError(Exception):
-    """The bench is bad, not the unit. `code` is stable; the message says what, where, and what to do."""
+    """Error of the bench, not of the unit. `code` is stable; the message has problem, place and remedy."""
 
     code = "bench"
 

@@ -1,4 +1,4 @@
-"""After `bench make-safe`: where the air of each chamber is, and with a wait until it has arrived."""
+"""State of the chambers after `bench make-safe`, with an optional wait until their air has arrived."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Notice = Callable[[str], object]
 
 
 class MadeSafe(NamedTuple):
-    """A bench that was made safe by hand: its roles that are, and the run that had left it on, if it is on record."""
+    """Bench that was made safe by hand: safe roles, and the recorded run that had left it on, if any."""
 
     loaded: LoadedBench
     safe: tuple[str, ...]
@@ -37,23 +37,23 @@ class MadeSafe(NamedTuple):
 
 
 class Arrivals(NamedTuple):
-    """Whether no chamber is late, and whether somebody ended the wait while one was on its way."""
+    """Result of supervision: no chamber is late (`good`), and the wait was ended with one on its way (`ended`)."""
 
     good: bool = True
     ended: bool = False
 
 
 def run_of(loaded: LoadedBench) -> Path | None:
-    """The newest run on record that may have left an instrument of a bench on; None where there is none."""
+    """Return the newest recorded run that may have left an instrument of a bench on, or None."""
     addresses = {str(address) for address in energising_addresses(loaded.bench).values()}
     found: list[Energised] = []
-    with suppress(StoreError):  # which was told where it is read first
+    with suppress(StoreError):  # reported where the register is read first
         found = [each for each in energised(lambda _: None) if addresses & set(each.connections.values())]
     return Path(found[-1].run) if found else None
 
 
 def look_after(made: Sequence[MadeSafe], notice: Notice, *, wait: bool) -> Arrivals:
-    """Tell of each chamber whether its air has arrived; with a `wait` return when it has, or cannot.
+    """Report for each chamber whether its air has arrived; with `wait` return when it has, or cannot.
 
     A chamber that another program has taken over is no longer waited for. SIGINT, SIGTERM and SIGHUP end a wait.
     """
@@ -72,7 +72,7 @@ def look_after(made: Sequence[MadeSafe], notice: Notice, *, wait: bool) -> Arriv
 
 
 def _entry(role: str, course: Course) -> Followed:
-    """Return the present state of a chamber in the form of the record; one that is left is still on its way."""
+    """Return the present state of a chamber as an entry of the record; one left before arrival is still on its way."""
     state, end = course.state, course.end
     on_its_way = end is None or end.event == "ended"
     event, why = ("commanded", course.why_unseen) if end is None or on_its_way else (end.event, end.why)
@@ -81,25 +81,25 @@ def _entry(role: str, course: Course) -> Followed:
 
 
 class _Watched:
-    """The chambers of one bench, and what a person is told of them."""
+    """Supervised chambers of one bench, and the display of their states."""
 
     def __init__(self, made: MadeSafe, notice: Notice) -> None:
         path = made.loaded.document.path
         self._zone = made.loaded.bench.site.time_zone
         self._bench = f"--bench {shlex.quote(str(path))}"
         self._notice, self._others = notice, _others(made)
-        run = None if self._others else made.run  # its guardian keeps that record
+        run = None if self._others else made.run  # the guardian that supervises them keeps that record
         self.following = Following(Follower(BY_HAND, run, str(path)), made.loaded.bench, made.safe)
         self.good = True
         self._shown: dict[str, tuple[Stopwatch, bool]] = {}
 
     @property
     def on_its_way(self) -> list[str]:
-        """The roles of chambers that are not looked at any more, though their air has not arrived."""
+        """Roles of chambers that are no longer supervised although their air has not arrived."""
         return [role for role, course in self.following.courses.items() if course.end and course.end.event == "ended"]
 
     def glance(self) -> bool:
-        """Look once, and say what is on its way and how to look again; whether nothing is late."""
+        """Read each chamber once, show chambers on their way and how to check again; return True if none is late."""
         good = self.following.glance(f"{BY_HAND} without --wait")
         self.following.close()
         self._show_all()
@@ -107,32 +107,32 @@ class _Watched:
             who = f"followed by {' and '.join(self._others)}" if self._others else "followed by nobody"
             self._say(
                 f"On its way, {who}: {', '.join(left)}. 'bench make-safe {self._bench} --wait' waits until its air has "
-                f"arrived, 'bench devices {self._bench}' shows where it is."
+                f"arrived, 'bench devices {self._bench}' shows the temperature."
             )
         return good
 
     def follow(self) -> None:
-        """Look until all courses are over; `good` is whether all have arrived, or were taken over."""
+        """Supervise until all courses are over; `good` is True if all chambers arrived or were taken over."""
         try:
             self.good = self.following.follow(self._show_all)
-        except Exception as problem:  # noqa: BLE001  the thread has nobody else to tell
+        except Exception as problem:  # noqa: BLE001  the thread has no caller to report to
             self.good = False
-            self._say(f"The chambers cannot be followed any more: {type(problem).__name__}: {problem}")
+            self._say(f"Supervision of the chambers has failed: {type(problem).__name__}: {problem}")
             return
         self._show_all()
         if left := self.on_its_way:
             self._say(
-                f"Not followed any more: {', '.join(left)}. The safe set point stays commanded; whether the air "
+                f"No longer followed: {', '.join(left)}. The safe set point stays commanded; whether the air "
                 f"arrives is not known. 'bench make-safe {self._bench} --wait' follows it again."
             )
 
     def _say(self, text: str) -> None:
-        """Tell a person, whose terminal may be closed; the record is kept all the same."""
+        """Show a line to a person; the terminal may be closed."""
         with suppress(OSError, ValueError):
             self._notice(text)
 
     def _show_all(self) -> None:
-        """Tell of each chamber that was not told of for a while, or whose course is over."""
+        """Show each chamber whose course has ended, or that was not shown for a while."""
         for role, course in self.following.courses.items():
             last = self._shown.get(role)
             if last is None or (course.is_over and not last[1]) or self._is_due(course, last[0]):
@@ -145,7 +145,7 @@ class _Watched:
 
 
 def _others(made: MadeSafe) -> list[str]:
-    """Who else follows a chamber of a bench, such as the guardian of a run."""
+    """Return the other programs that supervise a chamber of a bench, such as the guardian of a run."""
     addresses = energising_addresses(made.loaded.bench)
     found = owners([addresses[role] for role in made.safe], LOOKS)
     return sorted(str(each).removeprefix(A_VISIT) for each in found if each.process != os.getpid())
@@ -153,11 +153,11 @@ def _others(made: MadeSafe) -> list[str]:
 
 @contextmanager
 def _ends_on_request(watched: Sequence[_Watched]) -> Iterator[list[int]]:
-    """Inside, signals by which a person or a run asks for the chambers end the following; those that came."""
-    came: list[int] = []
+    """End supervision on signals during the block; yield the list of received signals."""
+    received: list[int] = []
 
     def end(number: int, _frame: FrameType | None) -> None:
-        came.append(number)
+        received.append(number)
         for each in watched:
             each.following.end()
 
@@ -165,7 +165,7 @@ def _ends_on_request(watched: Sequence[_Watched]) -> Iterator[list[int]]:
     for number in before:
         signal.signal(number, end)
     try:
-        yield came
+        yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

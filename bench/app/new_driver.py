@@ -1,4 +1,4 @@
-"""A new driver to start from: a package of its own that works as it is, copied from the template of its kind."""
+"""Starter package of a plug-in driver, copied from the working template of its kind."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
 
 
 def kinds() -> dict[str, Path]:
-    """The kinds of driver that there is a template of, by the capability that they have."""
+    """Return the templates, by the capability of the driver."""
     folders = [folder / "driver" for folder in shipped("templates")]
     return {path.name: path for folder in folders if folder.is_dir() for path in sorted(folder.iterdir())}
 
 
 def write_driver(name: str, kind: str, out: Path) -> list[Path]:
-    """Writes the package `OUT/NAME`; InputError for a name that is none or taken, or what cannot be written."""
+    """Write the package `OUT/NAME`. Raises InputError for an invalid or used name, and errors of writing."""
     try:
         TypeAdapter(Name).validate_python(name)
     except ValidationError as error:
@@ -35,10 +35,10 @@ def write_driver(name: str, kind: str, out: Path) -> list[Path]:
     if name in known_drivers():
         raise InputError(f"NAME: there is a driver '{name}' already; choose another name")
     module = find_spec(name)
-    if module is not None and module.origin is not None:  # a folder that happens to lie here has none
+    if module is not None and module.origin is not None:  # a folder of that name here has no origin
         raise InputError(f"NAME: there is a Python module '{name}' already; choose another name")
     if kind not in (known := kinds()):
-        raise InputError(f"--kind {kind}: there is no template of that{did_you_mean(kind, known)}")
+        raise InputError(f"--kind {kind}: there is no template of this kind{did_you_mean(kind, known)}")
     folder = out / name
     try:
         with folder_made_whole(folder) as draft:
@@ -63,7 +63,7 @@ def _copied(template: Path, folder: Path, name: str) -> Iterator[Path]:
 
 
 def _renamed(text: str, toy: str, name: str) -> str:
-    """The text with the names of the toy in it replaced: of the package, of the distribution and of classes."""
+    """Replace the names of the template in a text: package, distribution and classes."""
     for spell in (str, lambda words: words.replace("_", "-"), _camel):
         text = text.replace(spell(toy), spell(name))
     return text

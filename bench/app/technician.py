@@ -1,4 +1,4 @@
-"""A technician in software: answers the questions of a run on simulated instruments, and does what they ask for."""
+"""Simulated technician: answers the prompts of a run on simulated instruments, and acts on them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from drivers.schema.suggest import did_you_mean
 
 Script = Mapping[str, ScriptedAnswer]
 USUAL = ScriptedAnswer()
-USUALLY_S = 60.0  # what he takes for the question of a step
+USUALLY_S = 60.0  # default delay of an answer to the prompt of a step
 
 
 def read_script(path: Path | None, plan: Plan, bench: BenchFile) -> Script:
-    """The answers in a file, which fit the questions of the plan; InputError. Without a file there are none."""
+    """Read the answers of a file and check them against the plan; without a file there are none. Raises InputError."""
     if path is None:
         return {}
     document = read_document(path)
@@ -60,7 +60,7 @@ def _misfits(script: Script, plan: Plan, bench: BenchFile) -> Iterator[Problem]:
 
 
 def _device_misfits(key: str, given: ScriptedAnswer, bench: BenchFile) -> Iterator[Problem]:
-    """What does not fit in an answer to the questions of a device, or to one of them: `head`, `head#3`, `head#3~2`."""
+    """Yield the problems of an answer to the requests of a device, or to one: `head`, `head#3`, `head#3~2`."""
     device, numbered, number = _first_visit(key).partition("#")
     if not bench.devices[device].connection.is_person:
         scheme = bench.devices[device].connection.scheme
@@ -81,7 +81,7 @@ def _answer_misfits(key: str, answer: str, question: Question) -> Iterator[Probl
 
 
 def unanswered(plan: Plan, script: Script) -> list[str]:
-    """The steps that want something typed, which the script does not answer."""
+    """Return the steps with a prompt for text that the script does not answer."""
     return [
         planned.id for planned in plan
         if isinstance(planned.step, Prompt) and planned.step.input is not None
@@ -104,14 +104,14 @@ class Technician:
         self._desk, self._script, self._bench, self._notice = desk, script or {}, bench, notice
         self._world = laboratory.world if laboratory is not None else None
         self._by_hand = laboratory.by_hand if laboratory is not None else {}
-        self._answering = ""  # the question that he answers himself
+        self._answering = ""  # prompt that the technician is answering
         self._tasks: set[asyncio.Task[None]] = set()
         desk.on_answer = self.answered
         if script is not None:
             desk.on_question = self.asked
 
     def asked(self, question: Question) -> None:
-        """A question is open."""
+        """Answer a new question."""
         task = asyncio.create_task(self._serve(question), name=f"technician {question.step}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -136,7 +136,7 @@ class Technician:
         else:
             return
         answer = given.answer if given.answer is not None else answer
-        if question in self._desk.questions:  # nobody was faster
+        if question in self._desk.questions:  # no person was faster
             self._notice(f"{question.text}\n{given.by}: {answer}")
             self._answering = question.step
             self._desk.answer(answer, given.by, question.step)
@@ -168,7 +168,7 @@ class Technician:
 
 
 def _first_visit(step: str) -> str:
-    """The id of a step, also when it was begun again."""
+    """Return the id of a step without the suffix of a repetition."""
     return first_visit(step) + ("?" if "~" in step and step.endswith("?") else "")
 
 

@@ -1,4 +1,4 @@
-"""Recording what passes on the wires of a bench, and looking at a bench for a while to record it."""
+"""Recording of the traffic on the wires of a bench, and of a bench that is only read."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ Keep = Callable[[Passed], object]
 
 @contextmanager
 def recording(path: Path, run: str | None = None) -> Iterator[Keep]:
-    """A place for what passes, in a new file that names the run; InputError when it cannot be made.
+    """Yield a sink for traffic, written to a new file that names the run. Raises InputError if it cannot be created.
 
-    Lines are written as they come, and are durable at the end. A disk that fails meanwhile ends the trace alone.
+    Lines are written as they arrive, and are durable at the end. A disk error meanwhile ends only the trace.
     """
     try:
         make_folder(path.parent)
@@ -62,7 +62,7 @@ def recording(path: Path, run: str | None = None) -> Iterator[Keep]:
 
 
 def read_trace_file(path: Path) -> list[Passed]:
-    """The lines of a trace; InputError."""
+    """Read the lines of a trace. Raises InputError."""
     try:
         return list(read_trace(read_bounded(path, TRACE_LIMIT_BYTES).decode("utf-8").splitlines()))
     except ValueError as problem:

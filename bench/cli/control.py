@@ -83,9 +83,9 @@ def status(run: str, runs: Path, *, as_json: bool) -> None:
 def _state_of(run: RunSummary) -> dict[str, Any]:
     """Return the status of a run as JSON: queried from a running run, or read from the journal."""
     if run.state == "running":
-        from bench.runner.tell import tell
+        from bench.runner.tell import send_command
 
-        asked: dict[str, Any] = json.loads(tell(run.path, "status"))
+        asked: dict[str, Any] = json.loads(send_command(run.path, "status"))
         return asked
     from bench.engine.state import replayed
     from bench.errors import StoreError
@@ -121,11 +121,11 @@ def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
 
 
 def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:
-    from bench.runner.tell import tell
+    from bench.runner.tell import send_command
     from bench.store.runs import find_run
 
     path = find_run(run, runs)
-    sys.stdout.write(f"{path.name}: {tell(path, command, **arguments)}\n")
+    sys.stdout.write(f"{path.name}: {send_command(path, command, **arguments)}\n")
 
 
 COMMANDS = (

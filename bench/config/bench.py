@@ -68,7 +68,7 @@ def _watchdogs(bench: BenchFile) -> Iterator[Problem]:
         alone_after_s, every_s = entry.safe_state.alone_after_s, period_s(role, bench)
         if alone_after_s is not None and alone_after_s < LOOKS_WITHIN_A_WATCHDOG * every_s:
             least_s = LOOKS_WITHIN_A_WATCHDOG * every_s
-            problem = f"is less than {LOOKS_WITHIN_A_WATCHDOG} periods of {every_s:g} s in which it is looked at"
+            problem = f"is less than {LOOKS_WITHIN_A_WATCHDOG} polling periods of {every_s:g} s"
             yield ("devices", role, "options", "watchdog"), f"watchdog: {problem}; give {least_s:g} s or more"
 
 
@@ -263,10 +263,13 @@ def _inertial(found: str, counted: Sequence[str], sent: Sequence[str], meters: S
 def _unlike(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     """Yield triads of an inertial unit, accelerometers or gyros, with outputs in different units."""
     sent = bench.sent_units(place)
-    for sensor, said in (("acc", "accelerometers"), ("gyro", "gyros")) if place.channels is not None else ():
+    for sensor, sensors in (("acc", "accelerometers"), ("gyro", "gyros")) if place.channels is not None else ():
         units = dict.fromkeys(sent.get(f"{sensor}_{axis}", Counted.unit) for axis in "xyz")
         if len(units) > 1:
-            yield ("places", name, "channels"), f"the outputs of the {said} are in {' and '.join(units)}; one is needed"
+            yield (
+                ("places", name, "channels"),
+                f"the outputs of the {sensors} are in {' and '.join(units)}; one is needed",
+            )
 
 
 def _verb(key: str, found: str, sent: Sequence[str]) -> str:

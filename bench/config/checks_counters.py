@@ -59,7 +59,7 @@ def _encoder(bench: BenchFile, role: str, device: str, bits: int | None) -> Iter
     if bits is not None and counts >= 2 ** (bits - 1):
         yield (
             where,
-            f"its signal has {bits} bits; at {fastest_dps:g} °/s it goes {counts:.6g} counts in a period, half round "
+            f"its signal has {bits} bits; at {fastest_dps:g} °/s it counts {counts:.6g} in a period, half its range "
             "or more: shorten the period, or use a longer signal",
         )
 

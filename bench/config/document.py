@@ -124,7 +124,7 @@ class Document:
         return f"{self.owner(place)[0].path}:{mark.line}:{mark.column}"
 
     def located(self, problems: Iterable[Problem]) -> list[str]:
-        """Return `file:line:column: problem` for each distinct problem, in the order of the file, then of included ones."""
+        """Return `file:line:column: problem` for each distinct problem, in the order of the files."""
         found = dict.fromkeys((self.owner(place)[0].path, self.mark(place), problem) for place, problem in problems)
         in_order = sorted(found, key=lambda item: (item[0] != self.path, *item))
         return [f"{path}:{mark.line}:{mark.column}: {problem}" for path, mark, problem in in_order]
@@ -176,20 +176,20 @@ def _built_or_refused(lines: str, builder: _Builder, path: Path) -> Any:
         raise InputError(f"{path}:{_plain_message(error)}") from None
     except (YAMLError, ValueError, OverflowError) as error:
         mark = max(builder.marks.values(), default=Mark(1, 1))
-        said = str(error).splitlines()[0] if isinstance(error, YAMLError) else _IMPOSSIBLE
-        problem = f"what follows here is not YAML: {said}"
+        message = str(error).splitlines()[0] if isinstance(error, YAMLError) else _IMPOSSIBLE
+        problem = f"what follows here is not YAML: {message}"
         raise InputError(f"{path}:{mark.line}:{mark.column}: {problem}") from None
 
 
 def _plain_message(error: MarkedYAMLError) -> str:
     """Return position and message of a parser error in plain terms; for an unclosed bracket its beginning."""
-    said = str(error.problem or error.context)
+    message = str(error.problem or error.context)
     marks = (error.problem_mark, error.context_mark)
-    if any(part in said for part in _LEFT_OPEN):
+    if any(part in message for part in _LEFT_OPEN):
         marks = marks[::-1]
     mark = marks[0] or marks[1]
     at = f"{mark.line + 1}:{mark.column + 1}" if mark is not None else "1:1"
-    return f"{at}: is not YAML: {next((words for part, words in _PLAINLY if part in said), said)}"
+    return f"{at}: is not YAML: {next((words for part, words in _PLAINLY if part in message), message)}"
 
 
 class _Builder:

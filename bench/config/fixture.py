@@ -60,7 +60,7 @@ class InputAxis(StrictModel):
 class TableAxis(StrictModel):
     """Axis of a table with several axes."""
 
-    device: Name = Field(description="which drives it")
+    device: Name = Field(description="the device that drives it")
     points: Compass = Field(description="where its positive end points while the angles of all axes are 0°")
 
 
@@ -73,7 +73,7 @@ class Body(StrictModel):
     @model_validator(mode="after")
     def _square(self) -> Body:
         if any(a and b for a, b in zip(DIRECTIONS[self.x], DIRECTIONS[self.z], strict=True)):
-            raise telling("x and z are on one line; they are at right angles")
+            raise telling("x and z are parallel; they must be at right angles")
         return self
 
 
@@ -149,7 +149,9 @@ class FixtureEntry(StrictModel):
     @model_validator(mode="after")
     def _one_geometry(self) -> FixtureEntry:
         if (self.input_axis is None) == (self.body is None):
-            raise telling("say how the units lie: input_axis on a head with a level axis, else body (and axes)")
+            raise telling(
+                "give the orientation of the units: input_axis on a head with a level axis, else body (and axes)"
+            )
         if self.axes and self.body is None:
             raise telling("axes need a body: where x and z of the fixture point")
         return self

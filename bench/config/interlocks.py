@@ -50,7 +50,7 @@ def _pair(raw: object) -> object:
 Limit = Annotated[
     AnyQuantity,
     WithJsonSchema(
-        {"type": ["number", "string"], "minLength": 1, "description": "a quantity in the unit of what is looked at"}
+        {"type": ["number", "string"], "minLength": 1, "description": "a quantity in the unit of the monitored value"}
     ),
 ]
 Size = Annotated[Limit, AfterValidator(_above_zero)]
@@ -85,7 +85,7 @@ class InterlockBase(StrictModel):
 class ReadingInterlock(InterlockBase):
     """Interlock that trips while a reading is above one value or below another."""
 
-    reading: ReadingName = Field(description="what is looked at")
+    reading: ReadingName = Field(description="the monitored reading")
     above: Limit | None = Field(None, description="a larger value is bad")
     below: Limit | None = Field(None, description="a smaller value is bad")
 
@@ -97,7 +97,7 @@ class ReadingInterlock(InterlockBase):
             if self.above.dimension != self.below.dimension:
                 raise telling(f"above is {self.above}, below is {self.below}: they need the same unit")
             if self.above <= self.below:
-                raise telling(f"every value is above {self.above} or below {self.below}: nothing would be good")
+                raise telling(f"every value is above {self.above} or below {self.below}: no value would be good")
         return self
 
     @property
@@ -109,7 +109,7 @@ class ReadingInterlock(InterlockBase):
 class RateInterlock(InterlockBase):
     """Interlock that trips while the mean rate of a reading over the last `over` exceeds a limit, either way."""
 
-    reading: ReadingName = Field(alias="rate_of", description="whose rate of change is looked at")
+    reading: ReadingName = Field(alias="rate_of", description="the reading whose rate of change is monitored")
     over_s: PositiveSeconds = Field(alias="over", description="the time whose mean rate is taken")
     above: Size = Field(description="rising or falling faster is bad")
 
@@ -137,7 +137,7 @@ class DifferenceInterlock(InterlockBase):
 class AgeInterlock(InterlockBase):
     """Interlock that trips while the newest value of a reading is older than a limit."""
 
-    reading: ReadingName = Field(alias="age_of", description="whose newest value is looked at")
+    reading: ReadingName = Field(alias="age_of", description="the reading whose age is monitored")
     above_s: PositiveSeconds = Field(alias="above", description="an older value is bad")
 
     @property
@@ -155,13 +155,15 @@ INTERLOCKS: dict[str, type[AnyInterlock]] = {
 def _by_first_key(raw: Any, _handler: Any) -> AnyInterlock:
     """Validate into the model of the first key, without the context of a document, since it holds no expressions."""
     if not isinstance(raw, Mapping) or not raw:
-        raise expected("an interlock: a mapping whose first key says what is looked at", raw)
+        raise expected("an interlock: a mapping whose first key names the monitored quantity", raw)
     first = str(next(iter(raw)))
     if first in INTERLOCKS:
         return INTERLOCKS[first].model_validate(raw)
     if later := [key for key in raw if key in INTERLOCKS]:
-        raise telling(f"the first key of an interlock says what is looked at: put '{later[0]}' before {quoted(first)}")
-    raise telling(f"the first key says what is looked at, not {quoted(first)}{did_you_mean(first, INTERLOCKS)}")
+        raise telling(
+            f"the first key of an interlock names the monitored quantity: put '{later[0]}' before {quoted(first)}"
+        )
+    raise telling(f"the first key names the monitored quantity, not {quoted(first)}{did_you_mean(first, INTERLOCKS)}")
 
 
 InterlockEntry = Annotated[AnyInterlock, WrapValidator(_by_first_key)]

@@ -181,7 +181,7 @@ class PlaceEntry(StrictModel):
     telemetry: str | None = Field(
         None, min_length=1, description="the channel of the telemetry on which it sends its output itself"
     )
-    type: Text = Field("accelerometer channel", description="what the unit is, for the report")
+    type: Text = Field("accelerometer channel", description="description of the unit in the report")
     mount_angle: Degrees = Field(0.0, description="its angle in the fixture; added to the head angle")
     temperature: Name = Field(description="the reading of the thermometer at the unit")
     gyro_temperature: Name | None = Field(

@@ -31,5 +31,5 @@ class ScenarioFile(StrictModel):
     """File of faults, for the instruments of one kind of bench."""
 
     schema_: Literal["itb-scenario/1"] = Field(alias="schema", description="version of the file format")
-    title: Text = Field(description="what it is about")
+    title: Text = Field(description="purpose of the scenario")
     faults: Annotated[tuple[ScriptedFault, ...], NOT_EMPTY] = Field(description="in any order")

@@ -131,7 +131,7 @@ class FaultSimulation(StrictModel):
     @model_validator(mode="after")
     def _of_a_device_or_a_unit(self) -> FaultSimulation:
         if (self.device is None) == (self.unit is None):
-            raise telling("give device or unit, one of them")
+            raise telling("give either device or unit")
         allowed = get_args(DeviceFault if self.unit is None else UnitFault)
         if self.kind not in allowed:
             what = "a device" if self.unit is None else "a unit"

@@ -98,8 +98,8 @@ class Rescue:
     def _lanes(self, *, may_hold: bool) -> list[Lane]:
         limits_s, only_off = limits_to_make_safe(self._bench), is_locked_out(self._bench)
         hold = [role for role in self._addresses if may_hold and self._bench.devices[role].safe_state.hold_s]
-        telling = partial(_show_lane, self._notes)
-        return asyncio.run(make_safe_in_lanes(self._devices(), limits_s, telling, only_off=only_off, hold=hold))
+        show = partial(_show_lane, self._notes)
+        return asyncio.run(make_safe_in_lanes(self._devices(), limits_s, show, only_off=only_off, hold=hold))
 
     def _record(self, lanes: Sequence[Lane]) -> dict[str, str]:
         """Record the outcome of the lanes, durably; return the reasons of those that are not safe."""

@@ -134,10 +134,10 @@ async def _beat(link: socket.socket, guardian: int, signals: Signals, guard: Gua
             untaken += 1
             os.kill(guardian, signal.SIGCONT)  # somebody may have stopped it
             if untaken > STILL_BEATS:
-                signals.tell(Sent("a guardian that stands still", STILL))
+                signals.request_end(Sent("a guardian that stands still", STILL))
                 return
         except OSError:
-            signals.tell(Sent("the death of its guardian", LOST))
+            signals.request_end(Sent("the death of its guardian", LOST))
             return
         await asyncio.sleep(BEAT_S)
 

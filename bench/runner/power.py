@@ -23,28 +23,28 @@ IN_WORDS = {
 
 
 class Hold:
-    """Flag that no step may start while the computer is on battery; `tell` is called on each change."""
+    """Flag that no step may start while the computer is on battery; `notify` is called on each change."""
 
     def __init__(self) -> None:
         self._wanted = False
-        self._tell: Callable[[bool], object] = lambda _wanted: None
+        self._notify: Callable[[bool], object] = lambda _wanted: None
 
     def want(self, wanted: bool) -> None:
         """Set or clear the hold."""
         if wanted != self._wanted:
             self._wanted = wanted
-            self._tell(wanted)
+            self._notify(wanted)
 
     @contextmanager
-    def calling(self, tell: Callable[[bool], object]) -> Iterator[None]:
-        """Call `tell` on each change in the block, and at once if the run is already held."""
-        self._tell = tell
+    def calling(self, notify: Callable[[bool], object]) -> Iterator[None]:
+        """Call `notify` on each change in the block, and at once if the run is already held."""
+        self._notify = notify
         if self._wanted:
-            tell(True)
+            notify(True)
         try:
             yield
         finally:
-            self._tell = lambda _wanted: None
+            self._notify = lambda _wanted: None
 
 
 @asynccontextmanager
@@ -81,7 +81,7 @@ async def _watch(
                     journal.write("power", state=state.kind, text=state.text)
                 notice(f"{IN_WORDS[state.kind]} ({state.text}).")
             if (why := policy.ends(state, asyncio.get_running_loop().time())) is not None:
-                signals.tell(Sent("the power failure", EndRequest("power", f"the power failed: {why}")))
+                signals.request_end(Sent("the power failure", EndRequest("power", f"the power failed: {why}")))
                 return
             hold.want(policy.holds)
             await asyncio.sleep(EVERY_S)

@@ -131,9 +131,9 @@ class Signals:
         """Handle a signal; runs in the main thread between any two instructions."""
         name = _name(number)
         text = TEXTS.get(number, ("signal", f"ended by {name}, which another program sent"))
-        self.tell(Sent(name, EndRequest(*text), number == signal.SIGINT))
+        self.request_end(Sent(name, EndRequest(*text), number == signal.SIGINT))
 
-    def tell(self, sent: Sent) -> None:
+    def request_end(self, sent: Sent) -> None:
         """End the run as a signal does."""
         self.received.append(sent)
         if self._loop is not None and self._act is not None:

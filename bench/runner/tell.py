@@ -22,7 +22,7 @@ _BETWEEN_ATTEMPTS_S = 0.05
 _pause = threading.Event().wait
 
 
-def tell(run: Path, command: str, **arguments: str) -> str:
+def send_command(run: Path, command: str, **arguments: str) -> str:
     """Send a command to a running run; return its answer. Raises InputError without an answer.
 
     It is sent again while the run has too many clients.

@@ -53,17 +53,17 @@ def _is_a_terminal() -> bool:
 async def typed_lines() -> AsyncIterator[str]:
     """Yield the lines of the standard input as they are typed, until its end."""
     loop = asyncio.get_running_loop()
-    news: asyncio.Queue[bytes] = asyncio.Queue()
+    received: asyncio.Queue[bytes] = asyncio.Queue()
     try:
         descriptor = sys.stdin.fileno()
-        loop.add_reader(descriptor, lambda: news.put_nowait(os.read(descriptor, READ_AT_ONCE_BYTES)))
+        loop.add_reader(descriptor, lambda: received.put_nowait(os.read(descriptor, READ_AT_ONCE_BYTES)))
     except (OSError, ValueError):  # a regular file, which cannot be polled, or no descriptor
         for line in sys.stdin:
             yield line.rstrip("\n")
         return
     rest = b""
     try:
-        while data := await news.get():
+        while data := await received.get():
             *lines, rest = (rest + data).split(b"\n")
             for line in lines:
                 yield line.decode(errors="replace")

@@ -108,7 +108,8 @@ def _from_file(outline: Outline, path: Path) -> tuple[list[str], dict[str, Value
     except InputError as error:
         return list(error.problems), {}
     if not isinstance(document.value, dict):
-        return document.located([((), f"is {in_words(document.value)}, expected a mapping of parameters to values")]), {}
+        problem = f"is {in_words(document.value)}, expected a mapping of parameters to values"
+        return document.located([((), problem)]), {}
     found: list[Problem] = []
     given: dict[str, Value] = {}
     for name, raw in document.value.items():

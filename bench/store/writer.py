@@ -283,9 +283,7 @@ class RunWriter:
         lost, found = self.folder, place.found()
         if found is not None:
             self.folder = found
-            self._fail(
-                StoreError(f"the run directory {lost} was moved to {found} while the run went on; its record is there")
-            )
+            self._fail(StoreError(f"the run directory {lost} was moved to {found} during the run; its record is there"))
             return
         try:
             self.folder = rescue(self._database, lost.name, database.FILE_NAME)
@@ -293,7 +291,7 @@ class RunWriter:
         except StoreError as problem:
             kept = str(problem)
         what = f"the run directory {lost}" if missing == lost else str(missing)
-        self._fail(StoreError(f"{what} was removed while the run went on; {kept}"))
+        self._fail(StoreError(f"{what} was removed during the run; {kept}"))
 
     def _check_size(self, place: WatchedFiles) -> None:
         """Fail if the database was truncated; `folder` is then the location of the rescued record, if there is one."""
@@ -305,7 +303,7 @@ class RunWriter:
             kept = f"everything recorded until then is in {self.folder}"
         except StoreError as problem:
             kept = str(problem)
-        self._fail(StoreError(f"{truncated} was truncated while the run went on; {kept}"))
+        self._fail(StoreError(f"{truncated} was truncated during the run; {kept}"))
 
     def _insert(self, rows: Rows) -> None:
         self._database.execute("BEGIN IMMEDIATE")

@@ -40,7 +40,7 @@ class _Aborting(Quiet):
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
         loop = asyncio.get_running_loop()
-        loop.call_at(loop.time() + self._share * expected.total_s, self._signals.tell, ABORT)
+        loop.call_at(loop.time() + self._share * expected.total_s, self._signals.request_end, ABORT)
 
 
 def aborted(number: int) -> str:

@@ -135,7 +135,7 @@ def test_ctrl_c_ends_the_wait_and_leaves_the_chamber_as_commanded(bench, far, st
     waiting.process.send_signal(signal.SIGINT)
     code, told = waiting.end()
     assert code == 4, told
-    assert "Not followed any more: chamber. The safe set point stays commanded" in told
+    assert "No longer followed: chamber. The safe set point stays commanded" in told
     assert bench.state() == AWAY
     assert events(state) == ["commanded", "ended"]
 

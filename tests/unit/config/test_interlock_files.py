@@ -80,7 +80,7 @@ def test_a_bench_without_interlocks_has_none():
         ("{reading: head.angle, above: 5, below: 1 V, then: stop}", "watch",
          "watch: above is 5, below is 1 V: they need the same unit"),
         ("{reading: unit_temperature, above: 5 °C, below: 5 °C, then: stop}", "watch",
-         "watch: every value is above 5 °C or below 5 °C: nothing would be good"),
+         "watch: every value is above 5 °C or below 5 °C: no value would be good"),
         ("{rate_of: head.angle, over: 1 s, above: 5°, then: stop}", "above",
          "above: is in °, expected a quantity in °/s"),
         ("{rate_of: supply.voltage, over: 1 s, above: 5 V, then: stop}", "above",
@@ -98,7 +98,8 @@ def test_a_bench_without_interlocks_has_none():
          "above: the newest value of head.angle is up to 10 s old when nothing is wrong; expected more than that"),
         ("{age_of: unit_temperature, above: 30 s, then: abort, good_for: 0 s}", "watch",
          "watch: 'good_for' goes with hold and pause: after 'abort' the run does not go on"),
-        ("{}", "watch", "watch: is empty, expected an interlock: a mapping whose first key says what is looked at"),
+        ("{}", "watch",
+         "watch: is empty, expected an interlock: a mapping whose first key names the monitored quantity"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_an_interlock_is_told_at_its_place(folder, entry, at, problem):
