@@ -8,7 +8,7 @@ from drivers.errors import DriverError
 
 
 class BenchError(Exception):
-    """Error of the bench, not of the unit. `code` is stable; the message has problem, place and remedy."""
+    """Error of the bench, not of the unit. `code` is stable; the message states problem, place and remedy."""
 
     code = "bench"
 

@@ -59,11 +59,11 @@ async def make_safe_in_lanes(
     for role, task in lanes.items():
         if not task.done():
             task.cancel()
-            ended(_left_behind(role, longest_s))
-    return [task.result() if task.done() else _left_behind(role, longest_s) for role, task in lanes.items()]
+            ended(_abandoned(role, longest_s))
+    return [task.result() if task.done() else _abandoned(role, longest_s) for role, task in lanes.items()]
 
 
-def _left_behind(role: str, longest_s: float) -> Lane:
+def _abandoned(role: str, longest_s: float) -> Lane:
     return Lane(role, "unsafe", f"{role}: not within {longest_s:g} s, and its driver does not end", longest_s)
 
 

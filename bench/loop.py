@@ -168,7 +168,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
         first._run()
         return True
 
-    def take_in_answer(self) -> bool:
+    def accept_answer(self) -> bool:
         """Wait for the oldest outstanding result of another thread; return False if there is none."""
         while self._answers:
             answer, admitted = self._answers.popleft()
@@ -244,7 +244,7 @@ class _VirtualSelector(selectors.DefaultSelector):
                 f"virtual time stands at {self.now:.6f} s: {TURNS_AT_ONE_INSTANT} turns of the loop without an end"
             )
         ready = self._poll()
-        if ready or timeout == 0 or self._loop.take_in_answer():
+        if ready or timeout == 0 or self._loop.accept_answer():
             return ready
         when = self._loop.next_timer()
         if when is None:
@@ -276,11 +276,11 @@ class _VirtualSelector(selectors.DefaultSelector):
         """Wait for a real descriptor, since no timer is set; without one it is a deadlock."""
         ready: list[tuple[selectors.SelectorKey, int]] = []
 
-        def something_came(slice_s: float) -> bool:
+        def is_ready(slice_s: float) -> bool:
             ready.extend(selectors.DefaultSelector.select(self, slice_s))
             return bool(ready)
 
-        if len(self.get_map()) > 1 and came_true(something_came, THREAD_ANSWER_LIMIT_S):
+        if len(self.get_map()) > 1 and came_true(is_ready, THREAD_ANSWER_LIMIT_S):
             return ready
         raise TimeError(f"virtual time stands at {self.now:.6f} s: deadlock, no timer is set and nothing is under way")
 

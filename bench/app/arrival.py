@@ -52,7 +52,7 @@ def run_of(loaded: LoadedBench) -> Path | None:
     return Path(found[-1].run) if found else None
 
 
-def look_after(made: Sequence[MadeSafe], notice: Notice, *, wait: bool) -> Arrivals:
+def report_arrivals(made: Sequence[MadeSafe], notice: Notice, *, wait: bool) -> Arrivals:
     """Report for each chamber whether its air has arrived; with `wait` return when it has, or cannot.
 
     A chamber that another program has taken over is no longer waited for. SIGINT, SIGTERM and SIGHUP end a wait.

@@ -14,7 +14,7 @@ from bench.errors import InputError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import device_of
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from drivers.can.options import FRAME_SCHEMES
 from drivers.capabilities import Device, FrameSource, Positioner, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
@@ -75,7 +75,7 @@ def talk(
         return console.problems
 
     say(BY_HAND if write else QUESTIONS_ONLY)
-    with holding([entry.connection], f"a console of {role}"):
+    with address_lock([entry.connection], f"a console of {role}"):
         return run_loop(main(), REAL_TIME)
 
 

@@ -88,7 +88,7 @@ class Subject:
         raise CannotConnect(device, f"{address} carries no frames")
 
     @contextmanager
-    def suffering(self, kind: FaultKind) -> Iterator[None]:
+    def fault(self, kind: FaultKind) -> Iterator[None]:
         """Inject a fault during the block."""
         begin(self.instrument, kind)
         yield
@@ -129,9 +129,9 @@ async def reports_silence(subject: Subject) -> None:
     """Check that a silent instrument is reported in bounded time, and works again afterwards."""
     async with subject.driver() as driver:
         for kind in ("silent", "cut"):
-            with subject.suffering(kind):
+            with subject.fault(kind):
                 _expect(await _refused(driver.poll()), f"{kind}: poll() returns readings from a silent instrument")
-            await _heals(driver, kind)
+            await _expect_recovery(driver, kind)
 
 
 async def survives_line_faults(subject: Subject) -> None:
@@ -142,16 +142,16 @@ async def survives_line_faults(subject: Subject) -> None:
     left_out = {"half_open"} if subject.entry.connection.is_serial_line else set()
     async with subject.driver() as driver:
         for kind in (kind for kind in LINE_FAULTS if kind not in left_out):
-            with subject.suffering(kind):
+            with subject.fault(kind):
                 await _refused(driver.poll())
-            await _heals(driver, kind)
+            await _expect_recovery(driver, kind)
 
 
 async def survives_faults(subject: Subject) -> None:
     """Check that instrument faults are tolerated or raised as DriverError, also by `make_safe`."""
     for kind in mishaps_of(type(subject.instrument)):
         async with subject.driver() as driver:
-            with subject.suffering(kind):
+            with subject.fault(kind):
                 await _refused(driver.poll())
                 await _refused(driver.make_safe(), subject.safe_within_s)
             with suppress(DriverError):
@@ -165,7 +165,7 @@ async def is_made_safe(subject: Subject) -> None:
         for _ in range(2):
             _expect(not await _refused(driver.make_safe(), within_s), "make_safe() fails on a healthy instrument")
         for kind in ("silent", "cut"):
-            with subject.suffering(kind):
+            with subject.fault(kind):
                 _expect(await _refused(driver.make_safe(), within_s), f"{kind}: make_safe() reports success")
         await asyncio.sleep(HEALS_AFTER_S)
         _expect(not await _refused(driver.make_safe(), within_s), "make_safe() does not connect again")
@@ -219,7 +219,7 @@ async def _refused(doing: Awaitable[object], within_s: float = ANSWERS_WITHIN_S)
     return False
 
 
-async def _heals(driver: Device, after: str) -> None:
+async def _expect_recovery(driver: Device, after: str) -> None:
     for _ in range(HEALS_IN_POLLS):
         await asyncio.sleep(HEALS_AFTER_S)
         if not await _refused(driver.poll()):

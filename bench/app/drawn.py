@@ -80,7 +80,7 @@ class _Draws:
             latitude_deg=bench.site.latitude,
             table=TableErrors() if simulation.table is None else self._table(simulation.table),
             fixture=fixture,
-            built=self._built(fixture),
+            built=self._installed(fixture),
             chamber=_chamber(bench),
             remount_deg=simulation.remount / ARCSEC_PER_DEG,
             thermometer_lag_s=simulation.thermometer.lag,
@@ -160,7 +160,7 @@ class _Draws:
             return self._bench.simulation.head.backlash / ARCSEC_PER_DEG
         return self._draw(known.backlash_u_deg, "head", *path, "backlash")
 
-    def _built(self, fixture: Fixture) -> Fixture:
+    def _installed(self, fixture: Fixture) -> Fixture:
         """Return a table with several axes as installed: rotated about the vertical, tilted, not quite square."""
         if len(fixture.axes) < 2:
             return fixture

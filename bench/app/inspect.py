@@ -11,7 +11,7 @@ from bench.app.request import load_bench_named
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
-from bench.runner.held import holding, real_addresses
+from bench.runner.held import address_lock, real_addresses
 from drivers.capabilities import Device
 from drivers.errors import DriverError
 
@@ -44,7 +44,7 @@ def look_at_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
         devices = open_devices(bench, laboratory_of(bench))
         return list(await asyncio.gather(*(_look(bench, role, device) for role, device in devices.items())))
 
-    with holding(real_addresses(bench).values(), "a look at the devices"):
+    with address_lock(real_addresses(bench).values(), "a look at the devices"):
         return run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
 
 

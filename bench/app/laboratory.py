@@ -161,10 +161,10 @@ def make_laboratory(
 def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: int) -> dict[str, BadLine]:
     """Return a line for each instrument whose answers have a fault in the bench file."""
     suffering = {fault.device for fault in bench.simulation.faults if fault.kind in LINE_FAULTS}
-    return {role: BadLine(seed, partial(_suffered, instruments, role)) for role in instruments if role in suffering}
+    return {role: BadLine(seed, partial(_line_fault, instruments, role)) for role in instruments if role in suffering}
 
 
-def _suffered(instruments: Mapping[str, Instrument], role: str, _number: int) -> LineFault | None:
+def _line_fault(instruments: Mapping[str, Instrument], role: str, _number: int) -> LineFault | None:
     """Return the present line fault of the instrument, if any."""
     return instruments[role].faults.on_the_line()
 

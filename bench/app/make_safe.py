@@ -21,8 +21,8 @@ from bench.loop import run as run_loop
 from bench.rig import OWN_LIMIT_S, limits_to_make_safe
 from bench.runner.held import (
     A_RESCUE,
+    address_lock,
     energising_addresses,
-    holding,
     is_followed,
     owners,
     real_addresses,
@@ -129,7 +129,7 @@ def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], objec
     with _uninterrupted(), ExitStack() as in_use:
         take_over(addresses, notice, max(limits_s.values(), default=0.0) + END_BEYOND_S)
         try:
-            in_use.enter_context(holding(addresses, "bench make-safe"))
+            in_use.enter_context(address_lock(addresses, "bench make-safe"))
         except (InUseError, StoreError) as problem:  # a lock never prevents making safe
             notice(f"{problem}. The bench is made safe all the same.")
         lanes = run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)

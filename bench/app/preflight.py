@@ -24,7 +24,7 @@ from bench.rig import OpenError, Rig
 from bench.runner.alert import route
 from bench.runner.found_on import Found, found_energised
 from bench.runner.guard import try_guardian
-from bench.runner.held import energising_addresses, holding, real_addresses, why_locked_out
+from bench.runner.held import address_lock, energising_addresses, real_addresses, why_locked_out
 from bench.runner.nut import Client, PowerState
 from bench.runner.power import IN_WORDS
 from bench.sequence.language.values import as_written
@@ -90,7 +90,7 @@ def preflight(prepared: PreparedRun) -> Preflight:
             "instruments", "-", "every instrument is simulated: only the conditions of a simulated run were checked"
         )
         return Preflight((simulated, _disk(prepared), _times(prepared)))
-    with holding(real_addresses(bench).values(), "bench preflight"):
+    with address_lock(real_addresses(bench).values(), "bench preflight"):
         (instruments, found), guardian = _instruments(prepared), _guardian(prepared)
     return Preflight((
         instruments, guardian, _register(), _lockout(prepared), _left_on(prepared, found), _certificates(prepared),

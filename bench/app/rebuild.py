@@ -16,14 +16,14 @@ from bench.engine.ending import EndRequest
 from bench.engine.journal import Journal
 from bench.engine.past import Past, past_of
 from bench.errors import InputError
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 from bench.store.database import FILE_NAME
 from bench.store.reader import Event, RunReader
 from bench.store.runs import MANIFEST, RESERVE, RUNNER, json_text
 from bench.store.writer import RunWriter
 
 OUTAGE_S = (60.0, 7200.0)  # of a simulated bench, log-uniform
-KILLED = Sent("interruption", EndRequest("interruption", "interrupted"))
+KILLED = EndSignal("interruption", EndRequest("interruption", "interrupted"))
 _FROM_OUTSIDE = frozenset({"run_begins", "preflight", "run_ended", RESUMED, "warning", "clock_step", "stalled"})
 """Kinds of entries that the plan and its devices do not write."""
 GoThrough = Callable[[Journal, Signals, Past | None], Awaitable[object]]

@@ -74,7 +74,7 @@ def rehearse(
     if fault_seed is not None:
         prepared = with_drawn_faults(prepared, fault_seed)
     faults = prepared.loaded.bench.simulation.faults
-    witness = _Witness(observer)
+    witness = _AcknowledgedSteps(observer)
     result = execute(prepared, witness, signals)
     with RunReader(result.path) as reader:
         events = list(reader.events())
@@ -85,13 +85,13 @@ def rehearse(
         steps=tuple(_steps(expected, events)),
         stored_bytes=(result.path / FILE_NAME).stat().st_size,
         faults=faults,
-        began_s=tuple(_began(faults, events)),
+        began_s=tuple(_start_times(faults, events)),
         unsafe=_unsafe(result, events),
         lost=(*witness.lost(events), *verify(result.path)),
     )
 
 
-def _began(faults: Sequence[FaultSimulation], events: list[Event]) -> Iterator[float | None]:
+def _start_times(faults: Sequence[FaultSimulation], events: list[Event]) -> Iterator[float | None]:
     """Yield the start time of each fault from the journal, None if it did not occur."""
     left = [event for event in events if event.kind == BEGINS]
     for fault in faults:
@@ -126,7 +126,7 @@ def _unsafe(result: RunResult, events: list[Event]) -> Mapping[str, str]:
     return {"every device": "the run ended before the devices were made safe"}
 
 
-class _Witness(Relay):
+class _AcknowledgedSteps(Relay):
     """Forward everything to another observer, and store the acknowledged steps."""
 
     def __init__(self, observer: RunObserver) -> None:

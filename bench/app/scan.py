@@ -12,7 +12,7 @@ from itertools import groupby
 from bench.errors import InputError, InUseError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from drivers.description import DriverDescription, known_drivers
 from drivers.discovery.questions import QuestionPort
 from drivers.discovery.recognition import Found, Language, Recognition
@@ -104,7 +104,7 @@ def scan_here(
 
     async def look(address: Address) -> AddressScan:
         try:
-            with holding([address], "a scan"):
+            with address_lock([address], "a scan"):
                 return await scan(address, RealWires(), known, units=units, baud=baud)
         except InUseError as problem:
             return AddressScan(address, words=str(problem))

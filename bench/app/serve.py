@@ -55,13 +55,13 @@ def serve_bench(
             for line in await open_servers(bench, laboratory, stack):
                 say(line)
             say("ready")
-            FaultPlayer(laboratory, bench.simulation.faults, lambda kind, fault: say(_told(kind, fault)))
+            FaultPlayer(laboratory, bench.simulation.faults, lambda kind, fault: say(_show_fault(kind, fault)))
             await stopped.wait()
 
     run_loop(main(), REAL_TIME)
 
 
-def _told(kind: str, fault: FaultSimulation) -> str:
+def _show_fault(kind: str, fault: FaultSimulation) -> str:
     return f"{fault.victim} {fault.kind} {'begins' if kind == BEGINS else 'ends'}"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bench.app.drawn import simulated_mount
 from bench.app.laboratory import Laboratory
-from bench.config.answers import AnswersFile, Deed, ScriptedAnswer
+from bench.config.answers import AnswersFile, ScriptedAction, ScriptedAnswer
 from bench.config.document import Problem, read_document
 from bench.config.load import load
 from bench.config.models import BenchFile
@@ -147,23 +147,23 @@ class Technician:
         more_often = question.errand.device if question.errand is not None else _first_visit(question.step)
         return self._script.get(question.step) or self._script.get(more_often, USUAL)
 
-    def _change(self, deed: Deed | PhysicalChange | None) -> None:
-        if deed is None or self._world is None:
+    def _change(self, action: ScriptedAction | PhysicalChange | None) -> None:
+        if action is None or self._world is None:
             return
-        if deed.mount is not None:
-            self._world.fix_units(simulated_mount(self._bench.fixture.mounts[deed.mount]))
-        if deed.input is not None:
-            self._world.connect(deed.input)
+        if action.mount is not None:
+            self._world.fix_units(simulated_mount(self._bench.fixture.mounts[action.mount]))
+        if action.input is not None:
+            self._world.connect(action.input)
 
-    def _turned(self, errand: Errand, deed: Deed | None) -> str:
+    def _turned(self, errand: Errand, action: ScriptedAction | None) -> str:
         """Turn a head as requested or as scripted; return the angle to enter, by default the requested one."""
         head, asked = self._by_hand[errand.device], errand.turn
         if asked is None:
             return f"{head.shown_deg:.12g} {errand.unit}"
-        if deed is None:
+        if action is None:
             head.turn(asked)
-        elif deed.turn is not None:
-            head.turn(asked._replace(angle_deg=deed.turn))
+        elif action.turn is not None:
+            head.turn(asked._replace(angle_deg=action.turn))
         return f"{asked.angle_deg:.12g} {errand.unit}"
 
 

@@ -17,7 +17,7 @@ from bench.files import make_folder, sync_folder
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import Rig
-from bench.runner.held import holding, real_addresses
+from bench.runner.held import address_lock, real_addresses
 from drivers.errors import DriverError
 from drivers.schema.bounded import read_bounded
 from drivers.transport.trace import Passed, head_of, read_trace
@@ -90,7 +90,7 @@ def trace_bench(name: str | None, path: Path, for_s: float, *, simulate: bool = 
                         problems.append(str(problem))
                 await asyncio.sleep(bench.monitor.period)
 
-    with holding(real_addresses(bench).values(), "a trace"), recording(path) as keep:
+    with address_lock(real_addresses(bench).values(), "a trace"), recording(path) as keep:
 
         def counted(passed: Passed) -> None:
             nonlocal lines

@@ -80,7 +80,7 @@ def make_safe(bench: str | None, *, if_left_on: bool, wait: bool) -> int:
     temperature, and with --wait stays until the air has arrived. Ctrl-C ends the wait (exit code 4) and leaves the
     chambers as commanded. A chamber that has not arrived in the time that its bench file allows gives exit code 6.
     """
-    from bench.app.arrival import look_after
+    from bench.app.arrival import report_arrivals
     from bench.app.make_safe import make_safe as made_safe
 
     def say(text: str) -> None:
@@ -96,7 +96,7 @@ def make_safe(bench: str | None, *, if_left_on: bool, wait: bool) -> int:
     left = [lane.role for lane in lanes if lane.state != "safe"]
     if left:
         say(f"NOT MADE SAFE: {', '.join(left)}. Switch them off by hand, then try again.")
-    arrivals = look_after(made, say, wait=wait)
+    arrivals = report_arrivals(made, say, wait=wait)
     if left or not arrivals.good:
         return NOT_SAFE
     return ABORTED if arrivals.ended else PASS

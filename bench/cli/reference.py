@@ -20,7 +20,7 @@ INDEX = "README"
 
 
 def index_page() -> Blocks:
-    """Return the list of pages."""
+    """List of pages."""
     rows = ((f"[{name}]({name}.md)", inspect.getdoc(page) or "") for name, page in PAGES.items() if name != INDEX)
     return [
         "# Reference",
@@ -32,7 +32,7 @@ def index_page() -> Blocks:
 
 
 def commands_page() -> Blocks:
-    """Return the page with all commands, their arguments and options, and the exit codes."""
+    """Commands with their arguments and options, and exit codes."""
     blocks = [
         "# Commands",
         "Exit codes, the same for `bench run`, `bench rehearse` and `bench reduce`; other commands use those below 5:",

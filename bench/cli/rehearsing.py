@@ -30,13 +30,13 @@ def rehearse(*, faults: int | None, **wishes: Any) -> int:
     from bench.app.preflight import rehearsal_key
     from bench.app.rehearse import rehearse as rehearsed
     from bench.app.request import RunRequest, load_checked, prepare
-    from bench.runner.output import lasting_output
+    from bench.runner.output import tolerant_output
     from bench.runner.progress import TerminalProgress
     from bench.runner.signals import Signals
     from bench.store.tried import note_tried
 
     as_it_is = RunRequest(operator="rehearsal", past_due="mark", **wishes)
-    with lasting_output():
+    with tolerant_output():
         checked = load_checked(as_it_is)
         warn(checked.plan, checked.warnings)
         units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())

@@ -134,9 +134,9 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
 def run(*, as_json: bool, **wishes: Any) -> int:
     """Run a sequence on a bench."""
     from bench.app.request import RunRequest, prepare
-    from bench.runner.output import lasting_output
+    from bench.runner.output import tolerant_output
 
-    with lasting_output():
+    with tolerant_output():
         if wishes["bench"] is None:
             sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
         prepared = prepare(RunRequest(**wishes))
@@ -194,11 +194,11 @@ def alert(bench: str | None) -> int:
 def resume_interrupted(path: Path, *, confirmed: bool) -> int:
     """Continue an interrupted run, after confirmation by a person or an option."""
     from bench.app.resume import in_words, prepared_again, read_interrupted
-    from bench.runner.output import lasting_output
+    from bench.runner.output import tolerant_output
 
     resumption = read_interrupted(path)
     prepared = prepared_again(resumption)
-    with lasting_output():
+    with tolerant_output():
         for line in in_words(resumption, prepared):
             sys.stderr.write(line + "\n")
         if not confirmed and not _says_yes():
@@ -210,13 +210,13 @@ def resume_pending(runs: Path) -> int:
     """Continue the runs that a failure of this computer interrupted; return the highest exit code."""
     from bench.app.make_safe import make_safe
     from bench.app.pending import pending
-    from bench.runner.output import lasting_output
+    from bench.runner.output import tolerant_output
 
     def say(text: str) -> None:
         sys.stderr.write(f"{text}\n")
 
     code = PASS
-    with lasting_output():
+    with tolerant_output():
         for each in list(pending(runs)):
             if each.found is None:
                 say(f"{each.path.name}: not resumed: {each.why_not}")

@@ -20,7 +20,7 @@ def _as_text(raw: Any) -> Any:
     return str(raw).lower() if isinstance(raw, bool) else str(raw)
 
 
-class Deed(StrictModel):
+class ScriptedAction(StrictModel):
     """Action of the technician instead of the requested one; empty for none."""
 
     mount: Name | None = Field(None, description="the mount in which the units are fixed")
@@ -37,7 +37,7 @@ class ScriptedAnswer(StrictModel):
     after: Seconds | None = Field(
         None, description="the time until the answer; default: one minute, or the turn_time of a head"
     )
-    does: Deed | None = Field(None, description="the action instead of the requested one; {} for none")
+    does: ScriptedAction | None = Field(None, description="the action instead of the requested one; {} for none")
     by: str = Field(SCRIPTED, description="name of the person in the record", min_length=1, max_length=100)
 
 

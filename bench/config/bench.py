@@ -51,7 +51,7 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     for name, reading in bench.readings.items():
         yield from _reading(bench, name, reading)
     for name in bench.together:
-        yield from _together(bench, name)
+        yield from _groups(bench, name)
     yield from _ambient(bench)
     yield from interlock_misfits(bench.interlocks, bench)
     for name, place in bench.places.items():
@@ -107,7 +107,7 @@ def fault_misfits(faults: Sequence[FaultSimulation], bench: BenchFile, where: Pl
             yield (*where, index, "device"), problem
 
 
-def _together(bench: BenchFile, name: str) -> Iterator[Problem]:
+def _groups(bench: BenchFile, name: str) -> Iterator[Problem]:
     """Yield group names that are in use already, and groups of unlike members."""
     where, members = ("together", name), bench.together[name]
     if name in bench.devices or name in bench.readings:
@@ -246,7 +246,7 @@ def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]
         )
         if first != (name, key):
             yield where, f"'{found}' {_verb(key, found, sent)} place '{first[0]}' already"
-    yield from _unlike(bench, name, place)
+    yield from _mixed_units(bench, name, place)
     yield from _nominal_output(bench, name, place)
 
 
@@ -260,7 +260,7 @@ def _inertial(found: str, counted: Sequence[str], sent: Sequence[str], meters: S
         yield f"no counter and no telemetry has a channel '{found}'{did_you_mean(found, (*counted, *sent))}"
 
 
-def _unlike(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
+def _mixed_units(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     """Yield triads of an inertial unit, accelerometers or gyros, with outputs in different units."""
     sent = bench.sent_units(place)
     for sensor, sensors in (("acc", "accelerometers"), ("gyro", "gyros")) if place.channels is not None else ():

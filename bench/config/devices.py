@@ -129,9 +129,7 @@ class DeviceEntry(StrictModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _with_the_blocks_of_its_driver(
-        cls, data: Any, handler: ModelWrapValidatorHandler[Any], info: ValidationInfo
-    ) -> Any:
+    def _with_driver_blocks(cls, data: Any, handler: ModelWrapValidatorHandler[Any], info: ValidationInfo) -> Any:
         """Validate all blocks together, so that a misspelt key does not hide problems in a block of the driver."""
         entry: DeviceEntry | None = None
         blocks: dict[str, BaseModel] = {}

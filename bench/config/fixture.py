@@ -136,7 +136,7 @@ class FixtureEntry(StrictModel):
 
     serial: Text = Field(description="serial number of the fixture")
     input_axis: InputAxis | None = Field(None, description="of units on a head with one level axis")
-    axes: tuple[TableAxis, ...] = Field((), description="of any other table, the outermost first; then say body too")
+    axes: tuple[TableAxis, ...] = Field((), description="of any other table, the outermost first; give body as well")
     body: Body | None = None
     level: Level
     azimuth: Azimuth | None = None

@@ -75,7 +75,7 @@ class InterlockBase(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _goes_on_only_after_a_pause(self) -> Self:
+    def _resumes_only_after_a_pause(self) -> Self:
         for key, field in (("good_for", "good_for_s"), ("give_up_after", "give_up_after_s")):
             if self.then not in PASSING and field in self.model_fields_set:
                 raise telling(f"'{key}' goes with hold and pause: after '{self.then}' the run does not go on")

@@ -33,7 +33,7 @@ def changes(paths: Iterable[Path]) -> dict[Path, str]:
     refused: list[str] = []
     for path in paths:
         try:
-            text = laid_out(read_text(path), path)
+            text = formatted(read_text(path), path)
             if text.encode() != path.read_bytes():
                 found[path] = text
         except InputError as problem:
@@ -43,7 +43,7 @@ def changes(paths: Iterable[Path]) -> dict[Path, str]:
     return found
 
 
-def laid_out(text: str, path: Path) -> str:
+def formatted(text: str, path: Path) -> str:
     """Format the text of a document. Raises InputError if it is invalid or cannot be formatted."""
     before = _ordered(text, path)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field
 from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
-from bench.config.places import PlaceEntry, drawn_together
+from bench.config.places import PlaceEntry, total_current
 from bench.config.power import PowerEntry
 from bench.config.simulation import Simulation
 from drivers.can.sent_frames import Counted, Sampled
@@ -52,7 +52,7 @@ class Gravity(StrictModel):
 
 
 class HostClock(StrictModel):
-    """Uncertainty of the computer's clock, for example with NTP or PTP; it times what no device's clock does."""
+    """Uncertainty of the computer's clock, for example with NTP or PTP; time base of data without a device clock."""
 
     U: Annotated[Ratio, InUnit("", at_least=0)] = Field(description="expanded uncertainty, such as 4 ppm")
     k: CoverageFactor = Field(2.0, description="coverage factor of U")
@@ -175,10 +175,10 @@ class BenchFile(StrictModel):
         """Return the devices or readings of a group name; for any other name itself alone."""
         return self.together.get(name, (name,))
 
-    def draws(self, supply: str) -> tuple[float, float]:
+    def current_range(self, supply: str) -> tuple[float, float]:
         """Return the least and greatest permitted total current of the units on a supply in A; ±∞ without windows."""
         windows = [place.supply_current for place in self.places.values() if place.supply == supply]
-        return drawn_together(windows) if any(windows) else (-math.inf, math.inf)
+        return total_current(windows) if any(windows) else (-math.inf, math.inf)
 
     def with_units_in(self, places: Collection[str]) -> BenchFile:
         """Return the bench for a run with units in these places only.

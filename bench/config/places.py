@@ -40,7 +40,7 @@ class CurrentWindow(Range):
     max: Amperes
 
 
-def drawn_together(windows: Iterable[CurrentWindow | None]) -> tuple[float, float]:
+def total_current(windows: Iterable[CurrentWindow | None]) -> tuple[float, float]:
     """Return the least and greatest permitted total current in A of units on one supply; ±∞ without a window."""
     least_a, most_a = 0.0, 0.0
     for window in windows:
@@ -79,7 +79,7 @@ class Nominal(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _says_what_1_g_does(self) -> Nominal:
+    def _has_output_per_g(self) -> Nominal:
         if self.K1 is None and self.output is None:
             raise telling("needs K1, or of a unit that sends its output what 1 g changes that by: output")
         return self
@@ -138,7 +138,7 @@ class PowerCyclesEntry(StrictModel):
     k: CoverageFactor = Field(1.0, description="coverage factor of all of them; of standard deviations 1")
 
     @model_validator(mode="after")
-    def _says_both(self) -> PowerCyclesEntry:
+    def _is_paired(self) -> PowerCyclesEntry:
         accelerometer, gyro = (self.bias, self.scale), (self.gyro_bias, self.gyro_scale)
         if any((None in pair) != (pair == (None, None)) for pair in (accelerometer, gyro)):
             raise telling("needs bias and scale together, and gyro_bias and gyro_scale")
@@ -253,13 +253,13 @@ class PlaceEntry(StrictModel):
         return self.voltmeter is None and self.telemetry is None
 
     @property
-    def says_power_cycles(self) -> bool:
+    def has_power_cycles(self) -> bool:
         """True if the repeatability over power cycles is stated for everything that the unit measures."""
         stated = self.power_cycles
         return stated is not None and (self.channels is None or None not in (stated.bias, stated.gyro_bias))
 
     @property
-    def makes_output_of_g(self) -> tuple[str, ...]:
+    def output_per_g_keys(self) -> tuple[str, ...]:
         """Keys of `nominal` that give the change of its output for 1 g."""
         if self.telemetry is not None:
             return ("output",)

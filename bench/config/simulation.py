@@ -121,8 +121,8 @@ class FaultSimulation(StrictModel):
 
     kind_key: ClassVar[str] = "kind"
 
-    device: Name | None = Field(None, description="which instrument, as in devices")
-    unit: Name | None = Field(None, description="or the unit in which place")
+    device: Name | None = Field(None, description="the instrument, as in devices")
+    unit: Name | None = Field(None, description="or the place of the unit")
     kind: AnyFault = Field(description="kind of fault; not every instrument supports every kind")
     at: Seconds = Field(description="when, after the beginning of the run, or after the step has ended")
     after: str | None = Field(None, description="the id of that step, as `bench plan` lists it")
@@ -161,9 +161,9 @@ class Simulation(StrictModel):
         0.0,
         description="standard deviation of the mounting angle each time a unit is fixed by hand",
     )
-    voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="what each voltmeter is connected to")
-    sources: Mapping[Name, SourceSimulation] = Field({}, description="how each current source errs")
-    ammeters: Mapping[Name, AmmeterSimulation] = Field({}, description="how each ammeter reads")
+    voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="connection of each voltmeter")
+    sources: Mapping[Name, SourceSimulation] = Field({}, description="errors of each current source")
+    ammeters: Mapping[Name, AmmeterSimulation] = Field({}, description="noise of each ammeter")
     host_clock: Annotated[Ratio, InUnit("", at_least=0)] = Field(
         20e-6, description="standard deviation of the host clock against the true second"
     )

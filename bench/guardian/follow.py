@@ -1,7 +1,7 @@
 """Supervision of chambers after a run, by a guardian or `bench make-safe`, until their air is at the safe set point.
 
 A reading is short: lock the address, connect, identify, read, close, unlock. Other programs that want the address wait
-for it (`holding`), and a run that starts ends the supervision (`relieve`).
+for it (`address_lock`), and a run that starts ends the supervision (`relieve`).
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from bench.runner.held import (
     A_RUN,
     A_VISIT,
     LOOKS,
+    address_lock,
     energising_addresses,
-    holding,
     is_locked_out,
     owners,
     why_locked_out,
@@ -91,7 +91,7 @@ class Following:
         """Register as supervisor of the chambers."""
         addresses = [self._addresses[role] for role in self._courses]
         with suppress(InUseError, StoreError):  # another program supervises a chamber, and does not end
-            self._locks.enter_context(holding(addresses, f"{A_VISIT}{self._follower.words}", LOOKS))
+            self._locks.enter_context(address_lock(addresses, f"{A_VISIT}{self._follower.words}", LOOKS))
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -157,7 +157,7 @@ class Following:
             course.lock_out(why_locked_out(self._bench))
             return
         try:
-            with holding([address], f"{A_VISIT}{self._follower.words}"):
+            with address_lock([address], f"{A_VISIT}{self._follower.words}"):
                 asyncio.run(self._visit(role, course))
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)

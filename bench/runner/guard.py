@@ -23,7 +23,7 @@ from bench.engine.pulse import Pulse
 from bench.errors import BenchError
 from bench.guardian.watch import ARMED, BEAT_S, CANNOT, LONGEST, Over, beat, over
 from bench.runner.held import energising_addresses
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 from bench.store.writer import RunWriter
 
 UNREAD_BYTES = 8192  # about ten beats
@@ -134,10 +134,10 @@ async def _beat(link: socket.socket, guardian: int, signals: Signals, guard: Gua
             untaken += 1
             os.kill(guardian, signal.SIGCONT)  # somebody may have stopped it
             if untaken > STILL_BEATS:
-                signals.request_end(Sent("a guardian that stands still", STILL))
+                signals.request_end(EndSignal("a guardian that stands still", STILL))
                 return
         except OSError:
-            signals.request_end(Sent("the death of its guardian", LOST))
+            signals.request_end(EndSignal("the death of its guardian", LOST))
             return
         await asyncio.sleep(BEAT_S)
 

@@ -80,7 +80,7 @@ def is_locked_out(bench: BenchFile) -> bool:
 
 
 @contextmanager
-def holding(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[None]:
+def address_lock(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[None]:
     """Hold the locks of the addresses in the block, as `who`; InUseError names the owner of one that is taken.
 
     Short readings of a chamber by others are waited for. `kind` is LOOKS for locks that mark supervision.

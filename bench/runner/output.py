@@ -20,7 +20,7 @@ KEPT_CHARACTERS = 1_000_000  # limit of text waiting for a terminal; older text 
 AT_THE_END_S = 2.0  # time for the remaining text when the run is over
 
 
-class Lasting(io.TextIOBase):
+class TolerantStream(io.TextIOBase):
     """Stream wrapper that drops all text after the first error of the stream, and raises nothing."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -56,7 +56,7 @@ class Lasting(io.TextIOBase):
         return self._stream.encoding
 
 
-class Unhurried(Lasting):
+class ThreadedStream(TolerantStream):
     """Stream wrapper that writes in a thread, so that a blocked stream delays nobody."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -100,20 +100,20 @@ class Unhurried(Lasting):
 
 
 @contextmanager
-def lasting_output() -> Iterator[None]:
+def tolerant_output() -> Iterator[None]:
     """Protect standard output and error in the block; a stream that fails stays silent until the process ends."""
     out, error = sys.stdout, sys.stderr
     error.flush()
-    lasting = Lasting(out)
+    lasting = TolerantStream(out)
     try:
-        unhurried: Lasting = Unhurried(error)
+        unhurried: TolerantStream = ThreadedStream(error)
     except (OSError, ValueError):  # it has no descriptor
-        unhurried = Lasting(error)
+        unhurried = TolerantStream(error)
     sys.stdout, sys.stderr = lasting, unhurried
     try:
         yield
     finally:
-        if isinstance(unhurried, Unhurried):
+        if isinstance(unhurried, ThreadedStream):
             unhurried.finish()
         if not lasting.is_gone:
             sys.stdout = out

@@ -11,7 +11,7 @@ from bench.engine.ending import EndRequest
 from bench.engine.journal import Journal
 from bench.errors import StoreError
 from bench.runner.nut import Client, PowerState
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 
 EVERY_S = 5.0
 IN_WORDS = {
@@ -81,7 +81,7 @@ async def _watch(
                     journal.write("power", state=state.kind, text=state.text)
                 notice(f"{IN_WORDS[state.kind]} ({state.text}).")
             if (why := policy.ends(state, asyncio.get_running_loop().time())) is not None:
-                signals.request_end(Sent("the power failure", EndRequest("power", f"the power failed: {why}")))
+                signals.request_end(EndSignal("the power failure", EndRequest("power", f"the power failed: {why}")))
                 return
             hold.want(policy.holds)
             await asyncio.sleep(EVERY_S)

@@ -28,7 +28,7 @@ from bench.runner.control import control_socket
 from bench.runner.found_on import NOTHING, Found, LeftOn, found_energised
 from bench.runner.held import energising_addresses, is_locked_out
 from bench.runner.power import Hold
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 from bench.runner.terminal import answers_from_terminal
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.used import devices_used
@@ -77,7 +77,7 @@ async def run_plan(
         _report_identities(rig, journal, observer)
         found = await _energised_before(rig, bench, left_on, journal, observer, signals)
         if left_on.by or found:
-            await _make_what_was_left_on_safe(rig, left_on, journal)
+            await _make_left_on_safe(rig, left_on, journal)
         if past is not None and past.credit is not None and signals.first is None:
             if names := ", ".join({**left_on.by, **found}):
                 past.credit.rule_out(f"{names} was found energised")
@@ -162,7 +162,7 @@ async def _energised_before(
     return found
 
 
-async def _make_what_was_left_on_safe(rig: Rig, left_on: LeftOn, journal: Journal) -> None:
+async def _make_left_on_safe(rig: Rig, left_on: LeftOn, journal: Journal) -> None:
     """Make safe all devices that were left on. Raises OpenError if one cannot be made safe."""
     unsafe = await finish(rig.make_safe(left_on.held), rig.safe_within_s + CLOSE_S)
     if left_on.by:
@@ -230,11 +230,11 @@ def _facts(identity: Identity) -> dict[str, Any]:
     }
 
 
-def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[Sent], None]:
+def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[EndSignal], None]:
     """Return the reaction to signals during the plan: SIGINT stops; a second one, and any other signal, aborts."""
     stopping = False
 
-    def act(sent: Sent) -> None:
+    def act(sent: EndSignal) -> None:
         nonlocal stopping
         if sent.gentle and not stopping and not engine.in_teardown:
             stopping = True

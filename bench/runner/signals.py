@@ -39,7 +39,7 @@ ENDING = sorted(
 
 
 @dataclass(frozen=True)
-class Sent:
+class EndSignal:
     """Request to end the run, by a signal or by this process itself; `gentle` allows the teardown."""
 
     name: str
@@ -58,8 +58,8 @@ class Signals:
     """
 
     def __init__(self) -> None:
-        self.received: list[Sent] = []
-        self._act: Callable[[Sent], object] | None = None
+        self.received: list[EndSignal] = []
+        self._act: Callable[[EndSignal], object] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._raises = False
         self._before: dict[int, Any] = {}
@@ -93,7 +93,7 @@ class Signals:
         return self.received[0].request if self.received else None
 
     @contextmanager
-    def calling(self, act: Callable[[Sent], object]) -> Iterator[None]:
+    def calling(self, act: Callable[[EndSignal], object]) -> Iterator[None]:
         """Call `act` in the running loop for each signal during the block."""
         loop = asyncio.get_running_loop()
         self._loop, self._act, before = loop, act, (self._loop, self._act)
@@ -131,9 +131,9 @@ class Signals:
         """Handle a signal; runs in the main thread between any two instructions."""
         name = _name(number)
         text = TEXTS.get(number, ("signal", f"ended by {name}, which another program sent"))
-        self.request_end(Sent(name, EndRequest(*text), number == signal.SIGINT))
+        self.request_end(EndSignal(name, EndRequest(*text), number == signal.SIGINT))
 
-    def request_end(self, sent: Sent) -> None:
+    def request_end(self, sent: EndSignal) -> None:
         """End the run as a signal does."""
         self.received.append(sent)
         if self._loop is not None and self._act is not None:

@@ -13,11 +13,11 @@ from bench.clock import Stopwatch
 from bench.errors import InputError, StoreError
 from bench.runner.control import ALL, ANSWER_S, STOPPING, STOPS, socket_address
 from bench.runner.held import peer
-from bench.store.kept_json import TEXT, an_object, read_kept
+from bench.store.kept_json import TEXT, object_of, read_kept
 from bench.store.runs import RUNNER, summary
 
 ANSWER_LIMIT_BYTES = 2**20
-_NAMES = an_object({ALL: TEXT, STOPPING: TEXT}, (ALL, STOPPING))
+_NAMES = object_of({ALL: TEXT, STOPPING: TEXT}, (ALL, STOPPING))
 _BETWEEN_ATTEMPTS_S = 0.05
 _pause = threading.Event().wait
 

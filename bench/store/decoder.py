@@ -42,7 +42,7 @@ class Decoder:
         return {name: _positions(raw, self._encoders[name]) for name, raw in self._frames.positions(block).items()}
 
     def watches(self) -> Sequence[GapWatch]:
-        """Return new gap detectors, one for each stream that is watched during an acquisition."""
+        """Return gap detectors for a new acquisition."""
         return self._frames.watches()
 
     def _output(self, name: str, raw: decoded.Counts | decoded.Samples) -> Counts | Codes:

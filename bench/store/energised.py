@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.errors import StoreError
-from bench.store.kept_json import TEXT, an_object, named, one_of
+from bench.store.kept_json import TEXT, named, object_of, one_of
 from bench.store.kept_records import kept_records
 from bench.store.machine_state import (
     append_record,
@@ -38,7 +38,7 @@ def _a_path(value: object) -> str:
 
 
 _FIELDS = {"run": _a_path, "bench": _a_path, "since": TEXT, "connections": named(TEXT)}
-_FORM = an_object({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
+_FORM = object_of({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
 
 
 class Energised(NamedTuple):

@@ -48,12 +48,12 @@ def one_of(*known: str) -> Form:
     return lambda value: "" if value in known and isinstance(value, str) else f" is not {' or '.join(known)}"
 
 
-def or_none(form: Form) -> Form:
+def nullable(form: Form) -> Form:
     """Return the form of a value or null."""
     return lambda value: "" if value is None else form(value)
 
 
-def every(form: Form) -> Form:
+def list_of(form: Form) -> Form:
     """Return the form of a list of such values."""
 
     def of_list(value: object) -> str:
@@ -66,7 +66,9 @@ def every(form: Form) -> Form:
 
 def pair(form: Form) -> Form:
     """Return the form of a pair of such values."""
-    return lambda value: every(form)(value) or ("" if isinstance(value, list) and len(value) == 2 else " is not a pair")
+    return lambda value: (
+        list_of(form)(value) or ("" if isinstance(value, list) and len(value) == 2 else " is not a pair")
+    )
 
 
 def named(form: Form) -> Form:
@@ -80,7 +82,7 @@ def named(form: Form) -> Form:
     return of_names
 
 
-def an_object(forms: Mapping[str, Form], required: Sequence[str] = ()) -> Form:
+def object_of(forms: Mapping[str, Form], required: Sequence[str] = ()) -> Form:
     """Return the form of an object with these fields; other fields are ignored."""
 
     def of_object(value: object) -> str:

@@ -13,13 +13,13 @@ from dataclasses import asdict, dataclass
 from bench.clock import wall_utc
 from bench.files import append_line
 from bench.store.chain import Link
-from bench.store.kept_json import TEXT, WHOLE, an_object
+from bench.store.kept_json import TEXT, WHOLE, object_of
 from bench.store.user_state import state_folder
 
 LEDGER = "ledger.jsonl"
 
 
-_FORM = an_object({
+_FORM = object_of({
     "run": TEXT, "beginning": TEXT, "number": WHOLE, "rows": WHOLE, "head": TEXT, "utc": TEXT, "seal": TEXT,
 })  # fmt: skip
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from bench.errors import InputError, StoreError
-from bench.store.kept_json import TEXT, an_object, named, one_of
+from bench.store.kept_json import TEXT, named, object_of, one_of
 from bench.store.kept_records import kept_records
 from bench.store.machine_state import (
     append_record,
@@ -29,7 +29,7 @@ SCHEMA = "itb-lockout/1"
 FOLDER, LOG = "lockouts", "lockouts.jsonl"
 _UNUSABLE = "the records of lockouts cannot be used"
 _FIELDS = {"bench": TEXT, "since": TEXT, "by": TEXT, "reason": TEXT, "connections": named(TEXT)}
-_FORM = an_object({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
+_FORM = object_of({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
 
 
 class Lockout(NamedTuple):

@@ -197,7 +197,7 @@ class RunReader:
         """Check every row of the run against its hash chain."""
         return walk(self._database)
 
-    def passes_over_a_log(self) -> bool:
+    def ignores_log(self) -> bool:
         """Return True if there is a log beside the database that SQLite ignores, as when the first page is damaged."""
         log = self.folder / f"{database.FILE_NAME}-wal"
         return log.is_file() and log.stat().st_size > 0 and next(self._rows("PRAGMA journal_mode"))[0] != "wal"

@@ -46,8 +46,8 @@ class RunDirectory:
         name = "_".join((started.strftime("%Y%m%dT%H%M%SZ"), _plain(sequence), _plain(units)))
         try:
             make_folder(runs)
-            path = _exclusively_made(runs, name)
-            locks = _taken(path, fcntl.LOCK_EX)  # readers hold it for a moment only
+            path = _create_exclusively(runs, name)
+            locks = _take_locks(path, fcntl.LOCK_EX)  # readers hold it for a moment only
             _set_aside_space(path)
             sync_folder(path)
             sync_folder(runs)
@@ -63,7 +63,7 @@ class RunDirectory:
         """
         try:
             try:
-                locks = _taken(path, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                locks = _take_locks(path, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise InputError(f"{path.name}: this run is under way in another process") from None
             _set_aside_space(path)
@@ -97,7 +97,7 @@ class RunDirectory:
         self._locks = ()
 
 
-def _taken(path: Path, how: int) -> tuple[int, ...]:
+def _take_locks(path: Path, how: int) -> tuple[int, ...]:
     """Take the locks of a run: of the lock file, which can be deleted, and of the directory itself.
 
     Raises BlockingIOError if `how` is non-blocking and one is held, and OSError.
@@ -126,7 +126,7 @@ def _set_aside_space(path: Path) -> None:
         os.close(reserve)
 
 
-def _exclusively_made(runs: Path, name: str) -> Path:
+def _create_exclusively(runs: Path, name: str) -> Path:
     for attempt in range(1, 1000):
         path = runs / (name if attempt == 1 else f"{name}_{attempt}")
         with contextlib.suppress(FileExistsError):
@@ -183,7 +183,7 @@ def summary(path: Path) -> RunSummary:
     try:
         manifest = read_kept(path / MANIFEST, MANIFEST_FORM)
         state = str(manifest["state"])
-        if state != "running" and not _is_as_sealed(path, manifest):
+        if state != "running" and not _matches_seal(path, manifest):
             raise StoreError(f"{path}: has changed since it was sealed")
     except StoreError:
         return RunSummary(path, "running" if _is_locked(path) else "damaged", {})
@@ -192,7 +192,7 @@ def summary(path: Path) -> RunSummary:
     return RunSummary(path, state, manifest)
 
 
-def _is_as_sealed(path: Path, manifest: Mapping[str, Any]) -> bool:
+def _matches_seal(path: Path, manifest: Mapping[str, Any]) -> bool:
     """Return True if all sealed files are present and the manifest matches the seal, or if no seal is expected."""
     if not (path / SEAL).exists():
         return not manifest.get("sealed", False)

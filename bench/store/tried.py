@@ -9,13 +9,13 @@ from typing import Literal
 from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.files import append_line
-from bench.store.kept_json import TEXT, an_object
+from bench.store.kept_json import TEXT, object_of
 from bench.store.manifest_form import instant
 from bench.store.user_state import state_folder
 
 TRIED = "tried.jsonl"
 What = Literal["rehearsal", "alert"]
-_FORM = an_object({"what": TEXT, "key": TEXT, "at": instant}, ("what", "key", "at"))
+_FORM = object_of({"what": TEXT, "key": TEXT, "at": instant}, ("what", "key", "at"))
 
 
 def note_tried(what: What, key: str) -> None:

@@ -8,14 +8,14 @@ from datetime import datetime
 from pathlib import Path
 
 from bench.errors import StoreError
-from bench.store.kept_json import TEXT, an_object, named, one_of, read_kept
+from bench.store.kept_json import TEXT, named, object_of, one_of, read_kept
 from bench.store.machine_state import folder_to_write, records, write_record
 from bench.store.runs import json_text
 
 SCHEMA = "itb-unsafe/1"
 FOLDER = "unsafe"
-_DEVICE = an_object({"why": TEXT, "connection": TEXT}, ("why",))
-_FORM = an_object({"schema": one_of(SCHEMA), "run": TEXT, "at": TEXT, "unsafe": named(_DEVICE)}, ("run", "unsafe"))
+_DEVICE = object_of({"why": TEXT, "connection": TEXT}, ("why",))
+_FORM = object_of({"schema": one_of(SCHEMA), "run": TEXT, "at": TEXT, "unsafe": named(_DEVICE)}, ("run", "unsafe"))
 
 
 def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections: Mapping[str, str]) -> Path:

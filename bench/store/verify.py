@@ -181,7 +181,7 @@ def _end(link: Link | None) -> tuple[int, int, str]:
 def _check_chain(folder: Path) -> ChainCheck:
     try:
         with RunReader(folder) as reader:
-            if reader.passes_over_a_log():
+            if reader.ignores_log():
                 return ChainCheck((), None, (f"{database.FILE_NAME}: does not match the log beside it",))
             return reader.check_chain()
     except StoreError as problem:

@@ -13,7 +13,7 @@ from simulators.faults.instrument_faults import mishaps_of
 
 
 def bench_page() -> Blocks:
-    """Return the page with every key of a bench file except those of drivers."""
+    """Keys of a bench file except those of drivers."""
     return [
         "# Bench files",
         "A file in `config/`, like [the shipped one](../../config/simulated.yaml): the instruments of a bench, their "
@@ -28,7 +28,7 @@ def bench_page() -> Blocks:
 
 
 def drivers_page() -> Blocks:
-    """Return the page with capabilities, connections and keys of each installed driver."""
+    """Capabilities, connections and keys of each installed driver."""
     drivers = known_drivers()
     return [
         "# Drivers",

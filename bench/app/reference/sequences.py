@@ -60,7 +60,7 @@ NAMES: dict[str, Value] = {
 
 
 def sequence_page() -> Blocks:
-    """Return the page on sequence files except the steps, and on the notation of values."""
+    """Keys of a sequence file except its steps, and notation of values."""
     return [
         "# Sequence files",
         "A file in `sequences/`: the steps of a test, and its results. `bench new sequence NAME` "
@@ -99,7 +99,7 @@ def _written(value: Value) -> str:
 
 
 def methods_page() -> Blocks:
-    """Return the page on methods: results, settings, and limits."""
+    """Methods with their results, settings and limits."""
     methods = known_methods()
     return [
         "# Methods",
@@ -136,7 +136,7 @@ def _parts(method: MethodDescription) -> Blocks:
 
 
 def steps_page() -> Blocks:
-    """Return the page on steps: effect, object, example and keys of each."""
+    """Steps with their effect, object, example and keys."""
     blocks = [verb for verb in BLOCKS if verb not in STEPS]
     common = set.intersection(*(set(keys_of(model)) for model in STEPS.values()))
     any_step = next(iter(STEPS.values()))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from bench.app.byhand_lines import Unsendable, _parsed
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from drivers.discovery.recognition import scpi_asks
 from drivers.transport.address import Address
 from tests.support.commands import invoked
@@ -36,7 +36,9 @@ def test_modbus_is_read_in_words_beside_the_bytes_and_the_driver_is_asked_on_the
     assert sum(line.startswith("expected read ADDRESS") for line in told) == 1
     assert "an address or a word is more than 65535" in told
     assert "not sent: this is not a query; --write allows it" in told
-    assert "read ADDRESS [COUNT]      holding registers, by their address on the wire, such as 2782 or 0x0ade" in told
+    assert (
+        "read ADDRESS [COUNT]      address_lock registers, by their address on the wire, such as 2782 or 0x0ade" in told
+    )
     assert "refused, exception 2" in told
     assert told[0].startswith("Only known queries are sent")
     at = told.index("> 00 01 00 00 00 06 01 03 0a de 00 02")  # its own numbers, which the driver does not see
@@ -112,7 +114,7 @@ def test_a_device_that_is_not_there_is_not_opened(tmp_path: Path) -> None:
     found = invoked("console", "chambr")
     assert (found.exit_code, "the bench has no device 'chambr'; did you mean 'chamber'" in found.stderr) == (2, True)
     bench = str(copy_bench(tmp_path, ("sim+tcp://127.0.0.1:5025", "tcp://127.0.0.1:9")))
-    with holding([Address.parse("tcp://127.0.0.1:9")], "a run of tumble_static"):
+    with address_lock([Address.parse("tcp://127.0.0.1:9")], "a run of tumble_static"):
         found = invoked("console", "supply", "--bench", bench, typed=":read\n")
     assert found.exit_code == 3
     assert re.match(r"tcp://127\.0\.0\.1:9 is in use by a run of tumble_static, process \d+", found.stderr)

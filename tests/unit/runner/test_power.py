@@ -185,6 +185,6 @@ def test_what_is_not_known_ends_nothing_and_is_not_line_power() -> None:
 
 def test_only_another_state_is_news() -> None:
     policy = Policy(PowerEntry.model_validate({"ups": "u@h"}))
-    assert [policy.is_news(state) for state in (LINE, LINE, BATTERY, UNKNOWN, UNKNOWN)] == [
+    assert [policy.is_changed(state) for state in (LINE, LINE, BATTERY, UNKNOWN, UNKNOWN)] == [
         True, False, True, True, False,
     ]  # fmt: skip
