@@ -13,8 +13,8 @@ from bench.guardian.watch import ARMED, CANNOT, LONGEST, Over, watch
 def main(link_number: str, runner_number: str, run: str, bench: str, digest: str) -> int:
     """Watch a run until it ends; make its bench safe if it dies. Return 6 if that failed.
 
-    `link_number` is the inherited socket to the run, `runner_number` the pidfd of its process, `run` its directory, and
-    `bench` its bench file with the SHA-256 `digest`.
+    `link_number` is the inherited socket to the run, `runner_number` the number of its process, `run` its directory,
+    and `bench` its bench file with the SHA-256 `digest`.
     """
     for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)
