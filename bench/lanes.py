@@ -64,7 +64,7 @@ async def make_safe_in_lanes(
 
 
 def _abandoned(role: str, longest_s: float) -> Lane:
-    return Lane(role, "unsafe", f"{role}: not within {longest_s:g} s, and its driver does not end", longest_s)
+    return Lane(role, "unsafe", f"{role}: not finished within {longest_s:g} s, and its driver does not end", longest_s)
 
 
 async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool, hold: bool) -> Lane:
@@ -107,9 +107,7 @@ async def _on_again(device: Device) -> str:
     with suppress(DriverError, TimeoutError):
         async with patience(STAYS_S):
             if (await device.read()).output:
-                return (
-                    "was switched on again after it was made safe. Look for another program, or a hand, that does it."
-                )
+                return "was switched on again after it was made safe. Look for the program or the person that does it."
     return ""
 
 
@@ -151,5 +149,5 @@ def _in_words(role: str, problem: Exception, limit_s: float) -> str:
     if isinstance(problem, DriverError):
         return str(problem)
     if isinstance(problem, TimeoutError):
-        return f"{role}: not within {limit_s:g} s"
+        return f"{role}: not finished within {limit_s:g} s"
     return f"{role}: {type(problem).__name__}: {problem}"

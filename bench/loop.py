@@ -241,7 +241,7 @@ class _VirtualSelector(selectors.DefaultSelector):
         if self._turns_here > TURNS_AT_ONE_INSTANT:
             self._turns_here = 0  # cancelled tasks need turns to clean up
             raise TimeError(
-                f"virtual time stands at {self.now:.6f} s: {TURNS_AT_ONE_INSTANT} turns of the loop without an end"
+                f"virtual time is stuck at {self.now:.6f} s: {TURNS_AT_ONE_INSTANT} turns of the loop without an end"
             )
         ready = self._poll()
         if ready or timeout == 0 or self._loop.accept_answer():
@@ -282,7 +282,9 @@ class _VirtualSelector(selectors.DefaultSelector):
 
         if len(self.get_map()) > 1 and came_true(is_ready, THREAD_ANSWER_LIMIT_S):
             return ready
-        raise TimeError(f"virtual time stands at {self.now:.6f} s: deadlock, no timer is set and nothing is under way")
+        raise TimeError(
+            f"virtual time is stuck at {self.now:.6f} s: deadlock, no timer is set and nothing is under way"
+        )
 
     def _paced(self, when: float) -> list[tuple[selectors.SelectorKey, int]]:
         """Let real time pass in proportion; a ready descriptor ends the wait early."""

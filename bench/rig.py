@@ -197,7 +197,7 @@ class Rig:
             except DriverError as problem:
                 return problem
             except TimeoutError:
-                return TimeoutError(f"{name}: not within {limit_s:g} s")
+                return TimeoutError(f"{name}: not finished within {limit_s:g} s")
             except Exception as problem:  # noqa: BLE001  the other devices are made safe all the same
                 return RuntimeError(f"{name}: {type(problem).__name__}: {problem}")
 
@@ -211,7 +211,7 @@ class Rig:
                 for task in slow:
                     task.cancel()
                 await asyncio.wait(slow, timeout=GRACE_S)
-        stuck = TimeoutError(f"not within {longest_s:g} s, and its driver does not end")
+        stuck = TimeoutError(f"not finished within {longest_s:g} s, and its driver does not end")
         return {name: task.result() if task.done() and not task.cancelled() else stuck for name, task in tasks.items()}
 
 

@@ -104,7 +104,7 @@ class _Watched:
         self.following.close()
         self._show_all()
         if left := self.on_its_way:
-            who = f"followed by {' and '.join(self._others)}" if self._others else "followed by nobody"
+            who = f"followed by {' and '.join(self._others)}" if self._others else "not followed"
             self._say(
                 f"On its way, {who}: {', '.join(left)}. 'bench make-safe {self._bench} --wait' waits until its air has "
                 f"arrived, 'bench devices {self._bench}' shows the temperature."

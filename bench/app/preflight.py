@@ -142,7 +142,7 @@ def _register() -> Line:
 
 def _lockout(prepared: PreparedRun) -> Line:
     why = why_locked_out(prepared.loaded.bench)
-    return Line("lockout", "NO" if why else "ok", why or "nobody has locked the bench out")
+    return Line("lockout", "NO" if why else "ok", why or "the bench is not locked out")
 
 
 def _left_on(prepared: PreparedRun, found: Mapping[str, Found]) -> Line:
@@ -201,7 +201,7 @@ def _questions(prepared: PreparedRun) -> Line:
         return Line("questions", "NO", f"a person turns {', '.join(used)}")
     if asking:
         return Line("questions", "look", f"stay until these are answered: {', '.join(asking)}")
-    return Line("questions", "ok", "the run asks nothing")
+    return Line("questions", "ok", "the run has no prompts")
 
 
 def _sections(nodes: Nodes) -> Iterator[Section]:
@@ -247,7 +247,7 @@ def _power(prepared: PreparedRun) -> Line:
     if entry is not None:
         return _state_of_power(entry)
     return Line(
-        "power", "look", "no uninterruptible supply is watched: if the computer loses its power, the bench stays on"
+        "power", "look", "no uninterruptible supply is monitored: if the computer loses its power, the bench stays on"
     )
 
 
@@ -261,7 +261,7 @@ def _state_of_power(entry: PowerEntry) -> Line:
 
     state = run_loop(ask())
     if state.kind == "line":
-        return Line("power", "ok", f"on line power ({state.text}), watched at {entry.ups.name}@{entry.ups.host}")
+        return Line("power", "ok", f"on line power ({state.text}), monitored at {entry.ups.name}@{entry.ups.host}")
     return Line("power", "NO", f"{IN_WORDS[state.kind]} ({state.text})")
 
 

@@ -36,7 +36,7 @@ def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
 
 
 def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
-    """What methods know themselves of the truth of their data, by method and label; nothing where none does."""
+    """Return the truth that methods compute themselves, by method and label; empty without such methods."""
     found: dict[str, dict[str, Any]] = {}
     for entry in stored.sequence.results:
         target = known_methods()[entry.method].truth

@@ -84,7 +84,7 @@ def new_driver(name: str, kind: str, out: Path) -> None:
 
 
 def new_method(name: str, out: Path) -> None:
-    """Write a method of a plug-in's own, with words, case, truth and tests, that works as it is, to start from."""
+    """Write the starter package of a plug-in method, with words, case, truth and passing tests."""
     from bench.app.new_method import write_method
 
     for path in write_method(name, out):

@@ -111,7 +111,7 @@ def _groups(bench: BenchFile, name: str) -> Iterator[Problem]:
     """Yield group names that are in use already, and groups of unlike members."""
     where, members = ("together", name), bench.together[name]
     if name in bench.devices or name in bench.readings:
-        yield where, f"'{name}' is a device or a reading already; several need a name of their own"
+        yield where, f"'{name}' is a device or a reading already; a group needs a name of its own"
     kinds = {member: _kind_of(bench, member) for member in members}
     for index, (member, kind) in enumerate(kinds.items()):
         if kind is None:
@@ -119,9 +119,9 @@ def _groups(bench: BenchFile, name: str) -> Iterator[Problem]:
             problem = f"there is no supply, current source or reading '{member}'{did_you_mean(member, known)}"
             yield (*where, index), problem
     if len(kinds) < len(members):
-        yield where, "names one of them twice"
+        yield where, "names a member twice"
     if len(found := {kind for kind in kinds.values() if kind is not None}) > 1:
-        yield where, f"these are not alike: {' and '.join(sorted(found))}"
+        yield where, f"members of different kinds: {' and '.join(sorted(found))}"
 
 
 def _kind_of(bench: BenchFile, member: str) -> str | None:

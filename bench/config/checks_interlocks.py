@@ -63,15 +63,15 @@ def _misfits(entry: AnyInterlock, channels: Mapping[str, Channel]) -> Iterator[P
                 yield ("difference",), "the difference of a reading from itself is always 0"
             elif channel.unit != other.unit:
                 is_in = [f"{name} is in {channels[name].unit or 'no unit'}" for name in entry.names]
-                yield ("difference",), f"{is_in[0]}, {is_in[1]}: they have no difference"
+                yield ("difference",), f"{is_in[0]}, {is_in[1]}: their difference cannot be formed"
             else:
                 yield from _in_unit(channel.unit, above=entry.above)
         case AgeInterlock():
             if entry.above_s <= channel.usual_age_s:
                 yield (
                     ("above",),
-                    f"above: the newest value of {entry.reading} is up to {channel.usual_age_s:g} s old when nothing "
-                    f"is wrong; expected more than that",
+                    f"above: the newest value of {entry.reading} is up to {channel.usual_age_s:g} s old in normal "
+                    "operation; expected more than that",
                 )
 
 

@@ -87,7 +87,7 @@ class Counters:
             if late and name not in self._alarmed:
                 self._alarmed.add(name)
                 what = "nothing was committed to the disk" if limit_s is None else f"{name} was not polled"
-                self._alarm(f"{what} for {standing_s:g} s, while the loop of the run turns")
+                self._alarm(f"{what} for {standing_s:g} s, while the event loop of the run is running")
             if limit_s is not None and standing_s > 2 * limit_s:
                 self.stuck = f"{name} was not polled for {standing_s:g} s; the process of the run was killed"
 
@@ -120,8 +120,8 @@ def watch(
     with suppress(ProcessLookupError):
         signal.pidfd_send_signal(runner, signal.SIGKILL)
     dead, _, _ = select.select([runner], [], [], DIE_WITHIN_S)
-    was = counters.stuck or f"the process of the run stood still for {lease_s:g} s and was killed"
-    return Lost(was if dead else f"{was}, but does not end: it may still write", counters.may_hold)
+    was = counters.stuck or f"the process of the run did not respond for {lease_s:g} s and was killed"
+    return Lost(was if dead else f"{was}, but does not end: it may still send commands", counters.may_hold)
 
 
 def _left(message: bytes) -> Over:

@@ -34,8 +34,8 @@ PROGRAM = (  # with the module search path of the run, so that files in this dir
     "import json, os, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from bench.guardian.main import main; os._exit(main(*sys.argv[2:]))"  # os._exit waits for no thread that writes
 )
-LOST = EndRequest("guardian", "its guardian has died, which would make the bench safe if this process died")
-STILL = EndRequest("guardian", "its guardian stands still, which would make the bench safe if this process died")
+LOST = EndRequest("guardian", "its guardian has died; nothing would make the bench safe if this process died")
+STILL = EndRequest("guardian", "its guardian hangs; nothing would make the bench safe if this process died")
 MEMORY_PRESSURE = Path("/proc/self/oom_score_adj")
 TAKEN_FIRST = "500"  # the kernel kills the run before its guardian when memory runs out
 
@@ -134,7 +134,7 @@ async def _beat(link: socket.socket, guardian: int, signals: Signals, guard: Gua
             untaken += 1
             os.kill(guardian, signal.SIGCONT)  # somebody may have stopped it
             if untaken > STILL_BEATS:
-                signals.request_end(EndSignal("a guardian that stands still", STILL))
+                signals.request_end(EndSignal("a guardian that hangs", STILL))
                 return
         except OSError:
             signals.request_end(EndSignal("the death of its guardian", LOST))

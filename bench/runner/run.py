@@ -153,7 +153,7 @@ async def _energised_before(
         run = left_on.by.get(role, "")
         observer.notice(
             f"{role} was found energised: {what.text}; "
-            + (f"{run} has left it so" if run else "no run on record has left it so")
+            + (f"{run} has left it in this state" if run else "no run on record has left it in this state")
             + ". It is made safe before the first step."
         )
         devices[role] = {"text": what.text, **what.values} | ({"left_by": run} if run else {})

@@ -44,7 +44,7 @@ def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end
             if any(each.process == owner.process for each in owners(addresses)):
                 _end(process, owner, partial(_has, addresses, owner), notice, end_within_s)
         except PermissionError:
-            notice(f"{owner} has instruments of this bench, and this user may not end it. End it: it can still write.")
+            notice(f"{owner} has instruments of this bench and may still command them; this user may not end it. End it.")
         finally:
             os.close(process)
 
@@ -71,10 +71,10 @@ def _end(
         signal.pidfd_send_signal(process, signal.SIGTERM)
         if came_true(lambda limit_s: _let_go(has, limit_s), end_within_s):
             return
-        notice(f"{owner} did not let go within {end_within_s:g} s and is killed.")
+        notice(f"{owner} did not release them within {end_within_s:g} s and is killed.")
         signal.pidfd_send_signal(process, signal.SIGKILL)
     if not came_true(lambda limit_s: _let_go(has, limit_s), DIE_WITHIN_S):
-        notice(f"{owner} does not end. It may still write to instruments of this bench.")
+        notice(f"{owner} does not end. It may still send commands to instruments of this bench.")
 
 
 def _let_go(has: Callable[[], bool], limit_s: float) -> bool:

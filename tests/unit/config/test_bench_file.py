@@ -403,12 +403,12 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
          "give either device or unit"),
         ("seed: 1", "faults: [{unit: x, kind: dead, at: 5 s}]", "unit: x", "there is no place 'x'; expected a"),
         ("\nfixture:\n", "\ntogether:\n  source: [supply]\n\nfixture:\n", "source: [supply]",
-         "'source' is a device or a reading already; several need a name of their own"),
+         "'source' is a device or a reading already; a group needs a name of its own"),
         ("\nfixture:\n", "\ntogether:\n  all: [supply, source]\n\nfixture:\n", "all: [",
-         "these are not alike: current sources and power supplies"),
+         "members of different kinds: current sources and power supplies"),
         ("\nfixture:\n", "\ntogether:\n  all: [supply, head]\n\nfixture:\n", "head]",
          "there is no supply, current source or reading 'head'; expected unit_temperature, supply or source"),
-        ("\nfixture:\n", "\ntogether:\n  all: [supply, supply]\n\nfixture:\n", "all: [", "names one of them twice"),
+        ("\nfixture:\n", "\ntogether:\n  all: [supply, supply]\n\nfixture:\n", "all: [", "names a member twice"),
     ],
 )  # fmt: skip
 def test_values_that_contradict_each_other_are_told_at_the_part_that_holds_them(folder, old, new, at, problem):
