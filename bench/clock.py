@@ -83,5 +83,5 @@ def boot_id() -> str:
 
 
 def wall_utc() -> datetime:
-    """The computer's idea of UTC now."""
+    """Return UTC by the computer's clock."""
     return datetime.now(UTC)

@@ -40,7 +40,7 @@ HEALS_IN_POLLS, HEALS_AFTER_S = 3, 40.0  # lost connections are retried after up
 
 
 class Subject:
-    """A driver and its simulator on a line in memory; create it in the running loop.
+    """Driver and its simulator on a line in memory; create it in the running loop.
 
     `description` overrides that of the entry.
     """
@@ -68,7 +68,7 @@ class Subject:
         return self.description.safe_state_of(entry.options, entry.limits, entry.safe).within_s + SAFE_SLACK_S
 
     def driver(self, pin: IdentityPin | None = None) -> Device:
-        """A new driver, not yet connected."""
+        """Return a new driver, not yet connected."""
         entry = self.entry
         setup = Setup(NAME, entry.connection, self, entry.options, entry.limits, entry.safe, pin or entry.identity)
         return make_driver(self.description, setup)
@@ -116,7 +116,7 @@ async def refuses_other_serial(subject: Subject) -> None:
 
 
 async def reads_described_channels(subject: Subject) -> None:
-    """Check that `poll` returns finite values of exactly the channels in the description."""
+    """Check that `poll` returns finite values, and only of channels in the description."""
     promised = subject.description.channels_of(subject.entry.options)
     async with subject.driver() as driver:
         found = await driver.poll()

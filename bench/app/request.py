@@ -238,7 +238,7 @@ def prepare(request: RunRequest) -> PreparedRun:
 
 
 def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) -> Script | None:
-    """The scripted answers, or None for people. InputError if nobody could answer."""
+    """Return the scripted answers, or None for people. Raises InputError if nobody could answer."""
     from bench.app.technician import read_script, unanswered
 
     if request.answers is not None and not loaded.bench.is_simulated:

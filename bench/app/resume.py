@@ -48,7 +48,7 @@ class Resumption(NamedTuple):
 
     @property
     def began(self) -> datetime:
-        """The UTC instant of `began_s`."""
+        """UTC instant of `began_s`."""
         return datetime.fromisoformat(self.entries[0].data["utc"])
 
     @property

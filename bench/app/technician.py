@@ -117,7 +117,7 @@ class Technician:
         task.add_done_callback(self._tasks.discard)
 
     def answered(self, question: Question, answer: Answer) -> None:
-        """A question was answered; if by a person, turn the simulated head to the entered angle."""
+        """Turn the simulated head to the angle that a person has entered."""
         errand = question.errand
         if question.step == self._answering or errand is None or errand.turn is None:
             return
@@ -143,7 +143,7 @@ class Technician:
             self._answering = ""
 
     def _given(self, question: Question) -> ScriptedAnswer:
-        """The scripted answer for a question, else for the first visit of its step, else for its device."""
+        """Return the scripted answer for a question, else for the first visit of its step, else for its device."""
         more_often = question.errand.device if question.errand is not None else _first_visit(question.step)
         return self._script.get(question.step) or self._script.get(more_often, USUAL)
 

@@ -27,7 +27,7 @@ from bench.runner.signals import EndSignal, Signals
 from bench.store.writer import RunWriter
 
 UNREAD_BYTES = 8192  # about ten beats
-STILL_BEATS = 20  # beats without a reader, of those that are waiting, after which a guardian counts as hung
+STILL_BEATS = 20  # beats that do not fit into the buffer, after which the guardian counts as hung
 ARMED_WITHIN_S = 60.0  # on a loaded computer
 ENDS_WITHIN_S = 5.0
 PROGRAM = (  # with the module search path of the run, so that files in this directory cannot change the program
@@ -122,7 +122,7 @@ def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Po
 
 
 async def _beat(link: socket.socket, guardian: int, signals: Signals, guard: Guard, writer: RunWriter) -> None:
-    """Send beats for ever; a guardian that takes none is continued once, and then ends the run."""
+    """Send beats for ever; a guardian that takes none gets SIGCONT, and the run ends if that does not help."""
     untaken = 0
     for turns in count():
         polls = {role: polls for role, polls in guard.pulse.polls.items() if role in guard.roles}

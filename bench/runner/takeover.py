@@ -44,7 +44,9 @@ def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end
             if any(each.process == owner.process for each in owners(addresses)):
                 _end(process, owner, partial(_has, addresses, owner), notice, end_within_s)
         except PermissionError:
-            notice(f"{owner} has instruments of this bench and may still command them; this user may not end it. End it.")
+            notice(
+                f"{owner} has instruments of this bench and can still command them. This user may not end it: end it."
+            )
         finally:
             os.close(process)
 

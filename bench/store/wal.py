@@ -31,7 +31,7 @@ class Unread:
 
     @property
     def in_words(self) -> str:
-        """The finding as a sentence, without the name of the file."""
+        """Finding as a sentence, without the name of the file."""
         if self.commits < 0:
             return "its header is damaged: none of its commits can be read"
         if self.commits > 1:
