@@ -270,5 +270,5 @@ def test_a_file_in_the_place_of_a_result_is_kept_beside_and_told(tmp_path, name)
     result = meddled(tmp_path / "runs", written(name, "mine"))
     assert (result.path / f"{name}.found").read_text() == "mine"
     assert (read_json(result, "manifest.json")["problems"], len(result.problems)) == (result.problems, 1)
-    assert f"{name}: somebody else wrote" in result.problems[0]
+    assert f"{name}: another program wrote" in result.problems[0]
     assert examined(result.path).damage == ()
