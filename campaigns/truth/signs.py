@@ -101,8 +101,9 @@ def differences(folder: Path) -> Iterator[str]:
 
 
 def _of_unit(method: str, usual: UnitResult, other: UnitResult) -> Iterator[str]:
-    if usual.flags != other.flags or usual.left_out != other.left_out:
-        yield f"{usual.place}: {usual.flags} {usual.left_out}, negated {other.flags} {other.left_out}"
+    flags, negated_flags = (list(map(str, each.flags)) for each in (usual, other))
+    if flags != negated_flags or usual.left_out != other.left_out:
+        yield f"{usual.place}: {flags} {usual.left_out}, negated {negated_flags} {other.left_out}"
     for finding, negated_one in zip(usual.findings, other.findings, strict=True):
         yield from _difference(method, finding, negated_one)
     yield from (f"{model.id}: a negative uncertainty" for model in other.models if _negative_u(model.to_json()))
