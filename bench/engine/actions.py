@@ -1,4 +1,4 @@
-"""Each kind of step as one short function, and what is done when one is cut short."""
+"""One short function for each kind of step, and the stop of what an interrupted step has started."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from drivers.quantity.units import customary_unit
 
 
 async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C901  one case for each kind of step
-    """Does a step; what it found."""
+    """Execute a step; return its result for the journal."""
     match step:
         case Move():
             return await _move(step, bench)
@@ -72,7 +72,7 @@ async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C90
 
 
 def target_of(step: Step, bench: Bench) -> Found:
-    """What a step is to set, for the journal before it begins.
+    """Return the target of a step, for the journal before the step begins.
 
     A movement relative to an angle that is not known yet has no target.
     """
@@ -98,7 +98,7 @@ def target_of(step: Step, bench: Bench) -> Found:
 
 
 async def leave(step: Step, bench: Bench) -> None:
-    """Brings to rest what a step that was cut short has set going."""
+    """Stop the motion or output that an interrupted step has started."""
     match step:
         case Move():
             await bench.rig.positioner(step.role).stop()
@@ -126,7 +126,7 @@ async def _move(step: Move, bench: Bench) -> Found:
 
 
 async def begin_turning(step: Rotate | Oscillate, bench: Bench) -> None:
-    """Sets the table going."""
+    """Start the rotation of the table."""
     table = bench.rig.table(step.role)
     bench.angles_deg.pop(step.role, None)
     if isinstance(step, Rotate):
@@ -144,7 +144,7 @@ async def _rotate(step: Rotate, bench: Bench) -> Found:
 
 
 async def _oscillate(step: Oscillate, bench: Bench) -> Found:
-    """Every frequency of a sweep swings about the same angle, where a table that goes to angles is taken back to."""
+    """Oscillate the table at each frequency of a sweep; a positioning table returns to the centre before each."""
     table = bench.rig.table(step.role)
     bench.angles_deg.pop(step.role, None)
     centre = await table.angle()
@@ -158,7 +158,7 @@ async def _oscillate(step: Oscillate, bench: Bench) -> Found:
 
 
 def _credit_s(step: Soak, step_id: str, bench: Bench) -> float:
-    """Seconds of the soak that count as passed."""
+    """Return the seconds of the soak that count as passed."""
     if bench.credit is None:
         return 0.0
     given_s, text = bench.credit.given_s(step, step_id, bench.monitor, bench.journal)
@@ -168,13 +168,13 @@ def _credit_s(step: Soak, step_id: str, bench: Bench) -> float:
 
 
 async def _set_output(step: SetOutput, bench: Bench) -> Found:
-    """Sets an output, or each of several that are for units still in; none is left on for a unit that is not."""
+    """Switch an output, or those of all remaining units; the outputs of dropped units stay off."""
     units, found = bench.monitor.units, {}
     for role in bench.file.members(step.role) if step.output == "off" else units.members(step.role):
         try:
             found[role] = await _set_one(step, role, bench)
         except DriverError:
-            if units.is_needed(role):  # not of a unit that was dropped, and its output made safe, meanwhile
+            if units.is_needed(role):  # The unit may have been dropped, and its output made safe, during the loop.
                 raise
     return found.get(step.role, {"outputs": found})
 

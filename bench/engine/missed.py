@@ -14,7 +14,7 @@ from bench.store.missed import missed_in_step
 from drivers.can.decoded import GapWatch
 from drivers.can.frame_block import FrameBlock
 
-LOOKED_AT_ONCE = 10_000  # frames; checking a few takes about as long
+LOOKED_AT_ONCE = 10_000  # frames; checking a few takes as long as checking this many
 
 
 class Watch:
@@ -45,10 +45,10 @@ class Watch:
             each.take(block)
 
     def readings(self, role: str, readings: Sequence[Valid]) -> None:
-        """Readings of a meter have no numbers; none of them is sent unasked."""
+        """Ignore readings of a meter: they have no numbers, and each is requested."""
 
     async def tell(self) -> None:
-        """Write an entry for each channel with lost frames, after all frames are taken in."""
+        """Write a journal entry for each channel with lost frames, after all frames are received."""
         bench = self._bench
         for role in self._looks:
             self._look(role)

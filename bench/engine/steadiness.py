@@ -1,4 +1,4 @@
-"""The step that waits until what units put out no longer drifts, as after power-on."""
+"""Step that waits until the outputs of units no longer drift, for example after power-on."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ async def until_steady(step: WaitUntil, bench: Bench) -> Mapping[str, Any]:
 
 
 async def _looked(step: WaitUntil, steady: Steady, bench: Bench, watched: Watched, found: dict[str, Any]) -> None:
-    """Returns when all units are steady, with what `found` takes; drops those that are not in time, or raises."""
+    """Wait until all units are stable, with the data in `found`; drop those that are not in time, or raise."""
     loop = asyncio.get_running_loop()
     began_s, unit = loop.time(), "g" if steady.in_g else customary_unit(steady.change.dimension)
     most = steady.change.to(unit)
@@ -53,7 +53,7 @@ async def _looked(step: WaitUntil, steady: Steady, bench: Bench, watched: Watche
 
 
 def _change(place: str, steady: Steady, bench: Bench, watched: Watched) -> float:
-    """By how much the ends of the line fitted to the output differ; infinite while that is not known."""
+    """Change of the line fitted to the output over the window; infinite while it is unknown."""
     measured = watched.measured(place)
     known = steadiness(measured, steady.over_s, steady.over_s / STEADY_PARTS) if measured is not None else None
     if known is None:

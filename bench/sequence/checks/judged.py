@@ -1,4 +1,4 @@
-"""Measured values without limits, whose run ends NOT JUDGED, and data that no result uses."""
+"""Warnings on values without limits, whose runs end NOT JUDGED, and on data that no result uses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What waited for measurements, once they are known: steps to be done, conditions to be decided."""
+"""Evaluation of expressions over measurements once these are known: values of steps and conditions."""
 
 from __future__ import annotations
 
@@ -57,6 +57,6 @@ def _evaluated(key: str, raw: Any, names: Mapping[str, Value]) -> Any:
 
 
 def _told(problem: str, variables: Mapping[str, Value]) -> str:
-    """The problem with what has been measured so far, which it may come from."""
+    """The problem with the measurements so far, from which it may result."""
     known = ", ".join(f"{name} = {in_words(value)}" for name, value in variables.items())
     return f"{problem}. Measured so far: {known or 'nothing'}"
