@@ -1,4 +1,4 @@
-"""How numbers are shown to people: in which unit, with how many digits."""
+"""Display of numbers: units and digits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from bench.figures.languages import tr
 from bench.metrology.results.finding import LOWER_BOUND, Finding, Interval
 
-# How a quantity is shown to a person: the factor from its unit, and the unit shown.
+# Display of a quantity: the factor from its unit, and the displayed unit.
 SHOWN = {
     "K0": (1e6, "µg"),
     "K2": (1e6, "µg/g²"),
@@ -94,9 +94,9 @@ SHOWN = {
 
 
 def shown(finding: Finding) -> str:
-    """Value ± expanded uncertainty in the unit for people, to the digits that the uncertainty justifies.
+    """Value ± expanded uncertainty in the displayed unit, to the digits that the uncertainty justifies.
 
-    What is counted has no budget and is exact. A time to settle is told with its range, for it cannot be less than 0.
+    A count has no budget and is exact. A settling time is shown with its range, because it cannot be negative.
     """
     factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
     mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
@@ -114,20 +114,20 @@ def with_expanded(value: float, expanded: float) -> str:
 
 
 def is_told_by_range(finding: Finding) -> bool:
-    """Whether its range stands in the place of its expanded uncertainty: that of a time to settle."""
+    """True if a range replaces the expanded uncertainty: for a settling time."""
     return finding.interval is not None and finding.quantity.endswith("/settling")
 
 
 def _with_range(finding: Finding, interval: Interval) -> str:
-    """A time with its range, "14 (0 to 35)"; of one that is only known to be more, "> 52"."""
+    """A time with its range, "14 (0 to 35)"; a lower bound as "> 52"."""
     value, low, high = range_shown(finding, interval, finding.value, interval.low, interval.high)
     return f"> {value}" if LOWER_BOUND in finding.flags else f"{value} ({tr('{low} to {high}', low=low, high=high)})"
 
 
 def range_shown(finding: Finding, interval: Interval, *values: float) -> list[str]:
-    """Values in the unit for people, to the digits that the width of the finding's interval justifies.
+    """Values in the displayed unit, to the digits that the width of the finding's interval justifies.
 
-    Of times to settle to a tenth of a minute at most.
+    Settling times have at most tenths of a minute.
     """
     factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
     digits = decimals((interval.high - interval.low) * factor)
@@ -138,7 +138,7 @@ def range_shown(finding: Finding, interval: Interval, *values: float) -> list[st
 
 
 def decimals(u: float) -> int:
-    """Decimals that show an uncertainty with two significant digits."""
+    """Decimals for an uncertainty with two significant digits."""
     if u <= 0:
         return 3
     return max(0, min(9, 1 - math.floor(math.log10(u))))

@@ -1,4 +1,4 @@
-"""What a reduced case amounts to: whether it was judged, and whether all that it asks for was found."""
+"""Outcome of a reduced case: its verdict, and its completeness."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from typing import Any, Literal
 
 Outcome = Literal["REDUCED", "PASS", "FAIL", "INCOMPLETE"]
 
-PARTS = ("runs", "table", "points", "dvx_mps")  # of one method each; without any nothing was found
+# flags of one method each; with any of them a part of the result is missing
+PARTS = ("runs", "table", "points", "dvx_mps")
 LACKING = re.compile(
     r"(^|[: ])invalid$|insufficient_temperature_span$|too_few_|_missing$|:missing_|:attitude_inconsistent:"
     r"| incomplete: |^radius_not_determined$|^implausible_|^(columns|legs)_exchanged$"
 )
-"""Flags of a part that could not be used, or of a result that is not to be relied on."""
+"""Flags of a part that could not be used, or of a result that is not reliable."""
 
 
 def outcome(result: Mapping[str, Any]) -> Outcome:
-    """PASS or FAIL where the case has limits, REDUCED where it has none; INCOMPLETE where something is not known.
+    """PASS or FAIL of a case with limits, REDUCED without any; INCOMPLETE if something is unknown.
 
-    What fails has failed even where something else is not known, unless the whole is doubtful.
+    A failure counts even if something else is unknown, unless the whole is doubtful.
     """
     judged = {"pass": True, "fail": False}.get(result["verdict"]) if "verdict" in result else result.get("passed")
     if judged is False:
@@ -31,7 +32,7 @@ def outcome(result: Mapping[str, Any]) -> Outcome:
 
 
 def lacking(result: Mapping[str, Any]) -> list[str]:
-    """The flags of what could not be found; "nothing" where there is no part at all, or none that is known."""
+    """Flags of missing results; "nothing" if there is no part at all, or none is known."""
     found = [flag for flag in result["flags"] if LACKING.search(flag)]
     parts = [result[name] for name in PARTS if name in result]
     nothing = any(not part or all(each is None for each in part) for part in parts)

@@ -1,4 +1,4 @@
-"""From a stored run to `results.json`: the methods its sequence asks for, judged by its limits."""
+"""Evaluation of a stored run to `results.json`: reduction by the methods of its sequence, verdicts by its limits."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _ENDED: Mapping[str, Verdict] = {
 
 @dataclass(frozen=True)
 class Results:
-    """Everything found in a run, and the verdict on it.
+    """All results of a run, and its verdict.
 
-    `corrections` tells by which certificates readings were corrected, `past_due` which were not valid any more, by
-    device or reading, and when they were due. `missed` is what did not come over the wires.
+    `corrections` lists the certificates that corrected readings, `past_due` the expired ones by device or reading, with
+    their due dates. `missed` are lost frames.
     """
 
     title: str
@@ -50,11 +50,11 @@ class Results:
 
     @property
     def within_u(self) -> int:
-        """How many values have a limit within their U: with as good a right they could be on its other side."""
+        """Number of values with a limit within their U, whose true value may be on the other side of it."""
         return sum(finding.within_u for unit in self.units for finding in unit.findings)
 
     def to_json(self) -> dict[str, Any]:
-        """The content of `results.json`; `missed` only where something did not come."""
+        """Content of `results.json`; `missed` only if frames were lost."""
         return {
             "schema": SCHEMA,
             "title": self.title,
@@ -70,9 +70,9 @@ class Results:
 
 
 def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str, found_on_the_way: OnTheWay) -> Results:
-    """The results of a run that ended in `state`; what it holds is reduced even when it did not get to its end.
+    """Evaluate a run that ended in `state`; its data are reduced even if it did not complete.
 
-    `data` gives the acquisitions under a label.
+    `data` returns the acquisitions under a label.
     """
     units: list[UnitResult] = []
     for entry in sequence.results:
@@ -112,11 +112,11 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
 
 
 def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
-    """A run that left something out is incomplete, whatever the rest of it says, as a unit is (equations 1.10).
+    """INCOMPLETE if the run left something out, whatever its other results, as for a unit (equations 1.10).
 
-    So is one whose results combine data from both sides of an interruption, unless their budgets contain it.
+    Also if its results combine data from before and after an interruption, unless their budgets contain it.
 
-    One in which nothing has a limit passes nothing: NOT JUDGED.
+    NOT JUDGED if nothing has a limit.
     """
     ended = _ENDED.get(state)
     if ended is not None and ended != "INCOMPLETE":
@@ -131,7 +131,7 @@ def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on
 
 
 def _unit(unit: UnitResult) -> dict[str, Any]:
-    """A unit by one method; `dropped` only where it was."""
+    """JSON content of a unit by one method; `dropped` only if it was."""
     told = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
     return told if unit.dropped is None else {**told, "dropped": dataclasses.asdict(unit.dropped)}
 

@@ -1,4 +1,4 @@
-"""What became of the chambers after a run, from the record of who looked at them, which is not under its seal."""
+"""State of the chambers after a run, from the record of their supervision, which is not under its seal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LASTING = (*_HELD, "commanded", "arrived", "not_arrived", "handed_over", "ended
 
 
 class Afterwards(NamedTuple):
-    """The last that is on record of each chamber, of holds that are over how they ended, and the lines of no use."""
+    """Last record on each chamber, ends of completed holds, and the number of unreadable lines."""
 
     last: tuple[Followed, ...] = ()
     holds: tuple[Followed, ...] = ()
@@ -24,12 +24,12 @@ class Afterwards(NamedTuple):
 
     @property
     def is_late(self) -> bool:
-        """Whether a chamber has not arrived, or that cannot be known."""
+        """True if a chamber has not arrived, or if that is unknown."""
         return bool(self.unreadable) or any(each.event == "not_arrived" for each in self.last)
 
 
 def afterwards(run: Path, chambers: Collection[str]) -> Afterwards:
-    """What is on record by now about these chambers of a run."""
+    """Records until now about these chambers of a run."""
     last: dict[str, Followed] = {}
     holds: dict[str, Followed] = {}
     unreadable = 0
@@ -47,7 +47,7 @@ def afterwards(run: Path, chambers: Collection[str]) -> Afterwards:
 
 
 def lines(found: Afterwards, zone: str) -> Iterator[str]:
-    """The same in words, in the language of the report; instants as in the time zone of the laboratory."""
+    """Text lines in the language of the report; instants in the time zone of the laboratory."""
     for hold in found.holds:
         yield tr(
             "{role}: its set point was held until {time}: {why}.", role=hold.role, time=_at(hold, zone), why=hold.why
@@ -93,7 +93,7 @@ def _celsius(value_c: float | None) -> str:
 
 
 def _at(entry: Followed, zone: str) -> str:
-    """When that was; an instant that is none is not recorded."""
+    """Text of an instant; an invalid one is "not recorded"."""
     try:
         if dt.datetime.fromisoformat(entry.at).tzinfo is not None:
             return instant(entry.at, zone)

@@ -10,7 +10,7 @@ from bench.metrology.missed import Gap
 from bench.reduce.gaps import MissedIn
 from bench.report.flag_words import reading_in_words
 
-MOST_ROWS = 40  # of a table
+MOST_ROWS = 40  # rows of a table
 
 
 def lines(found: Sequence[MissedIn]) -> Iterator[str]:
@@ -35,7 +35,7 @@ def _what_becomes(not_used: Sequence[str]) -> str:
 
 
 def sheets(found: Sequence[MissedIn], began_s: float) -> Iterator[Sheet]:
-    """A table of the acquisitions, and one of their gaps where these are few."""
+    """A table of the acquisitions, and one of their gaps if these are few."""
     if not found:
         return
     rows = tuple(

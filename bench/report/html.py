@@ -33,12 +33,12 @@ from bench.sequence.steps.limits import limits_in
 from drivers.installed import loaded
 
 TEMPLATE = "report.html.j2"
-MOST_NOTES = 12  # at the top of the page; the others unfold
+MOST_NOTES = 12  # shown at the top of the page; others are folded
 
 
 @dataclass(frozen=True)
 class UnitSection:
-    """What the page shows of one unit by one method; `name` is its own in the page."""
+    """Section of one unit and method; `name` is unique in the page."""
 
     name: str
     result: UnitResult
@@ -53,7 +53,10 @@ class UnitSection:
 
 
 def render(run: StoredRun, results: Results | None, not_evaluated: str, revision: Revision, after: Afterwards) -> str:
-    """The whole page; without results `not_evaluated` says why. Equal runs give equal pages, wall-clock facts apart."""
+    """Render the whole page; without results `not_evaluated` gives the reason.
+
+    Equal runs give equal pages, except for wall-clock times.
+    """
     data = _data(run) if results is not None else []
     instruments = page.instruments(run)
     verdict = results.verdict if results is not None else run.manifest["verdict"] or "INCOMPLETE"
@@ -109,12 +112,12 @@ def _environment() -> Environment:
 
 
 def _data(run: StoredRun) -> list[RunData]:
-    """What was acquired under the labels that the sequence evaluates."""
+    """Acquisitions under the labels that the sequence evaluates."""
     return [run.data(label) for label in dict.fromkeys(each for entry in run.sequence.results for each in entry.labels)]
 
 
 def _meanings(run: StoredRun) -> list[str]:
-    """What the results of the run's methods contain, each text once."""
+    """Contents of the results of the run's methods, each text once."""
     return list(dict.fromkeys(known_methods()[entry.method].meaning for entry in run.sequence.results)) or [CHANNEL]
 
 
@@ -152,14 +155,14 @@ def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits], method: 
 
 
 def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """What the method itself shows of a unit; `name` begins the ids in the page."""
+    """Plots and tables of the method for a unit; `name` is the prefix of their ids in the page."""
     if method.drawn_by:
         with drawing():
             yield from loaded(method.drawn_by)(unit, name)
 
 
 def _flags(results: Results | None) -> Iterator[str]:
-    """The flags of the units in words."""
+    """Texts of the flags of the units."""
     units = results.units if results is not None else ()
     flagged: dict[str, list[str]] = {}
     for unit in units:
@@ -170,7 +173,7 @@ def _flags(results: Results | None) -> Iterator[str]:
 
 
 def _documents(run: StoredRun) -> list[tuple[str, str]]:
-    """The files that a run has kept, as they were."""
+    """Unchanged copies of files kept in a run."""
     bench = (run.folder / BENCH_COPY).read_text(encoding="utf-8", errors="replace")
     return [
         (tr("The sequence as it was run"), run.document.text),

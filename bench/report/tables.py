@@ -1,4 +1,4 @@
-"""The tables of one unit: its verdicts, its values at the dwells and over temperature, its models."""
+"""Tables of one unit: verdicts, values at the dwells and over temperature, models."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from bench.report.note_words import form_in_words
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
-VARIABLES = {  # of equations, with their units
+VARIABLES = {  # variables of equations, with their units
     "temperature_c": "temperature / °C",
     "frequency_hz": "frequency / Hz",
     "acceleration_g": "acceleration / g",
@@ -37,7 +37,7 @@ VARIABLES = {  # of equations, with their units
     "rate_dps": "rate of the table / °/s",
     "rate_pps": "rate / (pulse/s)",
 }
-WORST = {  # by what a finding is of
+WORST = {  # by the kind of place of a finding
     "point": "worst of {count} points; {told}",
     "end": "worst of {count} ends; {told}",
     "dwell": "worst of {count} dwells; {told}",
@@ -46,7 +46,7 @@ WORST = {  # by what a finding is of
 
 @dataclass(frozen=True)
 class Row:
-    """A finding, or the worst of its kind, as a line of a table; `verdict` is empty where nothing is judged."""
+    """A finding, or the worst of its kind, as a line of a table; `verdict` is empty if nothing is judged."""
 
     quantity: str
     name: str
@@ -62,7 +62,7 @@ class Row:
 
 @dataclass(frozen=True)
 class DwellRow:
-    """A dwell: its conditions, a value for each quantity, and what is to be noted."""
+    """A dwell: its conditions, a value for each quantity, and notes."""
 
     number: int
     cycle: int
@@ -75,7 +75,7 @@ class DwellRow:
 
 @dataclass(frozen=True)
 class DwellTable:
-    """The dwells; `heads` are quantity, unit and what the value contains."""
+    """Table of the dwells; `heads` are quantity, unit and confounded terms of the value."""
 
     heads: tuple[tuple[str, str, str], ...]
     rows: tuple[DwellRow, ...]
@@ -94,7 +94,7 @@ class ModelTable:
 
 
 def at_dwells(unit: UnitResult) -> dict[int, dict[str, Finding]]:
-    """The findings at each dwell, by its number and by quantity."""
+    """Findings at each dwell, by its number and by quantity."""
     found: dict[int, dict[str, Finding]] = {}
     for finding in unit.findings:
         if "dwell" in finding.at:
@@ -103,12 +103,12 @@ def at_dwells(unit: UnitResult) -> dict[int, dict[str, Finding]]:
 
 
 def over_run(unit: UnitResult) -> list[Finding]:
-    """The findings that are not those of one dwell, of a visit of a set point, or of a point of a range or sweep."""
+    """Findings other than those of a dwell, of a visit of a set point, or of a point of a range or sweep."""
     return [finding for finding in unit.findings if not {"dwell", "visit", "point"} & finding.at.keys()]
 
 
 def at_points(unit: UnitResult) -> dict[str, list[Finding]]:
-    """The findings at points of a range or a sweep, or at visits of set points, by quantity."""
+    """Findings at points of a range or a sweep, or at visits of set points, by quantity."""
     found: dict[str, list[Finding]] = {}
     for finding in unit.findings:
         if {"point", "visit"} & finding.at.keys():
@@ -117,12 +117,12 @@ def at_points(unit: UnitResult) -> dict[str, list[Finding]]:
 
 
 def dwell_numbers(unit: UnitResult) -> dict[str, int]:
-    """The number of each dwell by its path, the part of an id after the @."""
+    """Number of each dwell by its path, the part of an id after the @."""
     return {finding.id.partition("@")[2]: finding.at["dwell"] for finding in unit.findings if "dwell" in finding.at}
 
 
 def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row]:
-    """For each quantity that the sequence limits the finding that is worst; without one it is not judged."""
+    """Worst finding of each quantity that the sequence limits; without one it is not judged."""
     for quantity, allowed in limits.items():
         found = [finding for finding in unit.findings if finding.quantity == quantity]
         if found:
@@ -141,12 +141,12 @@ def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row
 
 
 def _margin(finding: Finding) -> float:
-    """How far inside its limits a value is; negative outside."""
+    """Distance from a value to its limits; negative outside."""
     return 0.0 if finding.limits is None else finding.limits.room(finding.value)
 
 
 def _remark(found: Sequence[Finding]) -> str:
-    """How many others there are, and how they did."""
+    """Number of the other findings, and their verdicts."""
     if len(found) == 1:
         return ""
     failed = sum(finding.verdict == "FAIL" for finding in found)
@@ -179,7 +179,7 @@ def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
 
 
 def _interval_in_words(finding: Finding) -> str:
-    """Where a largest value lies, and what scatter alone would have made of it; nothing of any other."""
+    """Range of a largest value, and its value from scatter alone; empty for any other finding."""
     interval = finding.interval
     if interval is None:
         return ""
@@ -198,7 +198,7 @@ def _interval_in_words(finding: Finding) -> str:
 
 
 def over_run_rows(unit: UnitResult) -> list[Row]:
-    """The findings over temperature."""
+    """Findings over temperature."""
     dwells = dwell_numbers(unit)
     return [_row(finding, dwells) for finding in over_run(unit)]
 
@@ -246,7 +246,7 @@ def _notes(finding: Finding) -> Iterator[str]:
 
 
 def model_sheet(model: Equation | KnotModel) -> Sheet:
-    """The constants of an equation, or the knots of a model of straight lines."""
+    """Constants of an equation, or knots of a piecewise linear model."""
     if isinstance(model, Equation):
         valid = tr(", ").join(_range_in_words(name, *ends) for name, ends in model.valid.items())
         rows = tuple((_symbol(name), *_constant(each), each.unit) for name, each in model.constants.items())
@@ -267,14 +267,14 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
 
 
 def _range_in_words(name: str, low: float, high: float) -> str:
-    """A variable of an equation from `low` to `high`; no thermometer tells more than hundredths of a degree."""
+    """Range of a variable of an equation; temperatures to hundredths of a degree."""
     form = ".2f" if name == "temperature_c" else ".6g"
     ends = tr("{low} to {high}", low=format(low, form), high=format(high, form))
     return f"{tr(VARIABLES.get(name, name.replace('_', ' ')))} {ends}"
 
 
 def _symbol(name: str) -> str:
-    """A constant as the equation names it, with its translation behind where there is one."""
+    """Symbol of a constant in its equation, followed by its translation if there is one."""
     translated = tr(name.replace("_", " "))
     return name if translated in (name, name.replace("_", " ")) else f"{name} ({translated})"
 
@@ -290,7 +290,7 @@ def _constant(constant: Constant) -> tuple[str, str]:
 
 
 def model_table(model: TemperatureModel) -> ModelTable:
-    """The coefficients of a model, in the variable it was fitted in and in powers of T."""
+    """Coefficients of a model, in the variable of its fit and in powers of T."""
     factor, unit = SHOWN.get(model.quantity, (1.0, model.unit))
     us = model.u or (0.0,) * len(model.coefficients)
     rows = []

@@ -18,7 +18,7 @@ _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
 
 
 def results_text(results: Results | None) -> str:
-    """The results of a run as a table; uncertainties are expanded (95 %)."""
+    """Results of a run as a table; uncertainties are expanded (95 %)."""
     if results is None:
         return "No results: the run's data could not be reduced.\n"
     lines: list[str] = []
@@ -35,7 +35,7 @@ def results_text(results: Results | None) -> str:
 
 
 def _on_the_way(found: OnTheWay) -> Iterator[str]:
-    """Single readings with their verdicts, and what was left out."""
+    """Single readings with their verdicts, and left-out steps."""
     rows = [
         (
             each.name or each.reading, each.shown, each.unit,
@@ -73,7 +73,7 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
 
 
 def _summary_table(unit: UnitResult) -> Iterator[str]:
-    """What is judged at the dwells, points or visits, the worst of each; then what is found over all of them."""
+    """Judged quantities at the dwells, points or visits, the worst of each; then all findings over the run."""
     single = {"dwell", "point", "visit"}
     limits = {found.quantity: found.limits for found in unit.findings if single & found.at.keys() and found.limits}
     judged, over_run = verdict_rows(unit, limits), over_run_rows(unit)

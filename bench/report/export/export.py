@@ -19,7 +19,7 @@ Exporter = Callable[[StoredRun, Path], list[Path]]
 
 
 def export_csv(run: StoredRun, out: Path) -> list[Path]:
-    """`readings.csv`, `journal.csv` and a table of each kind of output; `columns.csv` has the unit of every column.
+    """Write `readings.csv`, `journal.csv` and a table of each kind of output; `columns.csv` has the units.
 
     Times are seconds of bench time. Text that a spreadsheet would take for a formula is made harmless.
     """
@@ -59,7 +59,7 @@ def _journal(run: StoredRun) -> Iterator[Iterable[object]]:
 
 
 def _columns(run: StoredRun) -> Iterator[Iterable[object]]:
-    """The unit and the meaning of each column of the other files."""
+    """Unit and meaning of each column of the other files."""
     yield ("table", "column", "unit", "description")
     outputs = {name: table.columns for name, table in acquired(run).items()}
     for table, columns in {"readings": READINGS, **outputs, "journal": JOURNAL}.items():
