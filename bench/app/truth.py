@@ -14,12 +14,14 @@ from bench.app.laboratory import Laboratory
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.run_data import UnitUnderTest
 from bench.reduce.stored_run import StoredRun
-from bench.sequence.method import CountsAt
+from bench.sequence.method import CountsAt, known_methods
+from drivers.installed import loaded
 from simulators.physics.attitude import Mount
 from simulators.truth.channel import LevelAsMeasured, levels_record
 from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Lies, truth_record
 from simulators.truth.imu import WindowAsMeasured, imu_record
 from simulators.truth.ladder import LadderAsMeasured, ladders_record
+from simulators.world import World
 
 
 def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
@@ -30,7 +32,17 @@ def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
     truth |= levels_record(world, _levels(stored))
     if world.imus:
         truth |= imu_record(world, list(_windows(stored)))
-    return truth
+    return truth | _own_truth(stored, world)
+
+
+def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
+    """What methods know themselves of the truth of their data, by method and label; nothing where none does."""
+    found: dict[str, dict[str, Any]] = {}
+    for entry in stored.sequence.results:
+        target = known_methods()[entry.method].truth
+        if target:
+            found.setdefault(entry.method, {})[entry.data] = loaded(target)(stored.data(entry.data), world)
+    return {"methods": found} if found else {}
 
 
 def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUnderTest, Acquisition]]:
@@ -41,8 +53,8 @@ def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUn
                 yield f"{data.label}/{unit.place}@{acquisition.step}", unit, acquisition
 
 
-def _lies(acquisition: Acquisition) -> Lies:
-    """The angles of the table that the bench knows of, and the mount."""
+def orientation(acquisition: Acquisition) -> Lies:
+    """How the bench knows that a unit lay: the angles of the table, and the mount."""
     mount = acquisition.mount
     angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
@@ -63,7 +75,7 @@ def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquis
         place=unit.place,
         at_s=math.fsum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
         temperature_c=math.fsum(each.temperatures_c[unit.temperature].mean() for each in members) / len(members),
-        lies=tuple(_lies(member) for member in members),
+        lies=tuple(orientation(member) for member in members),
         each_s=tuple((member.begin_s + member.end_s) / 2 for member in members),
     )
 
@@ -77,7 +89,9 @@ def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
 def _readings(stored: StoredRun) -> list[LegAsMeasured]:
     """The single readings of methods that count in records of their own: what each unit became stable at last."""
     return [
-        LegAsMeasured(key, unit.place, each.end_s - (each.over_s or each.end_s - each.begin_s), each.end_s, _lies(each))
+        LegAsMeasured(
+            key, unit.place, each.end_s - (each.over_s or each.end_s - each.begin_s), each.end_s, orientation(each)
+        )
         for key, unit, each in _each(stored, "records")
     ]
 
@@ -85,7 +99,8 @@ def _readings(stored: StoredRun) -> list[LegAsMeasured]:
 def _legs(stored: StoredRun) -> list[LegAsMeasured]:
     """The legs of temperature ramps, an acquisition each."""
     return [
-        LegAsMeasured(key, unit.place, leg.begin_s, leg.end_s, _lies(leg)) for key, unit, leg in _each(stored, "ramps")
+        LegAsMeasured(key, unit.place, leg.begin_s, leg.end_s, orientation(leg))
+        for key, unit, leg in _each(stored, "ramps")
     ]
 
 
@@ -93,7 +108,7 @@ def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
     """The acquisitions at one input level each."""
     return [
         LevelAsMeasured(
-            key, unit.place, level.begin_s, level.end_s, _lies(level),
+            key, unit.place, level.begin_s, level.end_s, orientation(level),
             source_a=level.sources_told_a.get(unit.source, 0.0) if level.input == "source" else None,
         )
         for key, unit, level in _each(stored, "levels")
@@ -107,7 +122,7 @@ def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
             key=f"{data.label}/{unit.place}@position={position:g}",
             place=unit.place,
             at_s=(members[0].begin_s + members[-1].end_s) / 2,
-            lies=_lies(members[0]),
+            lies=orientation(members[0]),
         )
         for data in stored.counted_at("steps")
         for unit in data.units

@@ -22,8 +22,7 @@ Found = Mapping[str, Any]  # result of a step, for the journal
 class Bench:
     """Context of a step: rig, plan and services.
 
-    `angles_deg` are the targets of the last moves by role, `numbered` are the devices that number their frames,
-    `credit` is that of a soak of a resumed run.
+    `credit` is that of a soak of a resumed run, `role` the one that a plug-in's step names.
     """
 
     file: BenchFile
@@ -36,3 +35,4 @@ class Bench:
     numbered: Numbered
     angles_deg: dict[str, float] = field(default_factory=dict)
     credit: SoakCredit | None = None
+    role: str | None = None
