@@ -22,7 +22,8 @@ Found = Mapping[str, Any]  # result of a step, for the journal
 class Bench:
     """Context of a step: rig, plan and services.
 
-    `credit` is that of a soak of a resumed run, `role` the one that a plug-in's step names.
+    `angles_deg` are the targets of the last moves by role, `numbered` are the devices that number their frames,
+    `credit` is that of a soak of a resumed run, `role` is the one that a plug-in's step names.
     """
 
     file: BenchFile

@@ -1,8 +1,8 @@
 """Translation of the words of a report to the language of its reader.
 
 A text is written in English where it is used, as `tr("Dwell {number}", number=3)`, and looked up in the catalogue of
-the language, `translations/zh.json`, whose keys are those texts, and then in what methods of plug-ins bring. What no
-catalogue has is shown in English.
+the language, `translations/zh.json`, whose keys are those texts, and then in the catalogues of plug-ins. Texts in no
+catalogue are shown in English.
 """
 
 from __future__ import annotations

@@ -14,9 +14,9 @@ from drivers.quantity.units import parse_unit
 
 @lru_cache(maxsize=1024)
 def scale_shown(quantity: str, unit: str) -> tuple[float, str]:
-    """The factor from `unit` to the unit in which a quantity is shown, and that unit.
+    """Factor from `unit` to the displayed unit of a quantity, and that unit.
 
-    Methods state them (`MethodDescription.shown`): the first of the same dimension is taken, else `unit` itself.
+    Methods state them (`MethodDescription.shown`): the first of the same dimension is used, else `unit` itself.
     """
     for symbol in _units_shown().get(quantity, ()):
         own, other = parse_unit(unit), parse_unit(symbol or "1")
@@ -27,7 +27,7 @@ def scale_shown(quantity: str, unit: str) -> tuple[float, str]:
 
 @lru_cache(maxsize=1)
 def _units_shown() -> Mapping[str, list[str]]:
-    """The units in which methods show each quantity."""
+    """Displayed units of each quantity by the methods."""
     found: dict[str, list[str]] = {}
     for method in shipped_first():
         for quantity, symbol in method.shown.items():

@@ -134,7 +134,7 @@ class Scale:
 
 
 def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
-    """The plots of a unit with two dwells or more; `name` begins their ids in the page."""
+    """Plots of a unit with two dwells or more; `name` is the prefix of their ids in the page."""
     as_shown = Scale(*scale_shown("K0", "g"))
     bias = as_shown.points(unit, "K0")
     if bias is None or len(bias.values) < 2:

@@ -29,7 +29,7 @@ def reductions() -> Mapping[tuple[str, str], Reduction]:
 
 
 def reduction_of(method: str, sub: str) -> Reduction | None:
-    """The reduction of such cases, if there is one; a method of one reduction has no sub-method."""
+    """Reduction of such cases, if there is one; a method with a single reduction has no sub-method."""
     return reductions().get((method, sub)) or reductions().get((method, ""))
 
 

@@ -154,9 +154,9 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Reduction:
-    """How cases of one kind are reduced; `records` are all that they may name.
+    """Reduction of one kind of cases; `records` are all that they may name.
 
-    A result whose `parts` are empty has nothing; flags that the expression `lacking` finds, beside those of
+    A result is empty if its `parts` are. Flags that match the expression `lacking`, beside those of
     `bench.offline.outcome`, make it incomplete.
     """
 

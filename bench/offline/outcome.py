@@ -11,7 +11,7 @@ from bench.offline.case import reduction_of
 Outcome = Literal["REDUCED", "PASS", "FAIL", "INCOMPLETE"]
 
 LACKING = r"(^|[: ])invalid$|too_few_|_missing$|^implausible_|^(columns|legs)_exchanged$"
-"""Flags of a part that could not be used, or of a result that is not to be relied on; a reduction may add others."""
+"""Flags of a part that could not be used, or of a result that is not reliable; a reduction may add others."""
 
 
 def outcome(result: Mapping[str, Any]) -> Outcome:
@@ -29,7 +29,7 @@ def outcome(result: Mapping[str, Any]) -> Outcome:
 
 
 def lacking(result: Mapping[str, Any]) -> list[str]:
-    """The flags of what could not be found; "nothing" where there is no part at all, or none that is known."""
+    """Flags of missing results; "nothing" if there is no part at all, or none is known."""
     reduction = reduction_of(result["method"], result["sub"])
     own, names = (reduction.lacking, reduction.parts) if reduction is not None else ("", ())
     found = [flag for flag in result["flags"] if re.search("|".join(filter(None, (LACKING, own))), flag)]

@@ -54,7 +54,7 @@ class BudgetsOfDwells:
 
 
 def budget(finding: Finding, dwells: Mapping[str, int]) -> Budget:
-    """The budget of a finding in the unit it is shown in."""
+    """Budget of a finding in its displayed unit."""
     factor, unit = scale_shown(finding.quantity, finding.unit)
     digits = decimals(finding.u * factor) + 1
     return Budget(

@@ -30,10 +30,10 @@ from bench.sequence.method import MethodWords
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
-VARIABLES = MethodWords(  # of equations, with their units
+VARIABLES = MethodWords(  # variables of equations, with their units
     "VARIABLES", {"temperature_c": "temperature / °C", "acceleration_g": "acceleration / g"}
 )
-WORST = {  # by what a finding is of
+WORST = {  # by the kind of place of a finding
     "point": "worst of {count} points; {told}",
     "end": "worst of {count} ends; {told}",
     "dwell": "worst of {count} dwells; {told}",
@@ -118,7 +118,7 @@ def dwell_numbers(unit: UnitResult) -> dict[str, int]:
 
 
 def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits], units: Mapping[str, str]) -> Iterator[Row]:
-    """For each quantity that the sequence limits the finding that is worst; without one it is not judged.
+    """Worst finding of each quantity that the sequence limits; without one it is not judged.
 
     `units` are those of the quantities.
     """
@@ -289,7 +289,7 @@ def _constant(constant: Constant) -> tuple[str, str]:
 
 
 def model_table(model: TemperatureModel) -> ModelTable:
-    """The coefficients of a model, in the variable it was fitted in and in powers of T."""
+    """Coefficients of a model, in the variable of its fit and in powers of T."""
     factor, unit = scale_shown(model.quantity, model.unit)
     us = model.u or (0.0,) * len(model.coefficients)
     rows = []

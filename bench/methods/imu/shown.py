@@ -73,7 +73,7 @@ def _rows(at_visits: Sequence[Finding], quantities: Sequence[str]) -> Iterator[t
 
 
 def _matrix(found: Sequence[Finding], quantity: str, title: str) -> Sheet:
-    """A row for each sensor, a column for each axis that it sees."""
+    """Matrix with a row for each sensor, a column for each axis that it senses."""
     _, symbol = scale_shown(quantity, found[0].unit)
     cells = {(each.at["axis"], each.at["toward"]): shown(each) for each in found}
     set_c = found[0].at["temperature_set_c"]

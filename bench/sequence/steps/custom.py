@@ -28,12 +28,12 @@ def _no_time(_: Any) -> float:
 class StepDescription(NamedTuple):
     """Description of a plug-in's step for sequences.
 
-    `settings` validates the block `with`. `target` is "module:function", an
-    `async def function(settings, bench: bench.engine.context.Bench) -> Mapping[str, Any]` whose result goes into the
-    journal; `bench.role` is the role that the step names. "value" in the result, with "unit" of a number, is what `as`
-    names in later expressions. `capability` is what the step's role must be, "" when it needs no device. `takes_s` is
-    how long it takes, from the settings. `example` is a value such as it gives, for checking expressions; None when it
-    gives none. Only a `repeatable` step is done again when a run is resumed that was interrupted in it.
+    `settings` validates the block `with`. `target` is "module:function", an `async def function(settings, bench:
+    bench.engine.context.Bench) -> Mapping[str, Any]` whose result goes into the journal; `bench.role` is the role that
+    the step names. "value" in the result, with "unit" of a number, is the value that `as` names in later expressions.
+    `capability` is that of the step's role, "" if it needs no device. `takes_s` computes its duration from the
+    settings. `example` is an example of its value, for checking expressions; None if it has none. If a run was
+    interrupted in the step, the resumed run repeats it only if it is `repeatable`.
     """
 
     name: str
