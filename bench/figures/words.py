@@ -184,7 +184,7 @@ def _dwells_in_words(at: Mapping[str, Any], dwells: Mapping[str, int]) -> Iterat
 
 
 def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
-    """Text of the conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
+    """Text of the conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the dwell numbers."""
     parts = [*_levels_in_words(at), *_dwells_in_words(at, dwells)]
     if "axis" in at:
         parts.insert(0, tr("axis {axis}", axis=at["axis"] + at.get("toward", "")))

@@ -22,7 +22,7 @@ def form_in_words(form: str) -> str:
 
 
 def note_in_words(note: str) -> str:
-    """A sentence after its subject: "skew: no decision: a rate is 0", translated; an unknown one is returned unchanged."""
+    """Translate a sentence after its subject: "skew: no decision: a rate is 0"; an unknown one is unchanged."""
     if (known := sentence_of(note, {text: text for text in texts_of("NOTES", NOTES)})) is not None:
         return known
     where, colon, rest = note.partition(": ")
