@@ -201,7 +201,7 @@ async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
     question = Question(step_id, step.text, step.allowed, step.input, step.picture, step.expect)
     bench.journal.write("asked", step_id, text=step.text, expected=question.expected)
     answer = await bench.desk.ask(question, step.give_up_after_s)
-    found: dict[str, Any] = {"question": step.text, "by": answer.by, **_told(answer.value)}
+    found: dict[str, Any] = {"question": step.text, "by": answer.by, **_answer_facts(answer.value)}
     if step.name is not None:
         found["as"] = step.name
     if step.expect is not None and step.expect.mount is not None:
@@ -212,7 +212,7 @@ async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
     return found
 
 
-def _told(value: Quantity | str) -> dict[str, Any]:
+def _answer_facts(value: Quantity | str) -> dict[str, Any]:
     if isinstance(value, str) or not is_known(value):
         return {"value": str(value)}
     unit = customary_unit(value.dimension)

@@ -196,13 +196,13 @@ class Engine:
 
     async def _tear_down(self) -> None:
         """Run the whole teardown; problems that the monitor finds meanwhile are reported after it."""
-        told = self._monitor.fault.done()
+        reported = self._monitor.fault.done()
         teardown = self._walk.teardown(self._plan.teardown)
         self._teardown_task = asyncio.create_task(teardown, name="teardown")
         await _first_of(self._teardown_task, self._aborted)
         await self._wait_for_end(self._teardown_task)
         self._settle(self._teardown_task)
-        if self._monitor.fault.done() and not told:
+        if self._monitor.fault.done() and not reported:
             self._failed(self._monitor.fault.result())
 
     def _interlock(self, change: Change) -> None:

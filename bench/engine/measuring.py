@@ -138,7 +138,7 @@ async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench
             f"the output of the unit in place {place}: too little data in {duration_s:g} s; measure longer, or check "
             f"{bench.file.measured_by(place)}"
         )
-    return _Single(found.value / per_g, BY_NOMINAL, math.hypot(found.alone_u, found.step_u) / abs(per_g))
+    return _Single(found.value / per_g, BY_NOMINAL, math.hypot(found.single_u, found.quantisation_u) / abs(per_g))
 
 
 async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) -> _Single:
@@ -150,11 +150,11 @@ async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) 
         bench.writer.frames(role, step_id, block)
         gaps = Watch(bench, step_id)
         gaps.frames(role, block)
-        await gaps.tell()
+        await gaps.report()
     found = mean_of(Decoder(bench.file.devices[role]).outputs(block)[channel])
     if math.isnan(found.value):
         raise StepError(f"{name}: too few latches arrived in {duration_s:g} s; count longer, or check the counter")
-    return _Single(found.value, PULSE_RATE, found.alone_u)
+    return _Single(found.value, PULSE_RATE, found.single_u)
 
 
 async def frames_of(counter: PulseCounter, duration_s: float) -> FrameBlock:

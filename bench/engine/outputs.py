@@ -23,7 +23,7 @@ from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import Meter
 
 
-class Keeper(Protocol):
+class Sink(Protocol):
     """Sink of acquired data, by the role of the device that sends it."""
 
     def frames(self, role: str, block: FrameBlock) -> None:
@@ -33,8 +33,8 @@ class Keeper(Protocol):
         """Receive readings of a meter."""
 
 
-async def taken_in(
-    roles: Iterable[str], rig: Rig, keepers: Sequence[Keeper], end: Awaitable[None], block_s: float | None = None
+async def acquire_into(
+    roles: Iterable[str], rig: Rig, sinks: Sequence[Sink], end: Awaitable[None], block_s: float | None = None
 ) -> None:
     """Pass the data of devices to the sinks while `end` is awaited; a device that fails ends the wait.
 
@@ -46,20 +46,20 @@ async def taken_in(
     async def all_of_them() -> None:
         async with asyncio.TaskGroup() as group:
             for role in roles:
-                group.create_task(_take_in(role, rig, keepers, over, block_s), name=f"take in {role}")
+                group.create_task(_take_in(role, rig, sinks, over, block_s), name=f"take in {role}")
             await end
             over.set()
 
     await grouped(all_of_them())
 
 
-async def _take_in(role: str, rig: Rig, keepers: Sequence[Keeper], over: asyncio.Event, block_s: float | None) -> None:
+async def _take_in(role: str, rig: Rig, sinks: Sequence[Sink], over: asyncio.Event, block_s: float | None) -> None:
     def keep_frames(block: FrameBlock) -> None:
-        for keeper in keepers:
+        for keeper in sinks:
             keeper.frames(role, block)
 
     def keep_readings(readings: Sequence[Valid]) -> None:
-        for keeper in keepers:
+        for keeper in sinks:
             keeper.readings(role, readings)
 
     if isinstance(rig.devices[role], Meter):

@@ -10,7 +10,7 @@ from typing import Any
 
 from bench.engine.context import Bench
 from bench.engine.missed import Watch
-from bench.engine.outputs import Keeper, Watched, taken_in
+from bench.engine.outputs import Sink, Watched, acquire_into
 from bench.errors import StepError
 from bench.metrology.outputs import STABLE_PART_S, Output, mean_of, steadiness
 from bench.quality import Valid
@@ -33,9 +33,9 @@ async def acquire(step: Acquire, step_id: str, bench: Bench) -> Mapping[str, Any
         return {**found, "turned": course}
     if step.until_stable is not None and step.give_up_after_s is not None:
         watched = Watched(bench.file, step.until_stable.over_s)
-        looks = _Looks(step.until_stable, bench, watched)
-        found = await acquire_during(step, step_id, bench, looks.until_stable(step.give_up_after_s), watched)
-        return {**found, "over_s": step.until_stable.over_s, "stable": looks.stable()}
+        stability = _Stability(step.until_stable, bench, watched)
+        found = await acquire_during(step, step_id, bench, stability.until_stable(step.give_up_after_s), watched)
+        return {**found, "over_s": step.until_stable.over_s, "stable": stability.stable()}
     return await acquire_during(step, step_id, bench, asyncio.sleep(step.least_s))
 
 
@@ -45,13 +45,13 @@ async def acquire_during(
     """Record all devices of a role simultaneously while `end` is awaited, which may use the data in `watched`."""
     began_s = asyncio.get_running_loop().time()
     gaps = Watch(bench, step_id)
-    keepers: list[Keeper] = [_Recorded(bench.writer, step_id), gaps]
+    sinks: list[Sink] = [_Recorded(bench.writer, step_id), gaps]
     if watched is not None:
-        keepers.append(watched)
+        sinks.append(watched)
     block_s = WATCHED_BLOCK_S if watched is not None else None
-    await taken_in(bench.file.acquired_from(step.role), bench.rig, keepers, end, block_s)
+    await acquire_into(bench.file.acquired_from(step.role), bench.rig, sinks, end, block_s)
     ended_s = asyncio.get_running_loop().time()
-    await gaps.tell()
+    await gaps.report()
     return {"label": step.label, "begin_s": began_s, "end_s": ended_s}
 
 
@@ -59,9 +59,9 @@ async def output_of(place: str, duration_s: float, step_id: str, bench: Bench) -
     """Mean output of the unit in a place over a time; the data it is computed from is stored with the step."""
     watched = Watched(bench.file, math.inf)
     gaps = Watch(bench, step_id)
-    keepers: list[Keeper] = [_Recorded(bench.writer, step_id), gaps, watched]
-    await taken_in((bench.file.measured_by(place),), bench.rig, keepers, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
-    await gaps.tell()
+    sinks: list[Sink] = [_Recorded(bench.writer, step_id), gaps, watched]
+    await acquire_into((bench.file.measured_by(place),), bench.rig, sinks, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
+    await gaps.report()
     found = watched.measured(place)
     return mean_of(found) if found is not None else NOTHING
 
@@ -80,7 +80,7 @@ class _Recorded:
         self.writer.samples(role, self.step_id, readings)
 
 
-class _Looks:
+class _Stability:
     """Stability of the units, from their newest data."""
 
     def __init__(self, rule: StableOutput, bench: Bench, watched: Watched) -> None:

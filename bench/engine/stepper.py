@@ -87,8 +87,8 @@ class Stepper:
         except StoreError:
             raise
         except (DriverError, BenchError) as problem:
-            told = {"code": problem.code, "text": str(problem), **self._unknown_after(step)}
-            self._journal.try_to_write("step_failed", planned.id, **told)
+            facts = {"code": problem.code, "text": str(problem), **self._unknown_after(step)}
+            self._journal.try_to_write("step_failed", planned.id, **facts)
             if isinstance(step, (Rotate, Oscillate)):
                 await self._bring_to_rest(step)
             raise self._in_words(planned, problem) from problem
@@ -136,7 +136,7 @@ class Stepper:
             return await acquire_during(step, planned.id, self._bench, body())
         if isinstance(step, (Rotate, Oscillate)):
             await begin_turning(step, self._bench)
-            self._journal.write("turning", planned.id, **_told(step))
+            self._journal.write("turning", planned.id, **_sustained_rate(step))
             await body()
             await leave(step, self._bench)
         return {}
@@ -219,7 +219,7 @@ class Stepper:
         return StepFailed(text, problem.code)
 
 
-def _told(step: Rotate | Oscillate) -> Found:
+def _sustained_rate(step: Rotate | Oscillate) -> Found:
     """Rate that the table maintains until the step ends."""
     if isinstance(step, Rotate):
         return {"device": step.role, "rate_dps": step.rate_dps}

@@ -44,7 +44,7 @@ def shown(finding: Finding) -> str:
     mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
     if not finding.budget:
         return f"{finding.value * factor:.9g}{mark}"
-    if finding.interval is not None and is_told_by_range(finding):
+    if finding.interval is not None and is_shown_by_range(finding):
         return f"{_with_range(finding, finding.interval)}{mark}"
     return f"{with_expanded(finding.value * factor, finding.expanded * factor)}{mark}"
 
@@ -55,7 +55,7 @@ def with_expanded(value: float, expanded: float) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f}"  # never -0.0
 
 
-def is_told_by_range(finding: Finding) -> bool:
+def is_shown_by_range(finding: Finding) -> bool:
     """True if a range replaces the expanded uncertainty: for a settling time."""
     return finding.interval is not None and finding.quantity.endswith("/settling")
 
@@ -73,7 +73,7 @@ def range_shown(finding: Finding, interval: Interval, *values: float) -> list[st
     """
     factor, _ = scale_shown(finding.quantity, finding.unit)
     digits = decimals((interval.high - interval.low) * factor)
-    if not is_told_by_range(finding):
+    if not is_shown_by_range(finding):
         return [f"{value * factor:.{digits}f}" for value in values]
     digits = min(digits, 1)
     return [f"{value * factor:.{digits}f}" if round(value * factor, digits) else "0" for value in values]

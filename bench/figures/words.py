@@ -194,7 +194,7 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
     if "direction" in at:
         parts.append(tr(at["direction"]))
-    parts += [told(at[key]) for key, told in (("end", end_in_words), ("leg", leg_in_words)) if key in at]
+    parts += [text_of(at[key]) for key, text_of in (("end", end_in_words), ("leg", leg_in_words)) if key in at]
     if "at_c" in at:
         parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
     parts += [tr(text, value=f"{at[key]:.5g}") for key, text in CONDITIONS.items() if key in at]

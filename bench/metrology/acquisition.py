@@ -172,16 +172,16 @@ class Window:
     """Mean of one channel, for methods that need no more.
 
     The mean output, such as a net rate in pulse/s, over `span_s` of the clock of the counter, which is `host_span_s` of
-    the host's clock. For samples both are by the host's clock. `problems` make it unusable. `alone_u` and `step_u` are
-    those of an Output.
+    the host's clock. For samples both are by the host's clock. `problems` make it unusable. `single_u` and
+    `quantisation_u` are those of an Output.
     """
 
     mean: float
     span_s: float
     host_span_s: float
     problems: tuple[str, ...]
-    alone_u: float = 0.0
-    step_u: float = 0.0
+    single_u: float = 0.0
+    quantisation_u: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +205,7 @@ class Acquisition:
     channel, `voltages` by voltmeter, `currents` by ammeter, `codes` by channel of the telemetry. `temperatures_c` are
     the values of each named reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. If
     `input` is "source" the converter is fed by a current source; `sources_a` are the currents of those that are on, by
-    their roles, corrected by their certificates, `sources_told_a` their uncorrected read-backs. An acquisition until
+    their roles, corrected by their certificates, `sources_set_a` their uncorrected read-backs. An acquisition until
     stability is evaluated over its last `over_s`; `stable` are the places of the units that were stable. `turned` is a
     rotation over whole turns meanwhile. For methods that need only means, `windows` replace `counts`, so that a long
     run is not in memory all at once. `positions` are those of the encoders that a counter latches, by the devices that
@@ -233,7 +233,7 @@ class Acquisition:
     windows: Mapping[str, Window] = field(default_factory=dict)
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
-    sources_told_a: Mapping[str, float] = field(default_factory=dict)
+    sources_set_a: Mapping[str, float] = field(default_factory=dict)
     currents: Mapping[str, Currents] = field(default_factory=dict)
     over_s: float | None = None
     stable: frozenset[str] | None = None

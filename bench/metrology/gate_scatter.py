@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array, NotDetermined, fit_polynomial
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
-from bench.metrology.sampled_codes import by_level
+from bench.metrology.sampled_codes import quantisation_by_level
 from bench.metrology.temperature_checks import rates_c_per_s
 
 STRETCHES = 24  # of a run; long enough to average out input variations within seconds
@@ -38,8 +38,8 @@ class LineScatter:
     standard deviation of a gate that is `gate_s` long, what lags included. `residuals_pps` (m,) are the deviations of
     the means of stretches from the line, `stretch_u_pps` is their standard deviation; none where the run is too short.
     `drift_h_per_c` and `accelerometer_per_c` are the slopes over the converter's temperature of time (h) and of the
-    accelerometer's temperature (°C): the sensitivity to an input that drifts or follows the chamber. `step_u_pps` is
-    the quantisation uncertainty of a mean of codes, 0 for volts; None for counted pulses.
+    accelerometer's temperature (°C): the sensitivity to an input that drifts or follows the chamber.
+    `quantisation_u_pps` is the quantisation uncertainty of a mean of codes, 0 for volts; None for counted pulses.
     """
 
     counting_rate: float
@@ -53,11 +53,11 @@ class LineScatter:
     stretch_u_pps: float
     drift_h_per_c: float
     accelerometer_per_c: float
-    step_u_pps: float | None = None
+    quantisation_u_pps: float | None = None
 
     def mean_u_pps(self, span_s: float) -> float:
         """Standard uncertainty of a mean rate over `span_s`: from counting or quantisation, and from the rest."""
-        alone_pps = RESOLUTION_COUNTS / span_s if self.step_u_pps is None else self.step_u_pps
+        alone_pps = RESOLUTION_COUNTS / span_s if self.quantisation_u_pps is None else self.quantisation_u_pps
         return float(np.hypot(alone_pps, self.excess_pps * np.sqrt(self.gate_s / span_s)))
 
 
@@ -84,7 +84,7 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
         stretch_u_pps=_stretch_u_pps(smooth, gates),
         drift_h_per_c=float(slope_gain @ gates.time_s) / 3600.0,
         accelerometer_per_c=float(slope_gain @ accelerometer_c),
-        step_u_pps=None if gates.step_u is None else float(np.mean(gates.step_u)),
+        quantisation_u_pps=None if gates.quantisation_u is None else float(np.mean(gates.quantisation_u)),
     )
 
 
@@ -115,11 +115,11 @@ def unresolved_pps(gains: Array, gates: Gates) -> Array:
 
     Gates whose means are in one quantisation step have the same error.
     """
-    if gates.step_u is None:
+    if gates.quantisation_u is None:
         return _of_latches(gains, gates)
-    largest = float(np.max(gates.step_u, initial=0.0)) * np.sqrt(12)
+    largest = float(np.max(gates.quantisation_u, initial=0.0)) * np.sqrt(12)
     on_step = np.round(gates.rate_pps / largest) if largest else gates.time_s
-    return np.stack([by_level(gain, gates.step_u, on_step) for gain in gains])
+    return np.stack([quantisation_by_level(gain, gates.quantisation_u, on_step) for gain in gains])
 
 
 def _of_latches(gains: Array, gates: Gates) -> Array:
@@ -167,7 +167,7 @@ def _stretch_u_pps(residual_pps: Array, gates: Gates) -> float:
     """Standard deviation of the means of stretches; at least that of the count, or of the quantisation."""
     means, stretches_s = _stretches(residual_pps, gates.seconds)
     found = float(np.sum(means**2)) / (STRETCHES - SMOOTH_DEGREE - 1)
-    alone_pps = RESOLUTION_COUNTS / stretches_s if gates.step_u is None else gates.step_u
+    alone_pps = RESOLUTION_COUNTS / stretches_s if gates.quantisation_u is None else gates.quantisation_u
     return float(np.sqrt(max(found, float(np.mean(alone_pps**2)))))
 
 

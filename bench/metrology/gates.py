@@ -16,8 +16,8 @@ class Gates:
     """Intervals between consecutive readings, all arrays (n,).
 
     Mid-time and duration, the pulses on either line, and the means of both temperatures. For volts or codes their
-    integral replaces the pulses, and `step_u` is the quantisation uncertainty of each mean: 0 for volts, None for
-    counted pulses.
+    integral replaces the pulses, and `quantisation_u` is the quantisation uncertainty of each mean: 0 for volts, None
+    for counted pulses.
     """
 
     time_s: Array
@@ -26,7 +26,7 @@ class Gates:
     negative: Array
     converter_c: Array
     accelerometer_c: Array
-    step_u: Array | None = None
+    quantisation_u: Array | None = None
 
     @property
     def rate_pps(self) -> Array:
@@ -41,4 +41,4 @@ class Gates:
     @property
     def resolution_pps(self) -> Array:
         """Resolution of a mean rate, by counting or by quantisation of codes."""
-        return RESOLUTION_COUNTS / self.seconds if self.step_u is None else self.step_u
+        return RESOLUTION_COUNTS / self.seconds if self.quantisation_u is None else self.quantisation_u

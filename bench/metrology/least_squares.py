@@ -81,13 +81,13 @@ def least_squares(
     left, singular, right = np.linalg.svd(design / scale, full_matrices=False)
     columns = design.shape[1]
     largest = singular.max(initial=0.0)
-    told = singular > np.finfo(np.float64).eps * max(design.shape) * largest
-    rank = int(np.sum(told))
+    determined = singular > np.finfo(np.float64).eps * max(design.shape) * largest
+    rank = int(np.sum(determined))
     condition = float(singular[0] / singular[-1]) if rank == columns else np.inf
     if condition > condition_limit:
-        told &= singular >= largest / condition_limit  # of several equal columns none represents the others
+        determined &= singular >= largest / condition_limit  # of several equal columns none represents the others
         raise NotDetermined(
-            _undetermined(right[told], names or [f"coefficient {i}" for i in range(columns)]),
+            _undetermined(right[determined], names or [f"coefficient {i}" for i in range(columns)]),
             rank=rank, of=columns, condition=condition,
         )  # fmt: skip
     gain = right.T / singular / scale[:, np.newaxis] @ left.T

@@ -29,14 +29,14 @@ Measured = Counts | Voltages | Codes
 class Output:
     """A mean output in its unit; `problems` make it unusable.
 
-    `alone_u` is its standard uncertainty by itself: the resolution of the count, or the scatter of the voltmeter's
-    readings or of the samples. `step_u` is the quantisation uncertainty of a mean of codes.
+    `single_u` is its standard uncertainty by itself: the resolution of the count, or the scatter of the voltmeter's
+    readings or of the samples. `quantisation_u` is the quantisation uncertainty of a mean of codes.
     """
 
     value: float
-    alone_u: float
+    single_u: float
     problems: tuple[str, ...]
-    step_u: float = 0.0
+    quantisation_u: float = 0.0
 
 
 def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Measured:
@@ -71,7 +71,7 @@ def mean_of(found: Measured) -> Output:
             return _mean_voltage(found)
         case Codes():
             mean = mean_code(found)
-            return Output(mean.value, mean.scatter_u, mean.problems, mean.step_u)
+            return Output(mean.value, mean.scatter_u, mean.problems, mean.quantisation_u)
 
 
 def _resolution_pps(rate: Rate) -> float:
@@ -111,7 +111,7 @@ def _sent(codes: Codes, turned: Turned | None) -> Window:
     else:
         mean, at_s = mean_code(codes), sampled_at_s(codes)
         span_s = float(at_s[-1] - at_s[0]) if len(at_s) else 0.0
-    return Window(mean.value, span_s, span_s, mean.problems, mean.scatter_u, mean.step_u)
+    return Window(mean.value, span_s, span_s, mean.problems, mean.scatter_u, mean.quantisation_u)
 
 
 def _last(found: Measured, span_s: float) -> Measured:

@@ -21,12 +21,12 @@ LARGEST_J1 = 0.582
 class MeanCode:
     """Mean of samples with the standard uncertainty from their scatter.
 
-    `step_u` is the quantisation uncertainty of any mean; `problems` make it unusable.
+    `quantisation_u` is the quantisation uncertainty of any mean; `problems` make it unusable.
     """
 
     value: float
     scatter_u: float
-    step_u: float
+    quantisation_u: float
     problems: tuple[str, ...]
 
 
@@ -137,18 +137,18 @@ def hidden_from_a_swing(amplitude: Array, sd: float, step: float) -> Array:
     return np.asarray(np.sqrt(np.sum(2 * sawtooth**2 * bessel2, axis=1)))
 
 
-def by_position(gain: Array, step_u: Array, angle_rad: Array) -> Array:
+def quantisation_by_angle(gain: Array, quantisation_u: Array, angle_rad: Array) -> Array:
     """Quantisation uncertainty of a result with sensitivities `gain` (n,) to readings, one error for each angle.
 
     Readings at one angle fall into one step, and have the same error.
     """
-    return by_level(gain, step_u, np.asarray(np.round(np.degrees(angle_rad), 1), np.float64))
+    return quantisation_by_level(gain, quantisation_u, np.asarray(np.round(np.degrees(angle_rad), 1), np.float64))
 
 
-def by_level(gain: Array, step_u: Array, level: Array) -> Array:
+def quantisation_by_level(gain: Array, quantisation_u: Array, level: Array) -> Array:
     """The same for readings at levels (n,) of the measured quantity."""
     _, place = np.unique(level, return_inverse=True)
-    return np.asarray(np.bincount(place, weights=gain * step_u), np.float64)
+    return np.asarray(np.bincount(place, weights=gain * quantisation_u), np.float64)
 
 
 def _device_steps_s(codes: Codes) -> Array:

@@ -39,8 +39,8 @@ def compare_tilt(
     """
     present = np.isfinite(temperature_c) & np.isfinite(output_v)
     broken = present & beyond_possible(temperature_c)
-    told = present & ~broken
-    temperature_c, output_v = temperature_c[told], output_v[told]
+    usable = present & ~broken
+    temperature_c, output_v = temperature_c[usable], output_v[usable]
     raw = (output_v - nominal_bias_v) / scale_v_per_g
     compensated = (output_v - bias_v[0] - bias_v[1] * temperature_c) / scale_v_per_g
     possible = (np.abs(raw) <= 1) & (np.abs(compensated) <= 1)

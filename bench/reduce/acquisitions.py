@@ -64,7 +64,7 @@ def acquisitions(
         acquired = replace(
             _acquisition(event, dwell, state, temperatures),
             angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
-            sources_a={role: corrections.current_a(role, told_a) for role, told_a in state.sources_a.items()},
+            sources_a={role: corrections.current_a(role, read_a) for role, read_a in state.sources_a.items()},
             voltages={role: corrections.voltages(role, Voltages(*each)) for role, each in read.items()},
             currents={role: corrections.measured(role, each) for role, each in through.items()},
         )
@@ -134,7 +134,7 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
 
 
 @dataclass(frozen=True)
-class _InForce:
+class _BenchState:
     """State of the bench during an acquisition."""
 
     angles_deg: Mapping[str, float]
@@ -149,7 +149,7 @@ class _InForce:
     stand: int = 0
     stretch: int = 0
 
-    def after(self, event: Event, bench: BenchFile, begun_s: float) -> _InForce:
+    def after(self, event: Event, bench: BenchFile, begun_s: float) -> _BenchState:
         """State after a step that began at `begun_s`."""
         data, now = event.data, self
         if "angle_deg" in data:
@@ -163,7 +163,7 @@ class _InForce:
         now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
         return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
 
-    def moved(self, angles_deg: Mapping[str, float], sides: Mapping[str, str | None]) -> _InForce:
+    def moved(self, angles_deg: Mapping[str, float], sides: Mapping[str, str | None]) -> _BenchState:
         """State after a move of axes; the side of approach of an axis not in `sides` is unknown."""
         moved = {role: sides.get(role) for role in angles_deg if sides.get(role) != STOOD}
         came_from = {role: side for role, side in {**self.came_from, **moved}.items() if side is not None}
@@ -172,11 +172,11 @@ class _InForce:
             stand=self.stand + bool(moved),
         )  # fmt: skip
 
-    def interrupted(self) -> _InForce:
+    def interrupted(self) -> _BenchState:
         """State when the run goes on after an interruption: everything was off in between."""
         return replace(self, input="accelerometer", sources_a={}, on_since_s={}, stretch=self.stretch + 1)
 
-    def without(self, roles: set[str]) -> _InForce:
+    def without(self, roles: set[str]) -> _BenchState:
         """State with unknown angles of axes, or an unknown set point of the chamber."""
         angles_deg = {role: math.nan if role in roles else angle for role, angle in self.angles_deg.items()}
         came_from = {role: side for role, side in self.came_from.items() if role not in roles}
@@ -221,15 +221,15 @@ def _mount(bench: BenchFile, name: str | None = None) -> Mount:
     return Mount(name or next(iter(bench.fixture.mounts), ""), mount.angle, mount.roll, mount.clock)
 
 
-def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, _InForce]]:
+def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, _BenchState]]:
     """Finished acquisitions under a label, each with its dwell and the state of the bench.
 
     Of a repeated step only the last execution counts. Acquisitions after an incomplete move are left out: their angle
     is unknown.
     """
-    state = _InForce(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
+    state = _BenchState(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
     dwells = DwellNames()
-    found: dict[str, tuple[Event, str, _InForce]] = {}
+    found: dict[str, tuple[Event, str, _BenchState]] = {}
     begun: dict[str, tuple[float, float]] = {}
     turning: dict[str, Motion] = {}
     for event in reader.events("step_begins", "turning", "step_ended", "step_failed", "step_cut", "run_resumed"):
@@ -255,7 +255,7 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
         if event.data.get("label") == label and state.is_known:
             step = first_visit(event.step)
             found.pop(step, None)
-            motion = next((told for outer, told in turning.items() if step.startswith(f"{outer}/")), None)
+            motion = next((each for outer, each in turning.items() if step.startswith(f"{outer}/")), None)
             found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c, motion=motion))
     yield from found.values()
 
@@ -269,7 +269,7 @@ def _turned(event: Event, motion: Motion | None) -> Turned | None:
     return Turned(axis=str(course["of"]), command_dps=motion.rate_dps, **ends)
 
 
-def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mapping[str, Series]) -> Acquisition:
+def _acquisition(event: Event, dwell: str, state: _BenchState, temperatures: Mapping[str, Series]) -> Acquisition:
     """An acquisition without its output data."""
     begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
     meanwhile = {name: series.between(begin_s, end_s) for name, series in temperatures.items()}
@@ -286,7 +286,7 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         turned=_turned(event, state.motion),
         input=state.input,
         sources_a=state.sources_a,
-        sources_told_a=state.sources_a,
+        sources_set_a=state.sources_a,
         counts={},
         motion=state.motion,
         on_since_s=state.on_since_s,

@@ -79,10 +79,10 @@ class Corrections:
             return read
         return replace(read, values_v=read.values_v * (1 + known.gain) + known.offset)
 
-    def current_a(self, role: str, told_a: float) -> float:
+    def current_a(self, role: str, read_a: float) -> float:
         """Corrected current of a source with this read-back."""
         table = self.currents.get(role)
-        return told_a if table is None else float(table.corrected(np.array(told_a)))
+        return read_a if table is None else float(table.corrected(np.array(read_a)))
 
     def measured(self, role: str, read: Currents) -> Currents:
         """Corrected readings of an ammeter."""
@@ -119,7 +119,7 @@ def _table(rows: list[tuple[float, float]]) -> Table:
     return Table(at, add)
 
 
-def told(bench: BenchFile, data: list[RunData]) -> Iterator[str]:
+def correction_lines(bench: BenchFile, data: list[RunData]) -> Iterator[str]:
     """A line for each corrected instrument, with a warning if its table does not cover the readings in `data`."""
     known = corrections_of(bench)
     for name, table in known.thermometers.items():
@@ -130,20 +130,18 @@ def told(bench: BenchFile, data: list[RunData]) -> Iterator[str]:
         beyond = _beyond(table, [table.within_its_turn(np.array(angles))], "°")
         yield _line(role, bench.devices[role].calibration, _rows(table, ARCSEC_PER_DEG, "arcsec", "°"), beyond)
     for role, table in known.currents.items():
-        told_a = [
-            each.sources_told_a[role] for part in data for each in part.acquisitions if role in each.sources_told_a
-        ]
-        told_a += [
+        read_a = [each.sources_set_a[role] for part in data for each in part.acquisitions if role in each.sources_set_a]
+        read_a += [
             value
             for part in data
             for each in part.acquisitions
             if role in each.currents
             for value in each.currents[role].values_a.tolist()
         ]
-        if told_a:
-            told_ma = Table(table.at * MA_PER_A, table.add * MA_PER_A)
-            beyond = _beyond(told_ma, [np.array(told_a) * MA_PER_A], "mA")
-            yield _line(role, bench.devices[role].calibration, _rows(told_ma, NA_PER_MA, "nA", "mA"), beyond)
+        if read_a:
+            table_ma = Table(table.at * MA_PER_A, table.add * MA_PER_A)
+            beyond = _beyond(table_ma, [np.array(read_a) * MA_PER_A], "mA")
+            yield _line(role, bench.devices[role].calibration, _rows(table_ma, NA_PER_MA, "nA", "mA"), beyond)
     for role, relative in known.clocks.items():
         if relative:
             yield _line(role, bench.devices[role].calibration, f"{relative * 1e6:+g} ppm")

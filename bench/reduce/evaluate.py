@@ -15,7 +15,7 @@ from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.metrology.unlike_nominal import compared_with_nominal
 from bench.reduce.gaps import MissedIn
-from bench.reduce.journal import OnTheWay, verdicts_of
+from bench.reduce.journal import JournalRecords, verdicts_of
 from bench.sequence.document.model import ResultEntry, SequenceFile
 from bench.sequence.method import known_methods
 from bench.sequence.steps.limits import limits_in
@@ -43,7 +43,7 @@ class Results:
     title: str
     verdict: Verdict
     units: tuple[UnitResult, ...]
-    on_the_way: OnTheWay = field(default_factory=OnTheWay)
+    journal_records: JournalRecords = field(default_factory=JournalRecords)
     corrections: tuple[str, ...] = ()
     past_due: Mapping[str, dt.date] = field(default_factory=dict)
     missed: tuple[MissedIn, ...] = ()
@@ -64,12 +64,14 @@ class Results:
             "models": [model.to_json() for unit in self.units for model in unit.models],
             "corrections": list(self.corrections),
             "past_due": {name: str(due) for name, due in self.past_due.items()},
-            **self.on_the_way.to_json(),
+            **self.journal_records.to_json(),
             **({"missed": [each.to_json() for each in self.missed]} if self.missed else {}),
         }
 
 
-def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str, found_on_the_way: OnTheWay) -> Results:
+def evaluate(
+    sequence: SequenceFile, data: Callable[[str], RunData], state: str, from_journal: JournalRecords
+) -> Results:
     """Evaluate a run that ended in `state`; its data are reduced even if it did not complete.
 
     `data` returns the acquisitions under a label.
@@ -86,13 +88,13 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
         for part in acquired.by_length():
             found |= {unit.place: unit for unit in reduced(reduce, part, settings)}
         for unit in acquired.units:
-            dropped = found_on_the_way.dropped.get(unit.place)
+            dropped = from_journal.dropped.get(unit.place)
             found_of_unit = found[unit.place]
             findings = compared_with_nominal(found_of_unit.findings, unit)
             result = dataclasses.replace(found_of_unit, findings=findings, dropped=dropped)
             units.append(_judged(result, entry, method.units(unit.output_unit, unit.gyro_output_unit)))
-    verdict = _verdict(units, sequence, state, found_on_the_way)
-    return Results(sequence.title, verdict, tuple(units), found_on_the_way)
+    verdict = _verdict(units, sequence, state, from_journal)
+    return Results(sequence.title, verdict, tuple(units), from_journal)
 
 
 def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str]) -> UnitResult:
@@ -111,7 +113,9 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
     )
 
 
-def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
+def _verdict(
+    units: Sequence[UnitResult], sequence: SequenceFile, state: str, journal_records: JournalRecords
+) -> Verdict:
     """INCOMPLETE if the run left something out, whatever its other results, as for a unit (equations 1.10).
 
     Also if its results combine data from before and after an interruption, unless their budgets contain it.
@@ -121,8 +125,8 @@ def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on
     ended = _ENDED.get(state)
     if ended is not None and ended != "INCOMPLETE":
         return ended
-    verdicts = {unit.verdict for unit in units} | verdicts_of(on_the_way.measurements)
-    apart = on_the_way.left_out or any(each.unstated for each in on_the_way.interruptions)
+    verdicts = {unit.verdict for unit in units} | verdicts_of(journal_records.measurements)
+    apart = journal_records.left_out or any(each.unstated for each in journal_records.interruptions)
     if ended or apart or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
         return "INCOMPLETE"
     if "FAIL" in verdicts:
@@ -132,8 +136,8 @@ def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on
 
 def _unit(unit: UnitResult) -> dict[str, Any]:
     """JSON content of a unit by one method; `dropped` only if it was."""
-    told = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
-    return told if unit.dropped is None else {**told, "dropped": dataclasses.asdict(unit.dropped)}
+    content = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
+    return content if unit.dropped is None else {**content, "dropped": dataclasses.asdict(unit.dropped)}
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

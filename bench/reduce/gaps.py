@@ -38,9 +38,9 @@ class MissedIn:
 
     def in_words(self) -> str:
         """One line in English, for `bench reduce`."""
-        told = f"{self.step}: {self.device} {self.channel}: {self.missed.lost} of {self.missed.expected}"
+        text = f"{self.step}: {self.device} {self.channel}: {self.missed.lost} of {self.missed.expected}"
         gaps = f"{self.missed.gaps} gap{'s' * (self.missed.gaps > 1)}"
-        return f"{told} {self.missed.what} lost, in {gaps}{_not_used(self.missed.unusable)}"
+        return f"{text} {self.missed.what} lost, in {gaps}{_not_used(self.missed.unusable)}"
 
 
 def _not_used(why: Sequence[str]) -> str:

@@ -163,7 +163,7 @@ class Superseded:
 
 
 @dataclass(frozen=True, slots=True)
-class OnTheWay:
+class JournalRecords:
     """Contents of the journal of a run that are not in its frames; of repeated steps the last execution.
 
     `dropped` are units that did not take part to the end, by place.
@@ -195,7 +195,7 @@ class OnTheWay:
         }  # fmt: skip
 
 
-def on_the_way(reader: RunReader, unstated: Sequence[str] = ()) -> OnTheWay:
+def journal_records(reader: RunReader, unstated: Sequence[str] = ()) -> JournalRecords:
     """Contents of the journal of a run.
 
     `unstated` are the places of units without a stated repeatability over power cycles.
@@ -223,7 +223,9 @@ def on_the_way(reader: RunReader, unstated: Sequence[str] = ()) -> OnTheWay:
             measurements[first_visit(event.step)] = _measurement(event)
     interruptions = tuple(_interruptions(reader, began_s, tuple(unstated)))
     superseded = tuple(_superseded(reader, began_s))
-    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions, superseded)
+    return JournalRecords(
+        tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions, superseded
+    )
 
 
 def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...]) -> Iterator[Interruption]:

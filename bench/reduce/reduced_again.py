@@ -66,7 +66,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class ReducedAgain:
+class ReReduction:
     """Re-reduction difference of a run: stored verdict, present verdict, and the findings that differ."""
 
     run: str
@@ -96,12 +96,12 @@ class ReducedAgain:
         if self.verdict_before is None:
             yield f"{self.run}: no stored results to compare with; {self.findings} findings now, {self.verdict}"
             return
-        told = f"{len(self.changes)} of {self.findings} findings changed" if self.changes else "nothing changed"
+        summary = f"{len(self.changes)} of {self.findings} findings changed" if self.changes else "nothing changed"
         verdict = self.verdict if self.verdict == self.verdict_before else f"{self.verdict_before} -> {self.verdict}"
-        yield f"{self.run}: {told}, {verdict}"
+        yield f"{self.run}: {summary}, {verdict}"
 
 
-def reduced_again(run: StoredRun) -> ReducedAgain:
+def reduced_again(run: StoredRun) -> ReReduction:
     """Reduce a run and compare value, standard uncertainty and verdict of every finding; nothing is written.
 
     Differences below `ROUNDING` of the standard uncertainty are ignored. Raises StoreError for data or results that
@@ -111,11 +111,11 @@ def reduced_again(run: StoredRun) -> ReducedAgain:
     results, missed = evaluated.to_json(), evaluated.missed
     now, kept = _findings(results), _kept(run)
     if kept is None:
-        return ReducedAgain(run.manifest["run"], None, results["verdict"], len(now), (), missed, run.damage)
+        return ReReduction(run.manifest["run"], None, results["verdict"], len(now), (), missed, run.damage)
     verdict, before = kept
     pairs = (Change(name, before.get(name), now.get(name)) for name in dict.fromkeys((*before, *now)))
     changes = tuple(change for change in pairs if _differs(change))
-    return ReducedAgain(run.manifest["run"], verdict, results["verdict"], len(now), changes, missed, run.damage)
+    return ReReduction(run.manifest["run"], verdict, results["verdict"], len(now), changes, missed, run.damage)
 
 
 _RESULTS = an_object(

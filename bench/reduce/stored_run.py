@@ -14,10 +14,10 @@ from bench.errors import StoreError
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.offline.calibration_file import read_calibration
 from bench.reduce.acquisitions import run_data
-from bench.reduce.corrections import told
+from bench.reduce.corrections import correction_lines
 from bench.reduce.evaluate import Results, evaluate
 from bench.reduce.gaps import MissedIn, missed_in_run
-from bench.reduce.journal import OnTheWay, on_the_way
+from bench.reduce.journal import JournalRecords, journal_records
 from bench.sequence.load import load_sequence
 from bench.sequence.method import CountsAt, known_methods
 from bench.store.kept_json import LIMIT_BYTES, read_kept
@@ -27,7 +27,7 @@ from bench.store.runs import MANIFEST, SEAL, summary
 from bench.store.verify import Record, examine
 from drivers.schema.bounded import UnfitFileError, expect_bounded
 
-MOST_TOLD = 3  # places of damage in a message
+MOST_SHOWN = 3  # places of damage in a message
 SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
 
 
@@ -85,7 +85,7 @@ class StoredRun:
         """Findings of the methods of the sequence; computed once for a state of the run."""
         state = str(self.manifest["state"])
         if state not in self._evaluated:
-            found = evaluate(self.sequence, self.data, state, self.on_the_way)
+            found = evaluate(self.sequence, self.data, state, self.journal_records)
             self._evaluated[state] = replace(
                 found,
                 verdict="ERROR" if self.damage else found.verdict,
@@ -96,14 +96,14 @@ class StoredRun:
         return self._evaluated[state]
 
     @property
-    def on_the_way(self) -> OnTheWay:
+    def journal_records(self) -> JournalRecords:
         """Contents of its journal."""
         places = self.bench.places
-        return on_the_way(self.reader, [place for place in self.serials if not places[place].says_power_cycles])
+        return journal_records(self.reader, [place for place in self.serials if not places[place].says_power_cycles])
 
     def corrections(self) -> Iterator[str]:
         """A line for each instrument whose readings are corrected in the reduction of this run."""
-        return told(self.bench, self._reduced())
+        return correction_lines(self.bench, self._reduced())
 
     def missed(self) -> tuple[MissedIn, ...]:
         """Lost frames of the units, by acquisition."""
@@ -149,7 +149,7 @@ def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
     record = examine(folder, thoroughly=False)
     if record.damage and not damaged:
         raise StoreError(
-            f"{folder}: {record.in_words}. {'; '.join(record.damage[:MOST_TOLD])}. It is not read, to avoid "
+            f"{folder}: {record.in_words}. {'; '.join(record.damage[:MOST_SHOWN])}. It is not read, to avoid "
             "results from altered data. Restore it from a copy, or read it with --damaged, which marks everything "
             "written from it"
         )

@@ -18,7 +18,7 @@ from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.reduce.evaluate import Results
-from bench.reduce.journal import OnTheWay
+from bench.reduce.journal import JournalRecords
 from bench.reduce.stored_run import BENCH_COPY, StoredRun
 from bench.report import gaps, page, tables
 from bench.report.afterwards import Afterwards, lines
@@ -63,7 +63,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     with drawing():
         course = course_plot(run, course_of(run, data))
     sections = list(_sections(run, results)) if results is not None else []
-    on_the_way = results.on_the_way if results is not None else OnTheWay()
+    journal_records = results.journal_records if results is not None else JournalRecords()
     not_come = results.missed if results is not None else ()
     problems = list(page.problems(run, not_evaluated, verdict))
     notes = [
@@ -73,7 +73,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
         number=report_number(run.manifest, revision),
-        head=head(run, revision, on_the_way.measurements, deviates=bool(problems or notes)),
+        head=head(run, revision, journal_records.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
         within_u=of_those_within_u(results.within_u) if results is not None and results.within_u else "",
         simulated=page.simulated(run.manifest, list(run.bench.devices)),
@@ -89,7 +89,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         missed=list(gaps.sheets(not_come, run.reader.span_s()[0])),
         course=course,
         sections=sections,
-        on_the_way=on_the_way,
+        journal_records=journal_records,
         provenance=page.provenance(run, data),
         documents=_documents(run),
         meanings=_meanings(run),

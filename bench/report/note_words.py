@@ -26,7 +26,7 @@ def note_in_words(note: str) -> str:
     if (known := sentence_of(note, {text: text for text in texts_of("NOTES", NOTES)})) is not None:
         return known
     where, colon, rest = note.partition(": ")
-    told = note_in_words(rest) if colon else rest
-    if told == rest:
+    text_after = note_in_words(rest) if colon else rest
+    if text_after == rest:
         return note
-    return f"{tr(WHERE[where]) if where in WHERE else where}{tr(colon)}{told}"
+    return f"{tr(WHERE[where]) if where in WHERE else where}{tr(colon)}{text_after}"

@@ -69,12 +69,12 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
         for event in run.reader.events("unit_dropped")
     ]
     yield from dropped
-    yield from (told for told in manifest["problems"] if not any(told in text for text in dropped))
+    yield from (reported for reported in manifest["problems"] if not any(reported in text for text in dropped))
     ended = next(run.reader.events("run_ended"), None)
     if ended is None or ended.data["how"] != "completed":
         yield tr("The run did not complete.") + " " + tr(ENDINGS[manifest["state"]])
         yield from (tr("Not completed: step {step}.", step=step) for step in _unfinished(run))
-    yield from (each.in_words for each in run.on_the_way.interruptions)
+    yield from (each.in_words for each in run.journal_records.interruptions)
     for event in run.reader.events("left_out"):
         yield tr("Left out: step {step}.", step=event.step) + f" {event.data['text']}"
     if not_evaluated and not_evaluated not in manifest["problems"]:
@@ -135,7 +135,7 @@ def power(run: StoredRun) -> Iterator[str]:
 
 def done_again(run: StoredRun) -> Iterator[str]:
     """Repeated questions, readings and steps, after a failure or by the operator."""
-    yield from (each.in_words for each in run.on_the_way.superseded)
+    yield from (each.in_words for each in run.journal_records.superseded)
     kinds = ("retried", "operator", "device_note", "doubted", "clock_step", "stalled", "device_left_out", "not_reached")
     for event in run.reader.events(*kinds):
         when = _since_start(run, event)
@@ -250,8 +250,8 @@ def site(run: StoredRun) -> Facts:
 def _geometry(fixture: FixtureEntry) -> Facts:
     """Orientation of the units."""
     if (axis := fixture.input_axis) is not None:
-        told = tr("{at_0} at head angle 0°, {at_90} at 90°", at_0=tr(axis.at_0), at_90=tr(axis.at_90))
-        return [(tr("Input axis"), told)]
+        reported = tr("{at_0} at head angle 0°, {at_90} at 90°", at_0=tr(axis.at_0), at_90=tr(axis.at_90))
+        return [(tr("Input axis"), reported)]
     if (body := fixture.body) is None:
         return []
     axes = [f"{each.device}, {tr(each.points)}" for each in fixture.axes]

@@ -97,8 +97,8 @@ def changed_reports(folder: Path) -> Iterator[str]:
         yield str(problem)
         return
     for name, expected in known.files.items():
-        if told := _problem_of(folder / name, (expected, known.writing.get(name))):
-            yield f"{folder / name}: {told} 'bench report {folder.name}' writes it again"
+        if difference := _problem_of(folder / name, (expected, known.writing.get(name))):
+            yield f"{folder / name}: {difference} 'bench report {folder.name}' writes it again"
     if not (folder / SEAL).exists():  # earlier versions kept no list of reports
         return
     for report in sorted(folder.glob("report.*")):

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.figures.languages import tr
-from bench.figures.numbers import decimals, is_told_by_range, range_shown, scale_shown, shown
+from bench.figures.numbers import decimals, is_shown_by_range, range_shown, scale_shown, shown
 from bench.figures.sheet import Sheet
 from bench.figures.words import (
     CONTENTS,
@@ -34,9 +34,9 @@ VARIABLES = MethodWords(  # variables of equations, with their units
     "VARIABLES", {"temperature_c": "temperature / °C", "acceleration_g": "acceleration / g"}
 )
 WORST = {  # by the kind of place of a finding
-    "point": "worst of {count} points; {told}",
-    "end": "worst of {count} ends; {told}",
-    "dwell": "worst of {count} dwells; {told}",
+    "point": "worst of {count} points; {summary}",
+    "end": "worst of {count} ends; {summary}",
+    "dwell": "worst of {count} dwells; {summary}",
 }
 
 
@@ -151,13 +151,13 @@ def _remark(found: Sequence[Finding]) -> str:
     failed = sum(finding.verdict == "FAIL" for finding in found)
     invalid = sum(finding.verdict == "INVALID" for finding in found)
     marginal = sum(finding.marginal for finding in found)
-    told = [
+    summary = [
         tr("{count} failed", count=failed) if failed else "",
         tr("{count} invalid", count=invalid) if invalid else "",
         tr("{count} marginal", count=marginal) if marginal else "",
     ]
-    worst = next((text for what, text in WORST.items() if what in found[0].at), "worst of {count}; {told}")
-    return tr(worst, count=len(found), told=tr(", ").join(filter(None, told)) or tr("all passed"))
+    worst = next((text for what, text in WORST.items() if what in found[0].at), "worst of {count}; {summary}")
+    return tr(worst, count=len(found), summary=tr(", ").join(filter(None, summary)) or tr("all passed"))
 
 
 def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
@@ -183,7 +183,7 @@ def _interval_in_words(finding: Finding) -> str:
     if interval is None:
         return ""
     low, high, scatter = range_shown(finding, interval, interval.low, interval.high, interval.from_scatter)
-    if is_told_by_range(finding):
+    if is_shown_by_range(finding):
         if LOWER_BOUND in finding.flags:
             return ""
         return tr(

@@ -9,7 +9,7 @@ from bench.figures.numbers import shown
 from bench.figures.words import of_those_within_u, quantity_of, unit_shown
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.reduce.evaluate import Results
-from bench.reduce.journal import OnTheWay
+from bench.reduce.journal import JournalRecords
 from bench.report.flag_words import flag_in_words
 from bench.report.tables import over_run_rows, verdict_rows
 
@@ -28,13 +28,13 @@ def results_text(results: Results | None) -> str:
         lines += _summary_table(unit)
         lines += [f"  {unit.dropped.text}"] if unit.dropped is not None else []
         lines += [f"  {flag_in_words(flag)}" for flag in unit.flags]
-    lines += _on_the_way(results.on_the_way)
+    lines += _journal_records(results.journal_records)
     each = ", ".join(dict.fromkeys(f"{unit.uut} {unit.verdict}" for unit in results.units))
     near = f", {of_those_within_u(results.within_u)}" if results.within_u else ""
     return "\n".join([*lines, "", f"Verdict: {results.verdict}{near}" + (f" ({each})" if "," in each else ""), ""])
 
 
-def _on_the_way(found: OnTheWay) -> Iterator[str]:
+def _journal_records(found: JournalRecords) -> Iterator[str]:
     """Single readings with their verdicts, and left-out steps."""
     rows = [
         (

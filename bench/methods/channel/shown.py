@@ -45,7 +45,7 @@ def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 
 def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
     allowed, per_c = f"{detail.threshold * 100:g}", f"{detail.output_unit}/°C"
-    told = (
+    basis_text = (
         tr("The decision uses slopes in {unit}; they may deviate by {threshold} %.", unit=per_c, threshold=allowed)
         if detail.basis == "raw"
         else tr(
@@ -62,7 +62,7 @@ def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
     )
     return Sheet(
         tr("Whether the model of one level serves another"),
-        f"{told} {why} {each_in_words}",
+        f"{basis_text} {why} {each_in_words}",
         (
             (tr("Level"), ""), (tr("Against"), ""), (tr("Slopes deviate"), "%"), (tr("Relative slopes deviate"), "%"),
             (tr("Decision"), ""),

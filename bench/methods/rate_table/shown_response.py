@@ -68,8 +68,8 @@ def _mark_bandwidth(gain: Axes, phase: Axes, bandwidth: Bandwidth) -> None:
     """Mark half the power, and the frequency at which the gain falls through it."""
     gain.axhline(HALF_POWER_DB, color=GREY, linewidth=0.7, linestyle="--", label=tr("-3 dB"))
     if bandwidth.frequency_hz is not None:
-        told = tr("bandwidth {hz} Hz", hz=f"{bandwidth.frequency_hz:.2f}")
-        gain.axvline(bandwidth.frequency_hz, color=GREY, linewidth=0.7, label=told)
+        label = tr("bandwidth {hz} Hz", hz=f"{bandwidth.frequency_hz:.2f}")
+        gain.axvline(bandwidth.frequency_hz, color=GREY, linewidth=0.7, label=label)
         phase.axvline(bandwidth.frequency_hz, color=GREY, linewidth=0.7)
     gain.legend(loc="lower left")
 

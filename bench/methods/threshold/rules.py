@@ -63,12 +63,12 @@ def ladder_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             if len(axes) != 1 or not isinstance(planned.step, Acquire) or planned.step.label != entry.data:
                 continue
             loops, angle_deg = loop_values(planned.id), pose.angles_deg.get(next(iter(axes)), 0.0)
-            said_deg = loops.get("position", 0.0) + loops.get("offset", 0.0)
-            if abs(angle_deg - said_deg) * ARCSEC_PER_DEG > SAME_ANGLE_ARCSEC:
+            loops_deg = loops.get("position", 0.0) + loops.get("offset", 0.0)
+            if abs(angle_deg - loops_deg) * ARCSEC_PER_DEG > SAME_ANGLE_ARCSEC:
                 yield (
                     (*place, "data"),
                     f"{planned.id} is at {angle_deg:.6g}°, and the loop variables 'position' and 'offset' around it "
-                    f"come to {said_deg:.6g}°",
+                    f"come to {loops_deg:.6g}°",
                     "Name the loop over the angles 'position' and that over the steps 'offset'",
                 )
                 break

@@ -15,10 +15,10 @@ def tumble_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     """Plots of the unit and a table of the terms of the model equation; `name` is the prefix of the ids in the page."""
     yield from unit_plots(unit, name)
     if isinstance(unit.detail, TumbleAngles):
-        yield _told_apart(unit.detail)
+        yield _separated_terms(unit.detail)
 
 
-def _told_apart(found: TumbleAngles) -> Sheet:
+def _separated_terms(found: TumbleAngles) -> Sheet:
     by_itself = tr("found by itself")
     inside = {
         "K3": tr("these angles cannot separate K3 from K1: K1 contains it"),

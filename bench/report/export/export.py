@@ -47,9 +47,9 @@ def _acquired(run: StoredRun, table: Acquired) -> Iterator[Iterable[object]]:
             [f"{value:.6f}" for value in values.tolist()] if name in TIMES else map(repr, values.tolist())
             for name, values in columns.items()
         ]
-        told = [harmless(word) for word in words.values()]
+        cells = [harmless(word) for word in words.values()]
         for row in zip(*spelled, strict=True):
-            yield (*told, *row)
+            yield (*cells, *row)
 
 
 def _journal(run: StoredRun) -> Iterator[Iterable[object]]:

@@ -57,7 +57,7 @@ def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
 
     The same holds for a sequence that is called repeatedly.
     """
-    told: set[tuple[Path, Place]] = set()
+    reported: set[tuple[Path, Place]] = set()
     needs = plan.sequence.needs
     seen: set[tuple[Place, int, float]] = set()  # the same step from the same angle has the same problems in every pass
     for planned, from_deg in angles_before(plan, bench):
@@ -73,8 +73,8 @@ def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
         for key, problem in found:
             place: Place = (*planned.place, key)
             owner, inner = plan.document.owner(place)
-            if (owner.path, inner) not in told:
-                told.add((owner.path, inner))
+            if (owner.path, inner) not in reported:
+                reported.add((owner.path, inner))
                 yield place, problem
 
 

@@ -72,10 +72,10 @@ def unreachable_attitude(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 targets_deg(planned.step.attitude, bench, pose)
             except Unreachable as problem:
                 name = planned.step.attitude.name
-                told = str(problem).removeprefix(f"{name} ")
-                why.setdefault(planned.place, {}).setdefault(name, told)
+                text = str(problem).removeprefix(f"{name} ")
+                why.setdefault(planned.place, {}).setdefault(name, text)
     for place, problems in why.items():
-        same = [name for name, told in problems.items() if told == next(iter(problems.values()))]
+        same = [name for name, text in problems.items() if text == next(iter(problems.values()))]
         yield (
             (*place, "orient"),
             f"{', '.join(same)} {next(iter(problems.values()))}",

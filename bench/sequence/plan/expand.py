@@ -110,12 +110,12 @@ class DocumentPass:
             raise TooMany(here, "steps")
         if here not in self._mentioned:
             self._mentioned[here] = tuple(names_mentioned(block))
-        key = (here, tuple(self._told_apart(scope.names.get(name)) for name in self._mentioned[here]))
+        key = (here, tuple(self._key_part(scope.names.get(name)) for name in self._mentioned[here]))
         if key not in self._made and (step := self._made_anew(verb, block, here, scope)):
             self._made[key] = step
         return self._made.get(key)
 
-    def _told_apart(self, value: Value | None) -> object:
+    def _key_part(self, value: Value | None) -> object:
         """A value as part of a key: a list may be long, and is identified by its id."""
         if not isinstance(value, tuple):
             return value

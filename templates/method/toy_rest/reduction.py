@@ -72,13 +72,13 @@ def _reduced(data: RunData, unit: UnitUnderTest, fewest: int) -> UnitResult:
         return UnitResult(unit.place, unit.serial, (), (), ("all",), (*flags, TOO_FEW))
     middle_s = np.array([(each.begin_s + each.end_s) / 2 for each in used])
     rest = line_of(middle_s, np.array([outputs[each.step].value for each in used]))
-    alone_u = float(np.sqrt(np.mean([outputs[each.step].alone_u ** 2 for each in used])))
+    single_u = float(np.sqrt(np.mean([outputs[each.step].single_u ** 2 for each in used])))
     count, subject, size = len(used), data.subject(unit), abs(rest.mean)
     at = {"over_h": float(np.ptp(rest.time_h)), "readings": count}
     steps = tuple(each.step for each in used)
     own = BudgetLine("readings: scatter about the line", "A", rest.mean_u, rest.dof)
-    if alone_u > rest.sd:  # if readings agree by chance; otherwise their scatter contains their resolution
-        own = BudgetLine("readings: resolution of each", "B", alone_u / np.sqrt(count))
+    if single_u > rest.sd:  # if readings agree by chance; otherwise their scatter contains their resolution
+        own = BudgetLine("readings: resolution of each", "B", single_u / np.sqrt(count))
     of_instrument = [
         BudgetLine(source, "B", u, None, shared_as(source))
         for source, u in instrument_u(unit, data.bench, rest.mean, 1.0).items()

@@ -147,7 +147,7 @@ class ChannelConclusions:
         """Line of a level; if it shares the model of its reference, with the slope of that."""
         slope_from = self._slope_from(level, compared)
         shares = slope_from is not level
-        told = f"from {slope_from.name}, which serves this level too" if shares else "its own"
+        slope_text = f"from {slope_from.name}, which serves this level too" if shares else "its own"
         rate = self.of_levels.rate(level)
         if shares and self.of_levels.settings["compare_basis"] == "raw":
             form, symbol, slope = "D = D_ref + k · (T - T_ref)", "k", self.of_levels.slope(slope_from)
@@ -157,7 +157,7 @@ class ChannelConclusions:
             id=f"{rate.id}/model",
             uut=rate.uut,
             quantity="rate",
-            form=f"{level.name}: {form}, slope {told}",
+            form=f"{level.name}: {form}, slope {slope_text}",
             constants={
                 "D_ref": Constant(rate.value, rate.unit, rate.u),
                 symbol: Constant(slope.value, slope.unit, slope.u),

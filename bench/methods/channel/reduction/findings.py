@@ -161,31 +161,33 @@ class ChannelFindings:
         read, meter = level.data.metered, self.unit.ammeter
         if read is None or not read.is_enough:
             return
-        told_a = level.data.level.said_a
+        source_a = level.data.level.source_a
         known = self.data.bench.sources.get(meter)
         lines = [BudgetLine(f"{meter}: scatter of the mean", "A", read.mean_u_a)]
         if known is not None:
             lines.append(BudgetLine(f"{meter}: gain", "B", abs(read.mean_a) * known.gain_u, None, f"{meter}.gain"))
             lines.append(BudgetLine(f"{meter}: offset", "B", known.offset_u_a, None, f"{meter}.offset"))
-        name = f"mean by the ammeter; the source says {MA_PER_A * told_a:.7g} mA"
+        name = f"mean by the ammeter; the source says {MA_PER_A * source_a:.7g} mA"
         yield self._of_level("current", name, level, read.mean_a, "A", lines)
-        relative = [line.times(1 / abs(told_a)) for line in lines]
+        relative = [line.times(1 / abs(source_a)) for line in lines]
         name = "of the ammeter from what the source says, corrected by its certificate"
-        yield self._of_level("current/deviation", name, level, read.mean_a / told_a - 1, "1", relative)
+        yield self._of_level("current/deviation", name, level, read.mean_a / source_a - 1, "1", relative)
 
     def flags_of_currents(self) -> Iterator[str]:
         """Flags of levels without ammeter readings, and of those where source and ammeter contradict certificates."""
         certified = [self.data.bench.sources.get(role) for role in (self.unit.source, self.unit.ammeter)]
         for level in self.levels:
             read = level.data.metered
-            if read is None or not level.data.level.said_a:
+            if read is None or not level.data.level.source_a:
                 continue
             if not read.is_enough:
                 yield f"{level.name}:ammeter_missing"
             elif all(certified):
-                said_a = level.data.level.said_a
-                u_a = np.linalg.norm([read.mean_u_a, *(known.u_a(said_a) for known in certified if known is not None)])
-                if abs(read.mean_a - said_a) > BEYOND_U * u_a:
+                source_a = level.data.level.source_a
+                u_a = np.linalg.norm(
+                    [read.mean_u_a, *(known.u_a(source_a) for known in certified if known is not None)]
+                )
+                if abs(read.mean_a - source_a) > BEYOND_U * u_a:
                     yield f"{level.name}:source_and_ammeter_differ"
 
     # Zero input
@@ -227,12 +229,12 @@ class ChannelFindings:
     @property
     def _zero_level(self) -> LevelData | None:
         sources = (each for each in self.found.values() if each.level.kind == "source")
-        return next((each for each in sources if each.level.told_g == 0), None)
+        return next((each for each in sources if each.level.set_g == 0), None)
 
     def _point_lines(self, *points: Point) -> list[BudgetLine]:
         """Uncertainty of points by themselves, or of their difference."""
-        alone = float(np.linalg.norm([each.alone_u_pps for each in points]))
-        steps = float(np.linalg.norm([each.step_u_pps for each in points]))
+        alone = float(np.linalg.norm([each.single_u_pps for each in points]))
+        steps = float(np.linalg.norm([each.quantisation_u_pps for each in points]))
         if self.unit.is_counted:
             return [BudgetLine(resolution_of(self.unit), "B", alone)]
         return [BudgetLine(SCATTER, "A", alone), BudgetLine(resolution_of(self.unit), "B", steps)]

@@ -26,21 +26,21 @@ SAME_CLOCK = 0.5  # of the time between two latches: tolerance between device an
 class InputLevel:
     """Input of a channel: gravity along its input axis, or a current; in g of a nominal unit.
 
-    `current_a` is not-a-number for gravity. `told_g` is the set value of the source if its certificate corrects that:
-    it names the level. `said_a` is the corrected current of the source, also if an ammeter is the standard; 0 for
+    `current_a` is not-a-number for gravity. `set_g` is the set value of the source if its certificate corrects that:
+    it names the level. `source_a` is the corrected current of the source, also if an ammeter is the standard; 0 for
     gravity.
     """
 
     kind: Literal["gravity", "source"]
     level_g: float
     current_a: float = float("nan")
-    told_g: float | None = None
-    said_a: float = 0.0
+    set_g: float | None = None
+    source_a: float = 0.0
 
     @property
     def name(self) -> str:
         """Name of the level: up_1g, skew, src_12g."""
-        level_g = round(self.level_g if self.told_g is None else self.told_g, LEVEL_DIGITS_G) + 0.0
+        level_g = round(self.level_g if self.set_g is None else self.set_g, LEVEL_DIGITS_G) + 0.0
         if self.kind == "source":
             return f"src_{level_g:g}g"
         usual = {1.0: "up_1g", -1.0: "down_1g", SKEW_G: "skew"}
@@ -51,7 +51,7 @@ class InputLevel:
 class Point:
     """A mean output at rest; `problems` are those of `mean_output`. Temperatures are means, NaN without a reading.
 
-    `alone_u_pps` is its standard uncertainty by itself, `step_u_pps` the quantisation uncertainty of codes.
+    `single_u_pps` is its standard uncertainty by itself, `quantisation_u_pps` the quantisation uncertainty of codes.
     """
 
     step: str
@@ -60,8 +60,8 @@ class Point:
     rate_pps: float
     converter_c: float
     problems: tuple[str, ...]
-    alone_u_pps: float
-    step_u_pps: float = 0.0
+    single_u_pps: float
+    quantisation_u_pps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def _as_metered(level: LevelData, members: list[tuple[InputLevel, Acquisition]],
     fed_a = level.metered.mean_a
     by_step = {acquisition.step: metered([acquisition], unit).mean_a for _, acquisition in members}
     points = tuple(
-        replace(point, rate_pps=point.rate_pps * fed_a / by_step[point.step]) if level.level.told_g else point
+        replace(point, rate_pps=point.rate_pps * fed_a / by_step[point.step]) if level.level.set_g else point
         for point in level.points
     )
     return replace(
@@ -115,8 +115,8 @@ def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) ->
     """Input of a unit's converter during an acquisition."""
     if acquisition.input == "source":
         current_a = acquisition.sources_a.get(unit.source, 0.0)
-        told_a = acquisition.sources_told_a.get(unit.source, current_a)
-        return InputLevel("source", current_a / unit.scale_a_per_g, current_a, told_a / unit.scale_a_per_g, current_a)
+        set_a = acquisition.sources_set_a.get(unit.source, current_a)
+        return InputLevel("source", current_a / unit.scale_a_per_g, current_a, set_a / unit.scale_a_per_g, current_a)
     return InputLevel("gravity", float(specific_force_g(acquisition, unit, data.bench)[0]))
 
 
@@ -228,6 +228,6 @@ def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:
         rate_pps=output.value,
         converter_c=float(np.nanmean(temperatures_c)) if np.isfinite(temperatures_c).any() else float("nan"),
         problems=output.problems,
-        alone_u_pps=output.alone_u,
-        step_u_pps=output.step_u,
+        single_u_pps=output.single_u,
+        quantisation_u_pps=output.quantisation_u,
     )

@@ -35,12 +35,12 @@ def means_of(found: Voltages | Codes, edges_s: Array, converter_c: Array, accele
         negative=np.zeros_like(output),
         converter_c=converter_c,
         accelerometer_c=accelerometer_c,
-        step_u=np.full(len(output), _step_u(found, edges_s)),
+        quantisation_u=np.full(len(output), _quantisation_u(found, edges_s)),
     )
     return Means(gates, problems)
 
 
-def _step_u(found: Voltages | Codes, edges_s: Array) -> float:
+def _quantisation_u(found: Voltages | Codes, edges_s: Array) -> float:
     """Quantisation uncertainty of a mean; the scatter is that within a gate, where the output hardly changes."""
     if isinstance(found, Voltages) or len(edges_s) < 2:
         return 0.0
@@ -64,9 +64,9 @@ def reduce_means(means: Means, rules: ChannelRules) -> ChannelRun:
     excluded["missing"] += int(np.sum(~np.isfinite(gates.rate_pps))) - sum(means.problems.values())
     held_c = np.zeros_like(gates.time_s) if rules.accelerometer_c is None else gates.accelerometer_c
     good = np.isfinite(gates.rate_pps)
-    untold = ~np.isfinite(gates.converter_c + held_c)
-    excluded["missing"] += int(np.sum(good & untold))
-    good &= ~untold
+    unknown = ~np.isfinite(gates.converter_c + held_c)
+    excluded["missing"] += int(np.sum(good & unknown))
+    good &= ~unknown
     broken = np.zeros_like(good)
     broken[good] = broken_on_a_ramp(gates.time_s[good], gates.converter_c[good])
     excluded["thermometer"] = int(np.sum(broken))

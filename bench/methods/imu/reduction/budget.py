@@ -15,7 +15,7 @@ from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.run_data import UnitUnderTest
-from bench.metrology.sampled_codes import by_level
+from bench.metrology.sampled_codes import quantisation_by_level
 
 READINGS = "readings: scatter pooled over the run"
 
@@ -54,8 +54,12 @@ class OwnErrors:
     ) -> Iterator[BudgetLine]:
         """Quantisation uncertainty of a result with sensitivities `gain` (n,) to windows, one error at each level."""
         channel = self.unit.channels[self.channel]
-        step_u = np.array([0.0 if window is None else window.windows[channel].step_u for window in windows])
-        yield from self.stepped(by_level(gain, step_u, np.arange(float(len(gain))) if level is None else level))
+        quantisation_u = np.array(
+            [0.0 if window is None else window.windows[channel].quantisation_u for window in windows]
+        )
+        yield from self.stepped(
+            quantisation_by_level(gain, quantisation_u, np.arange(float(len(gain))) if level is None else level)
+        )
 
     def stepped(self, hidden: Array) -> Iterator[BudgetLine]:
         """Line for independent quantisation uncertainties (m,)."""

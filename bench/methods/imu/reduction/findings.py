@@ -30,7 +30,7 @@ from bench.metrology.least_squares import NotDetermined, least_squares
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, Subject
 from bench.metrology.run_data import UnitUnderTest
-from bench.metrology.sampled_codes import by_level
+from bench.metrology.sampled_codes import quantisation_by_level
 
 UP = np.array([0.0, 0.0, 1.0])
 UNITS = {
@@ -214,7 +214,9 @@ class AxisAtVisit:
         except NotDetermined:
             return None, None, []
         gain = fit.gain[1] / self.calibration.kg_pulse_per_deg
-        hidden = by_level(gain, read.step_u, np.zeros_like(gain))  # its readings across the rates hardly change
+        hidden = quantisation_by_level(
+            gain, read.quantisation_u, np.zeros_like(gain)
+        )  # its readings across the rates hardly change
         value = float(fit.coefficients[1] / self.calibration.kg_pulse_per_deg)
         return value, gain / np.sqrt(read.span_s), list(self._of("gyro").stepped(hidden))
 

@@ -78,13 +78,13 @@ def _at_rest(fits: Sequence[GyroFit | None]) -> tuple[float, int] | None:
 class Across(NamedTuple):
     """Readings of a gyro during rotation about another axis, (r,): rates in °/s, durations, and output.
 
-    `step_u` is the quantisation uncertainty of each.
+    `quantisation_u` is the quantisation uncertainty of each.
     """
 
     rate_dps: Array
     span_s: Array
     output: Array
-    step_u: Array
+    quantisation_u: Array
 
 
 def about_another(axis: int, other: int, unit: UnitUnderTest, visit: Visit) -> Across:
@@ -92,7 +92,7 @@ def about_another(axis: int, other: int, unit: UnitUnderTest, visit: Visit) -> A
     turned = visit.turned(other)
     windows = [each.acquisition.windows[unit.channels[f"gyro_{AXES[axis]}"]] for each in turned]
     rows = np.array(
-        [(each.rate_dps, of.span_s, of.mean, of.step_u) for each, of in zip(turned, windows, strict=True)]
+        [(each.rate_dps, of.span_s, of.mean, of.quantisation_u) for each, of in zip(turned, windows, strict=True)]
     ).reshape(-1, 4)
     return Across(*rows[np.isfinite(rows).all(axis=-1)].T)
 
@@ -115,13 +115,13 @@ def _density(readings: Iterable[tuple[Array, Array, Array]], floor: float) -> tu
 def _alone(channel: str, visits: Sequence[Visit]) -> float:
     """Median single-reading uncertainty of a channel at rest."""
     windows = [each.acquisition.windows[channel] for visit in visits for each in visit.at_rest]
-    return _usual([window.alone_u for window in windows])
+    return _usual([window.single_u for window in windows])
 
 
 def _alone_density(channel: str, visits: Sequence[Visit]) -> float:
     """The same during rotation, as a density."""
     windows = [each.acquisition.windows[channel] for visit in visits for each in visit.turning]
-    return _usual([window.alone_u * window.span_s**0.5 for window in windows])
+    return _usual([window.single_u * window.span_s**0.5 for window in windows])
 
 
 def _usual(values: Sequence[float]) -> float:

@@ -17,7 +17,7 @@ from bench.metrology.acquisition import Acquisition
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import Array
 from bench.metrology.run_data import ReleasedCalibration, UnitUnderTest
-from bench.metrology.sampled_codes import by_level
+from bench.metrology.sampled_codes import quantisation_by_level
 
 HARMLESS = frozenset({"dead_band"})  # for a gyro at rest, which may give no pulse for long
 
@@ -25,18 +25,20 @@ HARMLESS = frozenset({"dead_band"})  # for a gyro at rest, which may give no pul
 class Readings:
     """Compensated readings of one channel, (n,): times, values and inputs, in the unit of the measured quantity.
 
-    `step_u` is the quantisation uncertainty of each, `alone` the single-reading uncertainty.
+    `quantisation_u` is the quantisation uncertainty of each, `alone` the single-reading uncertainty.
     """
 
     def __init__(self, rows: Sequence[tuple[float, ...]], windows: Sequence[Acquisition]) -> None:
         columns = np.array(rows, np.float64).reshape(-1, 5).T
-        self.at_s, self.values, self.drive, alone, self.step_u = columns
+        self.at_s, self.values, self.drive, alone, self.quantisation_u = columns
         self.alone = float(np.median(alone)) if rows else 0.0
         self.windows = tuple(windows)
 
     def hidden(self, weights: Array) -> Array:
         """Quantisation uncertainty (m,) of results with sensitivities `weights` (m, n), one error for each input."""
-        return np.array([float(np.linalg.norm(by_level(gain, self.step_u, self.drive))) for gain in weights])
+        return np.array(
+            [float(np.linalg.norm(quantisation_by_level(gain, self.quantisation_u, self.drive))) for gain in weights]
+        )
 
 
 class PowerOn:
@@ -49,8 +51,8 @@ class PowerOn:
         self.visit = visit
         self._unit, self._released, self._bench = unit, released, bench
         self.flags = [f"{step}: no_attitude" for step in visit.unplaced]
-        told = (each.acquisition.on_since_s.get(unit.supply) for each in visit.at_rest)
-        self.between_s = next(filter(None, told), None)
+        times = (each.acquisition.on_since_s.get(unit.supply) for each in visit.at_rest)
+        self.between_s = next(filter(None, times), None)
         if self.between_s is None:
             self.flags.append(f"{visit.path}: no_power_on")
 
@@ -86,10 +88,10 @@ class PowerOn:
         """Readings of the windows by the released calibration, without unusable ones."""
         rows, kept = [], []
         for window, driven, subtracted in zip(windows, drive, less or [0.0] * len(windows), strict=True):
-            value, alone, step_u = self._value(channel, window)
+            value, alone, quantisation_u = self._value(channel, window)
             at_s = self._since_s(window)
             if not math.isnan(value + driven + at_s):
-                rows.append((at_s, value - subtracted, driven, alone, step_u))
+                rows.append((at_s, value - subtracted, driven, alone, quantisation_u))
                 kept.append(window)
         return Readings(rows, kept)
 
@@ -100,7 +102,7 @@ class PowerOn:
         return (window.begin_s + window.end_s) / 2 - math.fsum(self.between_s) / 2
 
     def _value(self, channel: str, window: Acquisition) -> tuple[float, float, float]:
-        """Value of a channel in a window, with `alone` and `step_u`; NaN if undetermined."""
+        """Value of a channel in a window, with `alone` and `quantisation_u`; NaN if undetermined."""
         read = window.windows[self._unit.channels[channel]]
         of_gyro = channel.startswith("gyro")
         problems = set(read.problems) - (HARMLESS if of_gyro else frozenset())
@@ -109,10 +111,10 @@ class PowerOn:
         if problems or math.isnan(at_c):
             self.flags += [f"{window.step}: {problem}" for problem in sorted(problems) or ["no_temperature"]]
             return math.nan, math.nan, math.nan
-        value, beside = self._compensated(channel, read.mean, read.alone_u, float(at_c))
+        value, beside = self._compensated(channel, read.mean, read.single_u, float(at_c))
         if math.isnan(value):
             self.flags.append(f"{window.step}: beyond_calibration")
-        _, hidden = self._compensated(channel, read.mean, read.step_u, float(at_c))
+        _, hidden = self._compensated(channel, read.mean, read.quantisation_u, float(at_c))
         return value, abs(beside - value), abs(hidden - value)
 
     def _compensated(self, channel: str, output: float, step: float, at_c: float) -> Array:

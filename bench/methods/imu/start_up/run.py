@@ -151,9 +151,9 @@ class _Watch:
         self.watched.append(Watched(quantity, AXES[axis], grid_s, off, u, courses.at_s, points, limit, found))
         steps = tuple(window.step for window in readings.windows)
         first = int(np.searchsorted(grid_s, courses.at_s.min()))
-        for name, index, told in (("power_on", first, FIRST), ("warm", -1, WARM)):
+        for name, index, name_text in (("power_on", first, FIRST), ("warm", -1, WARM)):
             lines = _lines(sources, index, 1.0)
-            yield self._finding(f"{quantity}/{name}", axis, told, float(off[index]), UNITS[quantity], lines, steps)
+            yield self._finding(f"{quantity}/{name}", axis, name_text, float(off[index]), UNITS[quantity], lines, steps)
         yield self._settling(quantity, axis, found, sources, grid_s, u, steps)
 
     def _settling(

@@ -48,12 +48,12 @@ def start_up_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
             yield _courses(set_c, watched, f"{name}-start-up-{number}")
 
 
-def _rows(found: Found, told: Mapping[str, Callable[[Finding], str]]) -> Iterator[tuple[str, ...]]:
+def _rows(found: Found, as_text: Mapping[str, Callable[[Finding], str]]) -> Iterator[tuple[str, ...]]:
     """A row for each axis at each power-on, a formatted cell for each quantity."""
     for visit, axis in dict.fromkeys(key[:2] for key in found):
-        of_axis = {quantity: found.get((visit, axis, quantity)) for quantity in told}
+        of_axis = {quantity: found.get((visit, axis, quantity)) for quantity in as_text}
         set_c = next((each.at["temperature_set_c"] for each in of_axis.values() if each is not None), None)
-        cells = ("–" if each is None else told[quantity](each) for quantity, each in of_axis.items())
+        cells = ("–" if each is None else as_text[quantity](each) for quantity, each in of_axis.items())
         yield ("–" if set_c is None else f"{set_c:g}", axis, *cells)
 
 
@@ -61,9 +61,9 @@ def _errors(found: Found) -> Sheet:
     """Residual errors of the compensation right after power-on, and of the warm unit."""
     wanted = {f"{quantity}/{when}": shown for quantity in TITLES for when in WHEN}
     heads = (
-        (f"{quantity}, {tr(told)}", IMU_START_UP.shown[f"{quantity}/{when}"])
+        (f"{quantity}, {tr(as_text)}", IMU_START_UP.shown[f"{quantity}/{when}"])
         for quantity in TITLES
-        for when, told in WHEN.items()
+        for when, as_text in WHEN.items()
     )
     return Sheet(
         tr("Residual errors of the compensation after power-on"),

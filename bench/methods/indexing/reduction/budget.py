@@ -21,7 +21,7 @@ from bench.metrology.least_squares import Array
 from bench.metrology.propagation import Estimate
 from bench.metrology.results.budget import BudgetLine, combined
 from bench.metrology.run_data import UnitUnderTest
-from bench.metrology.sampled_codes import by_position
+from bench.metrology.sampled_codes import quantisation_by_angle
 from bench.metrology.thermometer_drift import source_of
 
 SCATTER = "readings: scatter"
@@ -81,8 +81,8 @@ class IndexingBudget:
 
     def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[str, Array]:
         if self.unit.telemetry is not None:
-            step_u = np.array([each.step_u for each in self.readings])
-            return {f"{self.unit.telemetry}{STEPS}": by_position(gain, step_u, head_rad)}
+            quantisation_u = np.array([each.quantisation_u for each in self.readings])
+            return {f"{self.unit.telemetry}{STEPS}": quantisation_by_angle(gain, quantisation_u, head_rad)}
         found = instrument_u(self.unit, self.bench, float(gain @ values), float(gain.sum()))
         return {source: np.array([u]) for source, u in found.items()}
 

@@ -12,7 +12,7 @@ from bench.methods.indexing.reduction.budget import IndexingBudget
 from bench.methods.indexing.reduction.calibrate import StaticCalibration
 from bench.methods.indexing.reduction.readings import IndexingReading
 from bench.methods.indexing.reduction.sweep import LEAST_REPEATS
-from bench.methods.indexing.reduction.two_ends import BothEnds, Clocking, fit_clocking, taken_apart
+from bench.methods.indexing.reduction.two_ends import BothEnds, Clocking, fit_clocking, separate_coefficients
 from bench.metrology.propagation import Estimate, Measured
 from bench.metrology.run_data import RunData, UnitUnderTest
 
@@ -59,7 +59,7 @@ class IndexingEstimates:
         if len(self.fits) < 2:
             return None
         lines = [line for name in ("up", "down") for line in self.line(name)]
-        bias, scale, tilted, coupling = taken_apart(lines, self.fits["up"], self.fits["down"])
+        bias, scale, tilted, coupling = separate_coefficients(lines, self.fits["up"], self.fits["down"])
         known = scale * math.fsum(np.sin(tilt.value) for tilt in self.tilts.values())
         return BothEnds(bias, scale, tilted, coupling, self._seat, known)
 
@@ -96,7 +96,7 @@ class IndexingEstimates:
         repeats = standing if stands else moved if sum(dof for _, dof in moved) >= LEAST_REPEATS else residual
         dof = sum(each for _, each in repeats)
         pooled = float(np.sqrt(sum(squares for squares, _ in repeats) / dof)) if dof else 0.0
-        alone = float(np.sqrt(np.mean([each.alone_u**2 for each in self.rows]))) if self.rows else 0.0
+        alone = float(np.sqrt(np.mean([each.single_u**2 for each in self.rows]))) if self.rows else 0.0
         swept = sum(len(used) for used in self._used.values())
         scale = float(np.mean([fit.scale_v_per_g for fit in self.fits.values()])) if self.fits else 0.0
         come_back = scale * float(np.radians(self._data.bench.head.repeatability_u_deg))

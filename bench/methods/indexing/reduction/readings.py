@@ -36,7 +36,7 @@ class IndexingReading:
     `angle_rad` is the angle of the input axis above the horizontal, by the angles of the table alone, `head_rad` that
     of the head; `turn` is the change of sin(angle) for 1 rad of the head. `end` is up or down. `number` counts all
     readings of the run, `stand` the preceding moves. `came_from` is the side of approach of the head, `side` that of
-    the input, "below" or "above", empty if unknown. `alone_u` is the single-reading uncertainty, `step_u` the
+    the input, "below" or "above", empty if unknown. `single_u` is the single-reading uncertainty, `quantisation_u` the
     quantisation uncertainty of codes. `run_share` is its position in the run, from -½ to ½.
     """
 
@@ -53,8 +53,8 @@ class IndexingReading:
     output: float
     stable: bool
     temperature_c: float
-    alone_u: float = 0.0
-    step_u: float = 0.0
+    single_u: float = 0.0
+    quantisation_u: float = 0.0
     came_from: str = ""
     side: str = ""
     stand: int = 0
@@ -87,8 +87,8 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             output=output.value if usable else float("nan"),
             stable="unstable" not in output.problems,
             temperature_c=float(np.mean(temperature_c)) if len(temperature_c) else float("nan"),
-            alone_u=_alone_u(acquisition, unit, output) if usable else 0.0,
-            step_u=output.step_u if usable else 0.0,
+            single_u=_single_u(acquisition, unit, output) if usable else 0.0,
+            quantisation_u=output.quantisation_u if usable else 0.0,
             came_from=came_from,
             side=came_from if turn > 0 else OTHER_SIDE[came_from],
             stand=acquisition.stand,
@@ -98,7 +98,7 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
     return found, flags
 
 
-def _alone_u(acquisition: Acquisition, unit: UnitUnderTest, output: Output) -> float:
+def _single_u(acquisition: Acquisition, unit: UnitUnderTest, output: Output) -> float:
     """Single-reading standard uncertainty, at least that from the scatter of the parts of 10 s.
 
     Variations of the zero within seconds scatter these more than independent samples would. Parts of a count share its
@@ -107,8 +107,8 @@ def _alone_u(acquisition: Acquisition, unit: UnitUnderTest, output: Output) -> f
     found, over_s = measured(acquisition, unit), acquisition.over_s
     steady = None if over_s is None or isinstance(found, Counts) else steadiness(found, over_s)
     if over_s is None or steady is None:
-        return output.alone_u
-    return float(max(output.alone_u, steady[0] / np.sqrt(round(over_s / STABLE_PART_S))))
+        return output.single_u
+    return float(max(output.single_u, steady[0] / np.sqrt(round(over_s / STABLE_PART_S))))
 
 
 def _turned(acquisition: Acquisition, bench: BenchRecord) -> Acquisition:

@@ -145,7 +145,7 @@ def combine(up: EndFit, down: EndFit, mounting: Mounting) -> TwoEnds:
     values, covariance = _inputs(up, down, mounting)
     *lines, installation, platform, seat = inputs(values)
     b_up, g_up, b_down, g_down = lines
-    b, g, tilted, coupling = taken_apart(lines, up, down)
+    b, g, tilted, coupling = separate_coefficients(lines, up, down)
     b3, b4 = g * installation.sine(), g * platform.sine()  # an input that was not measured is 0
     both = BothEnds(b, g, tilted, coupling, seat if mounting.seat else None, b3 + b4)
     return TwoEnds(
@@ -164,7 +164,7 @@ def combine(up: EndFit, down: EndFit, mounting: Mounting) -> TwoEnds:
     )
 
 
-def taken_apart(
+def separate_coefficients(
     lines: Sequence[Estimate], up: EndFit, down: EndFit
 ) -> tuple[Estimate, Estimate, Estimate | None, Estimate | None]:
     """Separate c0, c1, c1 δ and c_xz from b and G up, b and G down.

@@ -102,5 +102,5 @@ def _gates(leg: RampLeg) -> Gates:
         negative=nothing,
         converter_c=temperature_c,
         accelerometer_c=np.full(len(seconds), np.nan),
-        step_u=None if leg.counted else nothing,
+        quantisation_u=None if leg.counted else nothing,
     )

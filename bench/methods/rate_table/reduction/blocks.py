@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.methods.rate_table.reduction.sampling import Kept, at_once
+from bench.methods.rate_table.reduction.sampling import Kept, instantaneous
 from bench.metrology.least_squares import Array
 
 LARGEST_READING = 1e100  # larger values come from no instrument, and their square overflows
@@ -48,7 +48,7 @@ class Block:
     step: float = 0.0
     behind: Array | None = None
     rounding: float = 0.0
-    kept: Kept = at_once
+    kept: Kept = instantaneous
 
     @property
     def complete(self) -> bool:

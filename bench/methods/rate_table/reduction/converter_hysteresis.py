@@ -22,7 +22,7 @@ PHASES = 4096
 HARMONICS = 2
 
 
-def without_play(samples: TableSamples, nominal_hz: float, play_pulses: float) -> TableSamples:
+def without_hysteresis(samples: TableSamples, nominal_hz: float, play_pulses: float) -> TableSamples:
     """Samples of an oscillation with the counts of a converter without hysteresis.
 
     Unchanged if there is no play, if the pulses are of one sign only, or if they do not reverse twice in a period, as

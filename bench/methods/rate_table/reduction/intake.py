@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from bench.methods.rate_table.reduction.samples import TableSamples
-from bench.methods.rate_table.reduction.sampling import at_once, averaged_over
+from bench.methods.rate_table.reduction.sampling import averaged_over, instantaneous
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature
 from bench.methods.rate_table.reduction.turning_readings import TurningReadings
 from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Integers, Positions, Voltages
@@ -76,10 +76,10 @@ def _sent(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, pro
         problems = list(dict.fromkeys([*problems, "too_few_codes"]))
     time_s = np.asarray(_since_first(codes.tick[of_codes], codes.tick_bits) * codes.tick_period_s, np.float64)
     total = _summed(codes.values[of_codes], latch, time_s)
-    sampled = averaged_over(_interval_s(time_s, latch)) if codes.averaged else at_once
+    sampled = averaged_over(_interval_s(time_s, latch)) if codes.averaged else instantaneous
     return _samples(
         acquisition, unit, encoder, (latch, of_encoder, time_s), total, problems,
-        step_of_codes=codes.step, sampled=sampled, hidden_u=mean.step_u,
+        step_of_codes=codes.step, sampled=sampled, hidden_u=mean.quantisation_u,
     )  # fmt: skip
 
 
@@ -113,7 +113,9 @@ def _beside(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, p
     if len(rows) < LEAST_LATCHES:
         problems.append("too_few_latches")
     latches = encoder.sequence[rows], rows, clock_s[rows]
-    return _samples(acquisition, unit, encoder, latches, total, problems, hidden_u=mean.step_u, readings=readings)
+    return _samples(
+        acquisition, unit, encoder, latches, total, problems, hidden_u=mean.quantisation_u, readings=readings
+    )
 
 
 def _turning(read_s: Array, values: Array, clock_s: Array, angle_deg: Array) -> TurningReadings:

@@ -153,7 +153,7 @@ def swing_of_increments(block: Block, nominal_hz: float, interval_s: float, rema
     rate = mean_rate / complex(averaging(np.array([fit.frequency_hz]), interval_s)[0])
     # An increment is a difference of two readings; periodic errors are those of the readings.
     reading = abs(fit.phasors[0]) / (2 * np.sin(np.pi * fit.frequency_hz * interval_s))
-    u_repeating = fit.u_repeating / np.sqrt(2) / reading
+    u_periodic = fit.u_periodic / np.sqrt(2) / reading
     u_random = float(fit.u_random[0]) / abs(fit.phasors[0])
-    u_relative = float(np.hypot(u_random, u_repeating))
-    return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u_relative, bool(u_repeating > u_random))
+    u_relative = float(np.hypot(u_random, u_periodic))
+    return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u_relative, bool(u_periodic > u_random))

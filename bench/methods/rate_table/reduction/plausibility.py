@@ -73,13 +73,13 @@ def gyro_range(
     """Doubt about a table rate, by its encoder, or an output that is far from its command."""
     blocks = _blocks(record)
     yield from _stuck(blocks, clip_dps)
-    told = [(block, commands_dps[name]) for name, block in blocks.items() if name in commands_dps]
-    told = [(block, rate_dps) for block, rate_dps in told if len(block.time_s) > 1]
-    if not told:
+    commanded = [(block, commands_dps[name]) for name, block in blocks.items() if name in commands_dps]
+    commanded = [(block, rate_dps) for block, rate_dps in commanded if len(block.time_s) > 1]
+    if not commanded:
         return
-    turned = float(np.median([_slope(block, block.table) / rate_dps for block, rate_dps in told]))
-    ramps = float(np.median([_slope(block, block.output) / rate_dps for block, rate_dps in told]))
-    read = float(np.median([np.median(block.output) / rate_dps for block, rate_dps in told]))
+    turned = float(np.median([_slope(block, block.table) / rate_dps for block, rate_dps in commanded]))
+    ramps = float(np.median([_slope(block, block.output) / rate_dps for block, rate_dps in commanded]))
+    read = float(np.median([np.median(block.output) / rate_dps for block, rate_dps in commanded]))
     if abs(turned) < LIKE and abs(ramps - 1) < LIKE:
         yield Doubt("columns_exchanged", "enc_deg and out_dps: the output rises as an angle does, the encoder does not")
         return

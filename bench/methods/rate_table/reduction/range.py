@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bench.methods.rate_table.reduction.radius import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
-from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeForm, noise_of
+from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeFindings, noise_of
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning, range_blocks
 from bench.metrology.orientation import turned_axes
 from bench.metrology.results.budget import BudgetLine
@@ -38,7 +38,7 @@ def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[Uni
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     blocks = range_blocks(data, unit, 1 / settings["scale"][unit.output_unit], settings["clip_dps"])
-    form = RangeForm(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
+    form = RangeFindings(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
     rest = form.at_rest(blocks, "rest_rate", "mean rate at rest, earth's part included")
@@ -65,7 +65,7 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     per_pulse = 1 / settings["scale"][unit.output_unit]
     blocks = range_blocks(data, unit, per_pulse, settings["clip_g"], feels_gravity=True)
-    form = RangeForm(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
+    form = RangeFindings(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
     rest = form.at_rest(blocks, "rest_output", "mean output at rest")
@@ -126,7 +126,7 @@ def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -
     return abs(radius.value - stated_m) > ARM_U * float(np.hypot(radius.u, unit.arm_u_m))
 
 
-def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
+def _radius(form: RangeFindings, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
     """Finding of the arm as measured by the sensor itself; it contains the error of the scale factor."""
     bench, radius_m = form.data.bench, arm.radius_m
     weights = np.array([each.steady.rate_dps**4 for each in low])

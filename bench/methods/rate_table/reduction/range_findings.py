@@ -63,7 +63,7 @@ class RangeCurve:
 
 
 @dataclass(frozen=True, slots=True)
-class RangeForm:
+class RangeFindings:
     """Range findings common to both methods: basis of the errors, sources of uncertainty, forms of results."""
 
     data: RunData

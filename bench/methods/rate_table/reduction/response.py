@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.rate_table.reduction.converter_hysteresis import without_play
+from bench.methods.rate_table.reduction.converter_hysteresis import without_hysteresis
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.lever_arm import (
     SHORT_ARM_M,
@@ -32,7 +32,7 @@ from bench.methods.rate_table.reduction.response_points import (
     gyro_point,
 )
 from bench.methods.rate_table.reduction.samples import TableSamples, mean_c
-from bench.methods.rate_table.reduction.sampling import at_once
+from bench.methods.rate_table.reduction.sampling import instantaneous
 from bench.methods.rate_table.reduction.second_order import response_model
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, stated_scale
 from bench.metrology.calibration.response import ResponseCompensation
@@ -149,7 +149,7 @@ class _Sweep:
                 sweep.remarks.flags += [f"{acquisition.step}: {problem}" for problem in problems]
             else:
                 play = play_pulses if unit.is_counted else 0.0
-                found[motion.frequency_hz] = without_play(samples, motion.frequency_hz, play)
+                found[motion.frequency_hz] = without_hysteresis(samples, motion.frequency_hz, play)
         sweep.swings = dict(sorted(found.items()))
         sweep.steps = {hz: samples.step for hz, samples in sweep.swings.items()}
         return sweep
@@ -158,7 +158,7 @@ class _Sweep:
     def averaged_s(self) -> float:
         """Averaging time of samples; 0 for pulses and for instantaneous samples."""
         found = next(iter(self.swings.values()), None)
-        return found.interval_s if found is not None and found.sampled not in (None, at_once) else 0.0
+        return found.interval_s if found is not None and found.sampled not in (None, instantaneous) else 0.0
 
     def leave_out(self, frequency_hz: float) -> None:
         """Leave out a frequency without a result."""

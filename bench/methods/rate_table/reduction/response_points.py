@@ -138,7 +138,7 @@ def swing_of_angle(block: Block, nominal_hz: float, remarks: Remarks) -> Swing |
     if not fit:
         return None
     angle, u = complex(fit.phasors[0]), float(fit.u[0])
-    few_phases = bool(fit.u_repeating > fit.u_random[0])
+    few_phases = bool(fit.u_periodic > fit.u_random[0])
     rate = 2j * np.pi * fit.frequency_hz * angle
     return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u / abs(angle), few_phases)
 

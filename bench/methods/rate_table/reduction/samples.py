@@ -16,7 +16,7 @@ from bench.methods.rate_table.reduction.blocks import Block
 from bench.methods.rate_table.reduction.sampling import Kept, integration
 from bench.methods.rate_table.reduction.steady_rate import Steady
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature
-from bench.methods.rate_table.reduction.turning_readings import HARMONICS, TurningReadings, owed_to_the_table
+from bench.methods.rate_table.reduction.turning_readings import HARMONICS, TurningReadings, table_correlated
 from bench.metrology.acquisition import Array, Integers, Motion
 from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
@@ -116,7 +116,7 @@ def _u_mean(samples: TableSamples, last: int) -> float:
     The part of the scatter correlated with the table, from its uneven rate and from gravity, is removed.
     """
     edges = np.linspace(0, last, PARTS + 1).astype(np.int64)
-    fit = _fitted(_between_parts(samples.total, samples, edges), _owed_to_the_table(samples, edges))
+    fit = _fitted(_between_parts(samples.total, samples, edges), _table_correlated(samples, edges))
     scatter = fit.residual_sd * np.sqrt(BETWEEN_PARTS / PARTS)
     steps = RESOLUTION_COUNTS / samples.time_s[last] if samples.sampled is None else samples.hidden_u
     return float(np.hypot(scatter, steps))
@@ -134,7 +134,7 @@ def _between_parts(cumulative: Array, samples: TableSamples, edges: Integers) ->
     return np.asarray(np.diff(centre) / np.diff(centre_s))
 
 
-def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[Array]]:
+def _table_correlated(samples: TableSamples, edges: Integers) -> Iterator[list[Array]]:
     """Table-correlated regressors of the same parts: the table's rate, and harmonics of the angle."""
     angle = np.radians(samples.angle_deg)
     table_dps = _between_parts(samples.angle_deg, samples, edges)
@@ -143,7 +143,7 @@ def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[
         for order in range(1, HARMONICS + 1)
         for wave in (np.cos, np.sin)
     ]
-    return owed_to_the_table(table_dps - np.mean(table_dps), waves)
+    return table_correlated(table_dps - np.mean(table_dps), waves)
 
 
 def _fitted(values: Array, designs: Iterable[list[Array]]) -> LinearFit:

@@ -14,7 +14,7 @@ Factors = NDArray[np.complex128]
 Kept = Callable[[Array], Factors]
 
 
-def at_once(frequency_hz: Array) -> Factors:
+def instantaneous(frequency_hz: Array) -> Factors:
     """Response of instantaneous samples at each frequency (m,): 1."""
     return np.ones(len(frequency_hz), np.complex128)
 

@@ -36,7 +36,7 @@ class SineFit:
     """Least squares offset + slope t + the sine and its harmonics; `phasors` (m,) are those of f, 2f, ….
 
     `u_random` (m,) are the standard uncertainties of the amplitudes from the noise around each line in the spectrum of
-    the residuals: the noise need not be white. `u_repeating` is that of each of them from period-synchronous errors,
+    the residuals: the noise need not be white. `u_periodic` is that of each of them from period-synchronous errors,
     such as those of an encoder sampled at few different phases; `u_counting` (m,) are those from the quantisation of a
     counted or rounded output, which are not in `u_random`, and `u_across_counting` (m,) the same at right angles to the
     phasors. `kept` (n,) masks the samples that were used.
@@ -45,7 +45,7 @@ class SineFit:
     frequency_hz: float
     phasors: Phasors
     u_random: Array
-    u_repeating: float
+    u_periodic: float
     u_counting: Array
     u_across_counting: Array
     kept: NDArray[np.bool_]
@@ -59,12 +59,12 @@ class SineFit:
     @property
     def u(self) -> Array:
         """Standard uncertainties (m,) of the amplitudes of independent readings."""
-        return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_counting)
+        return np.hypot(np.hypot(self.u_random, self.u_periodic), self.u_counting)
 
     @property
     def u_across(self) -> Array:
         """The same (m,) at right angles to the phasors: divided by an amplitude it is that of the phase, in rad."""
-        return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_across_counting)
+        return np.hypot(np.hypot(self.u_random, self.u_periodic), self.u_across_counting)
 
 
 def fit_sine(
@@ -106,7 +106,7 @@ def fit_sine(
         frequency_hz=frequency_hz,
         phasors=pairs[:, 0] - 1j * pairs[:, 1],
         u_random=_u_amplitudes(fit, np.sqrt(np.maximum(noise - counted, 0.0))),
-        u_repeating=_u_repeating(time_s[kept], fit.residuals, frequency_hz),
+        u_periodic=_u_periodic(time_s[kept], fit.residuals, frequency_hz),
         u_counting=np.hypot(hidden, along),
         u_across_counting=np.hypot(hidden, across),
         kept=kept,
@@ -252,7 +252,7 @@ def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:
     return float(np.sum(parts))
 
 
-def _u_repeating(time_s: Array, residuals: Array, frequency_hz: float) -> float:
+def _u_periodic(time_s: Array, residuals: Array, frequency_hz: float) -> float:
     """Standard uncertainty of an amplitude from errors that repeat in the residuals of every period.
 
     It is the scatter of means at equal phase beyond that of means of random errors; three of their degrees of freedom

@@ -18,7 +18,7 @@ from bench.metrology.least_squares import LinearFit, NotDetermined, least_square
 HARMONICS = 4  # minimum difference of the angles of readings
 MOTOR = range(HARMONICS + 1, 61)  # orders of possible unevenness of a motor: its pole pairs, or twice as many
 OF_THE_MOTOR = 0.5  # share of their scatter that readings keep without an order, at most; by chance in 1 % at most
-TOLD = 1e-3  # minimum square of a wave, of a reading, beside the other fitted terms; half for a separate one
+OBSERVABLE = 1e-3  # minimum square of a wave, of a reading, beside the other fitted terms; half for a separate one
 BLURS = 1.5  # maximum ratio of the variance of a mean with table-correlated terms to that of a plain mean
 LEAST_DOF = 8  # minimum degrees of freedom of the scatter
 SUSPECTING_DOF = 4  # share that an order of the motor must leave to be suspected if it cannot be determined
@@ -43,7 +43,7 @@ class TurningReadings:
         uncertainty, with its full effect on the mean.
         """
         waves = [wave for order in range(1, HARMONICS + 1) for wave in self._waves(order)]
-        for columns in owed_to_the_table(self.table_dps - rate_dps, waves):
+        for columns in table_correlated(self.table_dps - rate_dps, waves):
             if (fit := self._fitted(columns)) is not None:
                 fit, moved = self._beside_the_motor(columns, fit)
                 u = fit.residual_sd * float(np.sqrt(fit.unscaled_covariance[0, 0]))
@@ -59,12 +59,12 @@ class TurningReadings:
         waves = np.array([self._waves(order) for order in MOTOR])
         waves -= waves @ known @ known.T
         size = waves @ waves.transpose(0, 2, 1)
-        told = np.flatnonzero(np.linalg.eigvalsh(size)[:, 0] > TOLD * len(self.output))
-        share = waves[told] @ fit.residuals
-        explained = np.sum(share * np.linalg.solve(size[told], share[..., np.newaxis])[..., 0], axis=-1)
-        if not len(told):
+        observable = np.flatnonzero(np.linalg.eigvalsh(size)[:, 0] > OBSERVABLE * len(self.output))
+        share = waves[observable] @ fit.residuals
+        explained = np.sum(share * np.linalg.solve(size[observable], share[..., np.newaxis])[..., 0], axis=-1)
+        if not len(observable):
             return fit, 0.0
-        beside = self._solved([*columns, *self._waves(MOTOR[told[np.argmax(explained)]])])
+        beside = self._solved([*columns, *self._waves(MOTOR[observable[np.argmax(explained)]])])
         if beside is None or beside.dof < SUSPECTING_DOF or beside.residual_sd >= OF_THE_MOTOR * fit.residual_sd:
             return fit, 0.0
         if self._tells_the_mean(beside):
@@ -89,7 +89,7 @@ class TurningReadings:
         return None
 
 
-def owed_to_the_table(beside_dps: Array, waves: Sequence[Array]) -> Iterator[list[Array]]:
+def table_correlated(beside_dps: Array, waves: Sequence[Array]) -> Iterator[list[Array]]:
     """Design matrices of a mean and table-correlated regressors: deviation of the rate, and waves.
 
     Waves are two for each harmonic of the angle. From all of them to none, and finally the mean alone. For a table

@@ -101,7 +101,9 @@ def _ladder(
     scale = unit.nominal_per_g or np.nan
     angle_rad = np.array([elevation_rad(each, unit, data.bench) for each in used])
     offset = np.array([each.loops.get("offset", 0.0) for each in used])
-    alone_g = np.array([np.hypot(outputs[each.step].alone_u, outputs[each.step].step_u) for each in used]) / abs(scale)
+    alone_g = np.array(
+        [np.hypot(outputs[each.step].single_u, outputs[each.step].quantisation_u) for each in used]
+    ) / abs(scale)
     repeatability_rad = np.radians(data.bench.head.repeatability_u_deg)
     record = LadderRecord(
         time_s=np.array([(each.begin_s + each.end_s) / 2 for each in used]),

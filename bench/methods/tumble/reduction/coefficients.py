@@ -49,7 +49,7 @@ def bias_coefficients(bias: PolynomialFit, reference_c: float) -> TemperatureCoe
     """K0T1 and K0T2, in the unit of the bias per °C and per °C². `bias` is at least a straight line."""
     series = _series(bias, reference_c)
     _, t1, t2 = series @ bias.coefficients
-    return _told(bias, reference_c, (t1, t2), series[1:])
+    return _coefficients(bias, reference_c, (t1, t2), series[1:])
 
 
 def scale_coefficients(scale: PolynomialFit, reference_c: float) -> TemperatureCoefficients:
@@ -58,7 +58,7 @@ def scale_coefficients(scale: PolynomialFit, reference_c: float) -> TemperatureC
     k1, *slopes = series @ scale.coefficients
     t1, t2 = np.array(slopes) / k1
     jacobian = (series[1:] - np.outer((t1, t2), series[0])) / k1
-    return _told(scale, reference_c, (t1, t2), jacobian)
+    return _coefficients(scale, reference_c, (t1, t2), jacobian)
 
 
 def _series(model: PolynomialFit, reference_c: float) -> Array:
@@ -71,7 +71,7 @@ def _series(model: PolynomialFit, reference_c: float) -> Array:
     return series
 
 
-def _told(model: PolynomialFit, reference_c: float, values: Pair, jacobian: Array) -> TemperatureCoefficients:
+def _coefficients(model: PolynomialFit, reference_c: float, values: Pair, jacobian: Array) -> TemperatureCoefficients:
     """T1 and T2 (2,), with their derivatives with respect to the coefficients of the model, (2, p)."""
     low_c, high_c = model.valid
     known = np.array([1.0, 1.0 if model.degree >= HIGHEST else np.nan])

@@ -14,7 +14,7 @@ from bench.metrology.acquisition import Array
 from bench.metrology.instrument import STEPS, instrument_u, shared_as
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding
-from bench.metrology.sampled_codes import by_position
+from bench.metrology.sampled_codes import quantisation_by_angle
 
 NAMES = {
     "K0": "bias of the channel",
@@ -127,7 +127,7 @@ class TumbleConstants:
         """
         unit = self.of.unit
         if unit.telemetry is not None:
-            hidden = np.linalg.norm(by_position(gain, dwell.step_u, dwell.head_rad))
+            hidden = np.linalg.norm(quantisation_by_angle(gain, dwell.quantisation_u, dwell.head_rad))
             return [type_b(f"{unit.telemetry}{STEPS}", hidden, None)]
         found = instrument_u(unit, self.of.bench, abs(float(gain @ dwell.readings)), abs(float(gain.sum())))
         return [type_b(source, u, shared_as(source)) for source, u in found.items()]

@@ -22,8 +22,8 @@ class Dwell:
     `readings` (n,) of the output, in its unit, were taken at the head's angles `head_rad` (n,). `gain` is the
     sensitivity of the coefficients to the readings, a row (n,) for each in the order of `values`; `turn` (n,) is the
     derivative of a reading with respect to its angle, per rad. `middle_s` is the mean bench time of the readings.
-    `alone_u` is the single-reading standard uncertainty, `step_u` (n,) the quantisation uncertainty of each. It is
-    `interrupted` if the unit was without power between two of its readings.
+    `single_u` is the single-reading standard uncertainty, `quantisation_u` (n,) the quantisation uncertainty of each.
+    It is `interrupted` if the unit was without power between two of its readings.
     """
 
     number: int
@@ -38,9 +38,9 @@ class Dwell:
     head_rad: Array
     gain: Array
     turn: Array
-    alone_u: float
+    single_u: float
     steps: tuple[str, ...]
-    step_u: Array
+    quantisation_u: Array
     interrupted: bool = False
 
     @property
@@ -145,9 +145,9 @@ def _solved(
         head_rad=np.radians(head_deg),
         gain=tumble.gain(),
         turn=tumble.k1 * (cosine - tumble.misalignment_rad * sine + 2 * tumble.k2_g_per_g2 * sine * cosine),
-        alone_u=float(np.mean([output.alone_u for output in outputs])),
+        single_u=float(np.mean([output.single_u for output in outputs])),
         steps=tuple(acquisition.step for acquisition in used),
-        step_u=np.array([output.step_u for output in outputs]),
+        quantisation_u=np.array([output.quantisation_u for output in outputs]),
         interrupted=len({acquisition.stretch for acquisition in used}) > 1,
     )
 

@@ -45,7 +45,7 @@ class TumbleUnit:
         steady = [dwell for dwell in dwells if not dwell.interrupted] or dwells
         dof = sum(dwell.tumble.fit.dof for dwell in steady)
         if dof == 0:
-            return cls(data, unit, dwells, max((dwell.alone_u for dwell in dwells), default=0.0), 0)
+            return cls(data, unit, dwells, max((dwell.single_u for dwell in dwells), default=0.0), 0)
         squares = sum(float(np.sum(dwell.tumble.fit.residuals**2)) for dwell in steady)
         return cls(data, unit, dwells, float(np.sqrt(squares / dof)), dof)
 
