@@ -14,9 +14,8 @@ from bench.engine.credit import Chamber, NoCredit, Soaked, expect_at, expect_gap
 from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import Event, Series
 
-MOTION = frozenset(
-    {"rate_dps", "amplitude_deg", "target_deg", "attitude"}
-)  # key in the intent of a step that moves an axis
+# Keys in the intent of a step that moves an axis.
+MOTION = frozenset({"rate_dps", "amplitude_deg", "target_deg", "attitude"})
 BEGINNINGS = ("run_begins", "run_resumed")
 
 

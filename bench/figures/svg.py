@@ -26,7 +26,7 @@ LEFT_IN = 0.68
 # Background of a label on lines, so that none crosses its text.
 CLEAR: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6}
 STYLE: dict[Any, Any] = {
-    "figure.dpi": 72,  # points per unit of the figure
+    "figure.dpi": 72,  # one dot is one point
     "svg.fonttype": "none",  # text remains text: in the font of the page, searchable, readable by a screen reader
     "svg.hashsalt": "inertial-test-bench",
     "text.parse_math": False,

@@ -17,7 +17,7 @@ from bench.metrology.results.finding import CONFIDENCE, Interval
 
 TRIALS = 200
 NEIGHBOURS = 15  # values whose mean is an estimate of a value without scatter
-SECOND_DIFFERENCE_SD = np.sqrt(6.0)  # variance of the combination 1, -2, 1 of values with a standard deviation of 1
+SECOND_DIFFERENCE_SD = np.sqrt(6.0)  # of 1, -2, 1 times values with a standard deviation of 1
 FAR_SIGMAS = 3.0  # from this ratio on it is a jump or a corner
 GRID_SIGMAS = 8.0  # upper end of the distribution of a largest error: of 1e9 errors none is larger
 GRID_POINTS = 2000
@@ -41,7 +41,7 @@ def scatter_sd(records: Sequence[Array], stride: int = 1, gains: Sequence[Array]
     differences = np.abs(np.concatenate([np.zeros(0), *curved]))
     if len(differences) < FEWEST:
         return float("nan")
-    usual = SIGMA_PER_MAD * float(np.median(differences))  # counts may scatter by less than one count
+    usual = SIGMA_PER_MAD * float(np.median(differences))  # of counts, possibly no finer than one count
     calm = differences[differences <= FAR_SIGMAS * usual] if usual else differences
     return float(np.sqrt(np.mean(calm**2)) / SECOND_DIFFERENCE_SD)
 

@@ -143,7 +143,7 @@ def excess_pps(residual_pps: Array, gates: Gates) -> float:
     Chosen so that the squares of the waves sum to their expectation (Paule and Mandel, J. Res. NBS 87, 377): the waves
     with the least counting error have the most weight. 0 if the count alone would scatter as much.
     """
-    from scipy.optimize import brentq  # and much work with it, which most runs do not need
+    from scipy.optimize import brentq  # imports many modules, which most runs do not need
 
     through = chebyshev.chebvander(np.linspace(-1, 1, len(residual_pps)), WAVES_DEGREE)
     waves = np.linalg.qr(through)[0][:, SMOOTH_DEGREE + 1 :].T

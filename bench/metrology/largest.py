@@ -20,7 +20,7 @@ from bench.metrology.results.finding import Interval
 TRIALS = 200
 WINDOW = 25  # neighbours of a parabola for a value without scatter
 DEGREE = 2
-MISFIT_SIGMAS = 5.0  # quantile of the mean square in a window that scatter alone does not exceed
+MISFIT_SIGMAS = 5.0  # of the mean square in a window: limit for scatter alone
 TAILS = 0.25  # relative to the bias of the largest: errors of counts are bounded by one count, others have longer tails
 
 

@@ -45,9 +45,9 @@ class _Clock:
 def mean_rate(counts: Counts) -> Rate:
     """Net rate between the first and the last latch; NaN with fewer than two.
 
-    Problems: too_few_latches, counter_restarted, irregular_clock (device time and latch numbers do not go together, as
-    after a restart that no boot counter tells), ambiguous_gap (a counter may have gone round unseen), impossible_rate
-    (more pulses than the converter can give, as after a reset), dead_band (no pulse for five times the mean period).
+    Problems: too_few_latches, counter_restarted, irregular_clock (device time and latch numbers disagree, as after a
+    restart without a boot counter), ambiguous_gap (a counter may have wrapped unnoticed), impossible_rate (more pulses
+    than the converter can give, as after a reset), dead_band (no pulse for five times the mean period).
     """
     if len(counts.tick) < 2:
         return Rate(float("nan"), 0.0, ("too_few_latches",))
@@ -129,7 +129,7 @@ def shifted_counts(counts: Counts, time_s: Array) -> tuple[Integers, Integers]:
 
 def is_irregular(latch_s: Array) -> bool:
     """True if some times between latches are far from the usual, or none passes."""
-    if latch_s.max() - latch_s.min() < CLOCK_SLACK * latch_s.min():  # quick check that none can be
+    if latch_s.max() - latch_s.min() < CLOCK_SLACK * latch_s.min():  # quick check that none can be irregular
         return False
     usual_s = np.median(latch_s)
     return bool((np.abs(latch_s - usual_s) >= CLOCK_SLACK * usual_s).any())
@@ -158,7 +158,7 @@ def _stands_still(clock: _Clock, pulses: Integers, rate_pps: float) -> bool:
     if pulses.all() or _fires_often(pulses, STANDSTILL_PERIODS / rate_pps / clock.longest_s if moves else 0.0):
         return False
     fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
-    begins, ends = fired[:-1] + 1, fired[1:]  # durations without a pulse; most are zero
+    begins, ends = fired[:-1] + 1, fired[1:]  # of the intervals without a pulse, most of which are empty
     at_s = np.concatenate(([0.0], np.cumsum(clock.seconds)))
     silent_s = at_s[ends] - at_s[begins]
     longest = int(np.argmax(silent_s))

@@ -19,8 +19,8 @@ from numpy.polynomial import polynomial
 
 from bench.metrology.least_squares import Array, NotDetermined, PolynomialFit, least_squares
 
-LARGEST = 12  # largest thresholds tried, up to half the temperature range
-THRESHOLDS = 100  # thresholds up to each of them
+LARGEST = 12  # number of largest thresholds tried, up to half the temperature range
+THRESHOLDS = 100  # number of thresholds up to each of them
 ROUNDING = 16 * np.finfo(np.float64).eps  # relative to the largest value
 STANDS_C = 1.0  # a smaller temperature change between two dwells is not a reversal
 

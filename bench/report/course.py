@@ -23,7 +23,7 @@ from bench.store.reader import Event, Series
 Array = NDArray[np.float64]
 
 BINS = 1000  # over the width of the page; more cannot be distinguished
-CHARACTER = 0.0095  # share of the width of the strip, for its names
+CHARACTER = 0.0095  # width of a character of a name, relative to that of the strip
 MOST_INSIDE = 0.6  # half a name stays within this share of the strip; the margin has room for the rest
 FIRST_WIDE = "\u2e80"  # Chinese characters are twice as wide as others
 INCIDENTS = ("fault", "problem", "operator", "end_requested")

@@ -10,7 +10,7 @@ from bench.metrology import plausibility
 from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
 
-LEVELS_G = 1.05  # of the gravity level
+LEVELS_G = 1.05  # maximum level of a gravity run
 
 
 def levels(levels_g: Iterable[tuple[str, float]]) -> Iterator[Doubt]:

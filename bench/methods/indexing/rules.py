@@ -18,7 +18,7 @@ from bench.sequence.steps.talk import Prompt
 METHOD = "indexing_static"
 LEAST_ANGLES = 3  # minimum number of angles for a line with residuals
 NOT_SWEPT = {CLOCKING, VERIFICATION}
-SAME_ANGLE_DIGITS = 4  # tolerance of an angle in °
+SAME_ANGLE_DIGITS = 4  # decimals of equal angles in °
 
 Angles = dict[str, set[float]]
 

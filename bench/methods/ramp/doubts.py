@@ -11,8 +11,8 @@ from bench.metrology import plausibility
 from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
 
-WAYS = {"up": "falls", "down": "rises"}  # share of the range of a leg that goes against its name
-NAMED = 5  # minimum number of dwells
+WAYS = {"up": "falls", "down": "rises"}  # direction of a leg that contradicts its name
+NAMED = 5  # legs named in a message
 
 
 def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per_c: float | None) -> Iterator[Doubt]:

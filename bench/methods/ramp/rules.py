@@ -19,7 +19,7 @@ from bench.sequence.steps.stimulus import Move, Ramp
 
 METHOD = "temperature_ramp"
 LEVEL_BELOW_G = 0.5  # as in the reduction: legs with less gravity along the input axis are the 0 g part
-SAME_ANGLE_DIGITS = 3  # tolerance of an angle in °
+SAME_ANGLE_DIGITS = 3  # decimals of equal angles in °
 
 
 class _Leg(NamedTuple):

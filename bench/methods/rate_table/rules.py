@@ -73,7 +73,7 @@ def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
         for name, place in bench.places.items():
             output = bench.output_unit(name)
-            exempt = entry.method in RESPONSE_METHODS and place.voltmeter is not None  # that no voltmeter can determine
+            exempt = entry.method in RESPONSE_METHODS and place.voltmeter is not None  # not with a voltmeter
             if output not in settings["scale"] and not exempt:
                 per = "°/s" if entry.method.startswith("gyro") else "g"
                 yield (

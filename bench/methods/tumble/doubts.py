@@ -12,7 +12,7 @@ from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
 from bench.offline.doubts import SIGNS_OR_ROWS
 
-SAME_READING_C = 10.0  # between set points; two set points of a chamber are not closer
+SAME_READING_C = 10.0  # between set points; no chamber is that far from its set point
 LARGEST_MISFIT = 0.1  # deviation of a reading from the model of its sensor, in scale factors
 NAMED = 5  # dwells
 

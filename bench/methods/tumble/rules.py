@@ -21,7 +21,7 @@ TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: equations 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
 LEAST_REPETITIONS = 3
 FURTHER = ("K3", "Kip", "asymmetry")  # terms that eight angles and more determine
-SAME_ANGLE_DIGITS = 3  # tolerance of an angle in °
+SAME_ANGLE_DIGITS = 3  # decimals of equal angles in °
 OVER_TEMPERATURE = ("/temperature_coefficient", "T1", "T2", "/hysteresis", "/model_residual")
 
 Dwells = dict[str, tuple[float | None, list[float]]]

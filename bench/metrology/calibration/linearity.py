@@ -158,7 +158,7 @@ def _fitted(
 
 def _excess(fit: LinearFit) -> float:
     """Ratio of the scatter of points about the curve to their expected scatter; 0 if that is by chance."""
-    chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof else 1.0  # quantile of chi²
+    chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof else 1.0  # chi²
     return float(np.sqrt(fit.residual_sd**2 - 1)) if chance < DEPARTURE_PROBABILITY else 0.0
 
 

@@ -11,7 +11,7 @@ from bench.sequence.plan.plan import Plan, PlannedStep
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Oscillate, Rotate
 
-FEW_PHASES = 100  # repeated phases of an oscillation; the encoder errors average over this number of phases only
+FEW_PHASES = 100  # maximum number of repeated phases; encoder errors are reduced by their number only
 Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition and the motion of the table during it
 
 

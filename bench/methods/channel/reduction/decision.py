@@ -155,7 +155,7 @@ def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
     least_squares(design, slope, names=("tempco_offset", "tempco_scale"))  # raises; weights do not separate rates
     fit = least_squares(design * weight, slope * weight[:, 0], condition_limit=np.finfo(np.float64).max)
     u_offset, u_scale = np.full(2, np.nan) if exact else np.sqrt(np.diag(fit.unscaled_covariance))
-    # quantile of chi²
+    # by the distribution of chi²
     chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof and not exact else 1.0
     return ChannelDrift(
         offset_pps_per_c=float(fit.coefficients[0]),

@@ -18,7 +18,7 @@ from bench.metrology.pulse_counts import mean_rate, shifted_counts
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 LEVEL_DIGITS_G = 3  # levels closer to each other are one level
-SKEW_G = 0.577  # of three equal tilt components about the vertical, 1/√3
+SKEW_G = 0.577  # level of three axes at equal angles to the vertical, 1/√3
 SAME_CLOCK = 0.5  # of the time between two latches: tolerance between device and host
 
 

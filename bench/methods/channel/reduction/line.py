@@ -124,7 +124,7 @@ class ConverterRamp(NamedTuple):
     fastest_c_per_h: float
 
 
-@np.errstate(over="ignore", invalid="ignore")  # overflow occurs only for absurd numbers, which the rules reject
+@np.errstate(over="ignore", invalid="ignore")  # no rule accepts the results of absurd numbers
 def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
     """Fit the pulse rate of one run by a straight line over the converter's temperature.
 

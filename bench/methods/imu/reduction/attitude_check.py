@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bench.methods.imu.reduction.attitudes import AXES, EARTH_RATE_DPS, HEADINGS, NAMES, NORTH, block
 from bench.metrology.least_squares import Array
 
-CLEAR = 0.15  # of the horizontal earth rate: gyros with less scatter over the headings distinguish them
+CLEAR = 0.15  # of the horizontal earth rate: with less scatter over the headings, gyros distinguish these
 _HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # sensitivities of two horizontal axes to north
 
 
@@ -53,6 +53,6 @@ def exchanged_headings(gyro_pps: Array, pulse_per_deg: Array, latitude_deg: floa
         if np.sqrt(np.mean((north - nearest) ** 2)) < CLEAR:
             wrong = np.any(nearest != NORTH[kind, others], axis=-1)
             exchanged += (first + np.flatnonzero(wrong)).tolist()
-        else:  # true also for missing values
+        else:  # also for missing values
             unclear += range(first, first + HEADINGS)
     return exchanged, unclear

@@ -106,7 +106,7 @@ def fit_gyro(pps: Array, axis: int, latitude_deg: float) -> GyroFit:
 
     W/t = D0 + KG (w_a + m_b w_b + m_c w_c) + g_x f_x + g_y f_y + g_z f_z, w the earth rate.
 
-    Raises NotDetermined when too many are missing, or so near a pole that headings tell nothing.
+    Raises NotDetermined if too many are missing, or near a pole, where headings carry no information.
     """
     there = np.isfinite(pps)
     rate_dps, force_g = earth_rate_dps(latitude_deg)[there], SPECIFIC_FORCE_G[there]

@@ -21,7 +21,7 @@ from bench.methods.imu.reduction.records import ImuReadings, RateReadings
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
 from bench.metrology.temperature_checks import broken_at_rest
 
-RATES = 6  # for +1, -1, +3, -3, +5 and -5 °/s, or others
+RATES = 6  # +1, -1, +3, -3, +5 and -5 °/s, or others
 DEG_PER_S_IN_DEG_PER_H = 3600.0
 
 

@@ -21,8 +21,8 @@ from bench.metrology.least_squares import Array, LinearFit, least_squares
 from bench.metrology.results.finding import CONFIDENCE, Interval
 
 Part = Literal["zero", "scale"]
-GRID_S = 1.0  # points of the time grid
-DRAWS = 40  # relative change of an error
+GRID_S = 1.0  # spacing of the time grid
+DRAWS = 40  # errors of a time history that are drawn
 CONDITION_LIMIT = 1e6  # poorly separated terms do no harm, because only their sum is used
 
 

@@ -283,7 +283,7 @@ def bias_drifts(fit: EndFit) -> bool:
         return False
     line = fit_polynomial(dwells_between, loop_v, 1)
     unexplained = float(np.var(line.residuals) / np.var(loop_v))
-    by_chance = betainc(line.dof / 2, 0.5, unexplained)  # critical value of the squared correlation coefficient
+    by_chance = betainc(line.dof / 2, 0.5, unexplained)  # distribution of the squared correlation coefficient
     return bool(by_chance < DRIFT_CHANCE and unexplained < 1 - DRIFT_SHARE)
 
 

@@ -18,7 +18,7 @@ from bench.metrology.temperature_checks import rates_c_per_s
 
 UG_PER_G = 1e6
 RATE_SAMPLES = 21  # window of the smoothing of dT/dt
-LEFT_BY_LAG = 0.2  # of the mean loop: share explained by lag from which the loop is lag
+LEFT_BY_LAG = 0.2  # of the mean loop: maximum remainder after the lag model if the loop is lag
 
 
 @dataclass(frozen=True, slots=True)

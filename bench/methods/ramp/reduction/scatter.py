@@ -27,7 +27,7 @@ from bench.metrology.gate_scatter import (
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array, fit_polynomial
 
-TURN_SHARE = 0.2  # time of a leg: the ramp has just turned, or the first has begun from rest
+TURN_SHARE = 0.2  # share of a leg left out: the ramp has just turned, or begun from rest
 
 
 class SlopeScatter(NamedTuple):

@@ -16,7 +16,7 @@ from bench.metrology.least_squares import Array
 
 REMAINDERS = 15  # number of initial fractions of a pulse
 A_FEW = slice(1, None, 3)  # equidistant initial fractions, the same for a unit of the other sign
-LATCHES = 200  # minimum time over which counting errors average out
+LATCHES = 200  # minimum number over which counting errors average out
 
 
 def errors_of_counting(charge: Array) -> Array:

@@ -72,7 +72,7 @@ def range_blocks(
     found = RangeBlocks()
     at_rest: list[RestReading] = []
     turning: list[tuple[float, Turning]] = []
-    warmth: dict[float, MeanTemperature] = {}  # drift corrected for the time of each
+    warmth: dict[float, MeanTemperature] = {}  # by mid-time
     for acquisition in data.acquisitions:
         samples, motion = table_samples(acquisition, unit), acquisition.motion
         problems = list(samples.problems)

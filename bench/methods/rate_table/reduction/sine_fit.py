@@ -240,7 +240,7 @@ def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:
     rate: near a low frequency the mean of the neighbourhood is far from the power at the line. Both parts are fitted by
     least squares, weighted by the result, because the scatter of powers is proportional to them.
     """
-    from scipy.optimize import nnls  # and much work with it, which most runs do not need
+    from scipy.optimize import nnls  # imports many modules, which most runs do not need
 
     shapes = np.column_stack([np.ones_like(around_hz), (line_hz / around_hz) ** 2])
     level = np.full(len(power), np.mean(power))

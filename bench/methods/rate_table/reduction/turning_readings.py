@@ -15,13 +15,13 @@ import numpy as np
 from bench.metrology.acquisition import Array
 from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
 
-HARMONICS = 4  # minimum difference of the angles of readings
+HARMONICS = 4  # harmonics of the angle in the differences of readings
 MOTOR = range(HARMONICS + 1, 61)  # orders of possible unevenness of a motor: its pole pairs, or twice as many
-OF_THE_MOTOR = 0.5  # share of their scatter that readings keep without an order, at most; by chance in 1 % at most
-OBSERVABLE = 1e-3  # minimum square of a wave, of a reading, beside the other fitted terms; half for a separate one
+OF_THE_MOTOR = 0.5  # maximum share of the scatter left by a fitted order; by chance in at most 1 %
+OBSERVABLE = 1e-3  # per reading: minimum square of a wave orthogonal to the other terms; 0.5 if fully separate
 BLURS = 1.5  # maximum ratio of the variance of a mean with table-correlated terms to that of a plain mean
 LEAST_DOF = 8  # minimum degrees of freedom of the scatter
-SUSPECTING_DOF = 4  # share that an order of the motor must leave to be suspected if it cannot be determined
+SUSPECTING_DOF = 4  # minimum degrees of freedom with an order of the motor for that to be suspected
 
 
 @dataclass(frozen=True, slots=True)

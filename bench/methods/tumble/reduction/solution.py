@@ -20,7 +20,7 @@ from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least
 
 FOUR_POINTS_DEG = (0.0, 90.0, 180.0, 270.0)
 TERMS = ("c0", "K1", "d·K1", "c2")
-CONSTANTS = ("K0", "K1", "misalignment", "K2")  # constants from the further terms, in their order
+CONSTANTS = ("K0", "K1", "misalignment", "K2")  # coefficients that follow from the terms, in their order
 # Further terms and the largest condition number of the column-scaled design with which each is fitted. Eight angles and
 # more have 6 with K3 and Kip, 15 to 20 with the asymmetry; six, a degree off the level, 80 with K3 (equations 1.5).
 EXTRA = {"Kip": 10.0, "K3": 10.0, "asymmetry": 30.0}
