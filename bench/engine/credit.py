@@ -131,7 +131,7 @@ def _instant(line: Mapping[str, Any]) -> Instant:
         raise NoCredit("the record of the guardian is damaged") from None
     up_s, boot = number(line.get("up_s")), line.get("boot")
     if at.tzinfo is None or math.isnan(up_s) or not isinstance(boot, str):
-        raise NoCredit("the record of the guardian does not say when it looked")
+        raise NoCredit("the record of the guardian does not state the times of its readings")
     return Instant(boot, up_s, at.timestamp())
 
 
@@ -180,6 +180,6 @@ def _expect_in_band(look: Look, chamber: Chamber, set_point_c: float, read_back_
     if not abs(look.set_point_c - read_back_c) <= SAME_C:
         raise NoCredit(f"the set point changed from {read_back_c:g} to {look.set_point_c:g} °C")
     if not abs(look.from_safe_c - abs(look.set_point_c - chamber.safe_c)) <= KEPT_WITHIN_C:
-        raise NoCredit(f"the controller of {chamber.role} was switched off, or does not say whether it was")
+        raise NoCredit(f"the controller of {chamber.role} was switched off, or its state is unknown")
     if not abs(look.air_c - set_point_c) <= chamber.band_c:
         raise NoCredit(f"the air was at {look.air_c:.1f} °C, outside {set_point_c:g} ± {chamber.band_c:g} °C")

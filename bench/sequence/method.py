@@ -39,8 +39,8 @@ GYRO_OUTPUT = "gyro_output"  # likewise, for the gyros of an inertial unit
 
 
 CHANNEL = (
-    "The unit is measured together with its I/F converter. K0, in units of local g, contains the converter's zero. K1 "
-    "contains the converter's scale, and K3 where the angles do not tell it by itself; so K2 contains the converter's "
+    "The unit is measured together with its I/F converter. K0, in units of local g, contains the converter's zero. K1"
+    " contains the converter's scale, and K3 unless the angles separate it; likewise K2 contains the converter's "
     "asymmetry. The misalignment contains the zero error of the head and the level of the fixture, both within its "
     "uncertainty."
 )

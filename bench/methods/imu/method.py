@@ -12,16 +12,16 @@ from drivers.schema.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
 MEANING = (
     "Each accelerometer is measured together with its converter. K0, in units of local g, contains K2 and the "
-    "converter's zero, for it is the mean over attitudes in which the axis points up and down; K1 contains K3. D0 is "
-    "the mean over the same attitudes, in which earth rate and g-sensitivity along the axis cancel. Misalignments are "
-    "those against the axes of the table, and contain how the unit sits in its fixture."
+    "converter's zero, because it is the mean over attitudes with the axis up and down; K1 contains K3. D0 is the "
+    "mean over the same attitudes, in which earth rate and g-sensitivity along the axis cancel. Misalignments are "
+    "relative to the axes of the table, and contain the seating of the unit in its fixture."
 )
 
 
 START_UP_MEANING = (
-    "The unit's output is compensated by the calibration that was released for it, at the temperature that its own "
-    "thermometers say, as its users do it. What is left of zero and scale factor is the error of the compensated unit, "
-    "with that of its calibration in it; a fit of constants and exponentials follows it from power-on."
+    "The unit's output is compensated by its released calibration, at the temperature of its own thermometers, as by "
+    "its users. The residual zero and scale factor are the errors of the compensated unit, including those of its "
+    "calibration; constants and exponentials are fitted to them from power-on."
 )
 
 CHANGES = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # units of changes of the constants of a sensor

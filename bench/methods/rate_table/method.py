@@ -132,9 +132,7 @@ class AccelerometerResponseSettings(AccelerometerScale, ResponseSettings):
     )
 
 
-OF_A_GYRO = (
-    "The gyro is measured together with its converter, against the encoder of the table, with which it has one clock. "
-)
+OF_A_GYRO = "The gyro is measured together with its converter, against the encoder of the table, on one clock. "
 OF_AN_ACCELEROMETER = (
     "The accelerometer is measured together with its converter, in units of local g by the scale factor stated in the "
     "sequence. "
@@ -174,8 +172,8 @@ GYRO_RANGE = on_a_table(
     after=("IEEE Std 952", "IEEE Std 292", "IEEE Std 1554"),
     meaning=OF_A_GYRO
     + (
-        "The rate at rest contains the part of earth's rate along the axis of the table. Errors are against the scale "
-        "factor stated in the sequence; the bias is taken off, and with it earth's rate."
+        "The rate at rest contains the part of earth's rate along the axis of the table. Errors are relative to the "
+        "scale factor stated in the sequence; the bias is subtracted, and with it the earth's rate."
     ),
 )
 GYRO_RESPONSE = on_a_table(
@@ -189,9 +187,9 @@ GYRO_RESPONSE = on_a_table(
     after=("IEEE Std 292", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_A_GYRO
     + (
-        "Gains are amplitudes over those of the table, phases are negative where the gyro lags. The play of the "
-        "converter at each reversal is taken out. A sample that the gyro sends itself is a mean over its period, and "
-        "the half of that by which it is late is taken out."
+        "Gains are ratios of amplitudes to those of the table, phases are negative where the gyro lags. The "
+        "hysteresis of the converter at each reversal is removed. A sample that the gyro sends itself is a mean over "
+        "its period; its delay of half a period is corrected."
     ),
 )
 ACCELEROMETER_RANGE = on_a_table(
@@ -216,8 +214,8 @@ ACCELEROMETER_RANGE = on_a_table(
     after=("IEEE Std 836", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER
     + (
-        "What is wrong with the scale factor is in the radius, as the accelerometer finds it at low rates: the errors "
-        "over the range are those of linearity. A stretch of the arm is in them."
+        "An error of the scale factor is contained in the radius, which the accelerometer determines at low rates: "
+        "the errors over the range are those of linearity. They contain a stretch of the arm."
     ),
 )  # fmt: skip
 ACCELEROMETER_RESPONSE = on_a_table(
@@ -233,8 +231,8 @@ ACCELEROMETER_RESPONSE = on_a_table(
     after=("IEEE Std 836", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER
     + (
-        "Gains are over that of the slow swing at which the accelerometer found its arms, phases are against the table "
-        "and negative where it lags. The play of the converter at each reversal is taken out. The arms contain the "
-        "misalignment of the input axis."
+        "Gains are relative to that of the slow oscillation that determines the lever arms, phases are relative to "
+        "the table and negative where the accelerometer lags. The hysteresis of the converter at each reversal is "
+        "removed. The arms contain the misalignment of the input axis."
     ),
 )  # fmt: skip

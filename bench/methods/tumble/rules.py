@@ -83,10 +83,7 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
 
 
 def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Fewer temperatures than a model needs: its degree is reduced.
-
-    One alone is reported only if a limit needs more.
-    """
+    """Fewer temperatures than the degree of a model needs; one alone is reported only if a limit needs more."""
     for place, entry in _tumbles(plan, TUMBLE):
         from bench.methods.tumble.method import TemperatureTumbleSettings  # imported only if a sequence uses the method
 

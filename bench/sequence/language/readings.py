@@ -52,7 +52,7 @@ def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
         return f"the inertial unit in place '{place}' has several outputs; name a channel of its counter"
     if bench.nominal_per_g(place) is None:
         parts = " and ".join(bench.places[place].makes_output_of_g)
-        return f"places.{place} of the bench file has no nominal {parts}, by which its output is told in g"
+        return f"places.{place} of the bench file has no nominal {parts}, which its output in g needs"
     return ""
 
 
@@ -74,7 +74,7 @@ def problem_with_output(name: str, needs: Mapping[str, str], bench: BenchFile | 
         return ""
     if dot and channel not in (known := _outputs(device, bench)):
         return f"'{device}' has no output on a channel '{channel}'{did_you_mean(channel, known)}"
-    return "" if units_at(name, bench) else f"no unit puts out anything that '{name}' measures"
+    return "" if units_at(name, bench) else f"no unit has an output that '{name}' measures"
 
 
 def units_at(name: str, bench: BenchFile) -> tuple[str, ...]:
