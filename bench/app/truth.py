@@ -109,7 +109,7 @@ def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
     return [
         LevelAsMeasured(
             key, unit.place, level.begin_s, level.end_s, orientation(level),
-            source_a=level.sources_told_a.get(unit.source, 0.0) if level.input == "source" else None,
+            source_a=level.sources_set_a.get(unit.source, 0.0) if level.input == "source" else None,
         )
         for key, unit, level in _each(stored, "levels")
     ]  # fmt: skip

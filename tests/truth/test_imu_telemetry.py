@@ -109,7 +109,7 @@ def test_the_rate_of_the_table_is_timed_by_the_computer(run):
     with open_run(run) as stored:
         windows = [window for each in stored.data("imu").acquisitions for window in each.windows.values()]
     assert windows
-    assert all(window.span_s == window.host_span_s for window in windows if window.alone_u != 0)
+    assert all(window.span_s == window.host_span_s for window in windows if window.single_u != 0)
 
 
 def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(run):

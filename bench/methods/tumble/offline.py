@@ -14,13 +14,13 @@ from bench.offline.case_file import LEGS, Case, Reduction, Reductions, Scale, Se
 
 
 class StaticSettings(Settings):
-    """Of `static`; without a degree it is chosen by the data."""
+    """Settings of `static`; without a degree it is chosen by the data."""
 
     degree: int | None = Field(None, ge=1, le=8)
 
 
 class TiltSettings(Settings):
-    """Of `tilt`."""
+    """Settings of `tilt`."""
 
     scale_v_per_g: Scale = Field(alias="K1_V_per_g")
     bias_v: float = Field(alias="B0_V")
@@ -86,7 +86,8 @@ def _characteristic(found: Characteristic) -> dict[str, Any]:
 
 def _tilt(case: Case) -> dict[str, Any]:
     settings = case.settings(TiltSettings)
-    table, copies = case.record("tilt", "T_C,U_V").without_copies()  # no time tells a copy from an equal reading
+    # without a time, a copy cannot be distinguished from an equal reading
+    table, copies = case.record("tilt", "T_C,U_V").without_copies()
     found = compare_tilt(
         table.numbers("T_C"),
         table.numbers("U_V"),

@@ -94,7 +94,7 @@ def test_a_person_decides_what_follows_a_failure_when_the_sequence_asks_him(tmp_
     assert result.outcome.how == "completed"
     assert "steps/note" in ended(result)
     assert result.results.verdict == "INCOMPLETE"
-    assert [found.step for found in result.results.on_the_way.left_out] == ["steps/wait_until"]
+    assert [found.step for found in result.results.journal_records.left_out] == ["steps/wait_until"]
 
 
 def test_nobody_told_what_to_do_after_a_failure_stops_the_run(tmp_path):

@@ -1,7 +1,7 @@
 """Range tests on a table: a gyro against the table's rate, an accelerometer against ω²r (equations 5.2 and 5.4).
 
-An error is judged against a fraction of the reading or of the full scale. A point whose table did not do what it was
-told is not judged, and a test with such a point, or with a block that is missing, has no verdict.
+The limit of an error is a fraction of the reading or of the full scale. A point whose table did not reach its command
+is not judged, and a test with such a point, or with a missing block, has no verdict.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from bench.metrology.results.coverage import coverage_factor, effective_dof
 
 BIAS = "bias"
 LEAST_LOW_RATES = 2
-LARGEST_U_RADIUS = 0.1  # of the radius; a radius that is less certain is none
+LARGEST_U_RADIUS = 0.1  # of the radius; a less certain radius counts as undetermined
 
 
 @dataclass(frozen=True, slots=True)
 class LinearityLimit:
-    """The largest error: a fraction of the reading, or of `full_scale` where that is given."""
+    """Largest permitted error: a fraction of the reading, or of `full_scale` if that is given."""
 
     fraction: float
     full_scale: float | None = None
 
     def limit(self, reading: float) -> float:
-        """The largest error of a `reading`, in its unit."""
+        """Largest permitted error of a `reading`, in its unit."""
         return self.fraction * abs(self._basis(reading))
 
     def relative(self, error: float, reading: float) -> float | None:
-        """The error of a `reading` over what the fraction is of, with its sign; None of a reading of 0."""
+        """Error of a `reading` relative to the reference of the fraction, with its sign; None for a reading of 0."""
         basis = self._basis(reading)
         return error / basis if basis else None
 
@@ -46,9 +46,9 @@ class LinearityLimit:
 class RangePoint:
     """One rate. `error` = measured - bias - true, in the unit of the sensor, as are `mean` (with bias) and `true`.
 
-    `relative_error` is the error over what the limit is a fraction of: the true value, or the full scale.
-    `dof` are the effective degrees of freedom of `u_error`, None for unlimited. What depends on a bias or a radius that
-    is not known is None. `passed` is None where the point is not judged.
+    `relative_error` is relative to the true value or to the full scale, like the limit. `dof` are the effective degrees
+    of freedom of `u_error`, None for unlimited. Values that depend on an unknown bias or radius are None. `passed` is
+    None if the point is not judged.
     """
 
     phase: str
@@ -115,12 +115,12 @@ def gyro_range(
 def accelerometer_range(
     record: TableRecord, local_g_mps2: float, linearity: LinearityLimit, *, clip_g: float | None = None
 ) -> RangeTest:
-    """Errors of an accelerometer on an arm, in g, against ω²r with the r that it found itself at low rates.
+    """Errors of an accelerometer on an arm, in g, against ω²r with the r that it determines itself at low rates.
 
     `record.block` is "bias" (table at rest), "low1", "low2", ... (rates up to 1 g) or "run1", ...; `record.table` is
     the cumulative angle in degrees, `record.output` in g. An input axis that points at the spin axis reads + and has a
-    positive radius. The radius needs two low rates. What is wrong with the scale of the accelerometer is in the radius:
-    the errors are those of linearity.
+    positive radius. The radius needs two low rates. An error of the scale factor is contained in the radius: the errors
+    are those of linearity.
     """
     phases = np.unique(record.block).tolist()
     blocks = _Blocks(record, {BIAS, *_matching(phases, "low"), *_matching(phases, "run")}, clip_g)
@@ -145,10 +145,10 @@ def accelerometer_range(
 
 
 class _Blocks:
-    """The means of all blocks that are usable; those of `wanted` that are not are flagged."""
+    """Means of all usable blocks; unusable blocks of `wanted` are flagged."""
 
     def __init__(self, record: TableRecord, wanted: Collection[str], clip: float | None) -> None:
-        at_rest = replace(record, table=np.where(record.block == BIAS, 0.0, record.table))  # whatever its encoder says
+        at_rest = replace(record, table=np.where(record.block == BIAS, 0.0, record.table))  # whatever its encoder reads
         self.excluded: Counter[str] = Counter()
         self.steady: dict[str, Steady] = {}
         for phase, block in cut_into_blocks(at_rest, self.excluded).items():
@@ -158,18 +158,18 @@ class _Blocks:
         self.flags = [f"{phase} invalid" for phase in sorted(wanted, key=_order) if phase not in self.steady]
 
     def numbered(self, kind: str) -> list[tuple[str, Steady]]:
-        """The usable blocks of a kind, by number."""
+        """Usable blocks of a kind, by number."""
         return [(phase, self.steady[phase]) for phase in sorted(_matching(self.steady, kind), key=_order)]
 
 
 class Arm:
-    """The radius that fits a = ω²r/g at low rates, weighted by ω⁴; the bias of the sensor is common to all readings.
+    """Radius fitted to a = ω²r/g at low rates, weighted by ω⁴; the bias of the sensor is common to all readings.
 
-    All figures are linear in the readings a_i and the bias: r = Σ c_i (a_i - bias).
+    All results are linear in the readings a_i and the bias: r = Σ c_i (a_i - bias).
     """
 
     def __init__(self, bias: Steady, low: Iterable[Steady], local_g_mps2: float) -> None:
-        """Begins with the reading at rest and those at low rates, which are not 0."""
+        """Fit the radius from the reading at rest and those at low rates, which are not 0."""
         self._bias, self._g = bias, local_g_mps2
         self._low = list(low)
         squares = np.array([np.radians(turning.rate_dps) ** 2 for turning in self._low])
@@ -184,7 +184,7 @@ class Arm:
 
     @property
     def u_bias_m(self) -> float:
-        """What the bias does to the radius."""
+        """Standard uncertainty of the radius from the bias."""
         return abs(float(np.sum(self._weights))) * self._bias.u_output
 
     @property
@@ -193,11 +193,11 @@ class Arm:
         return _root_sum(self.u_own_m, self.u_bias_m)
 
     def acceleration_g(self, turning: Steady) -> float:
-        """What the sensor should read at a rate, less its bias."""
+        """Expected acceleration at a rate, without bias."""
         return self._per_radius(turning) * self.radius_m
 
     def error_g(self, turning: Steady) -> float:
-        """What it reads beyond that."""
+        """Difference of the reading from it."""
         return turning.output - self._bias.output - self.acceleration_g(turning)
 
     def u_error_g(self, turning: Steady) -> float:
@@ -210,9 +210,9 @@ class Arm:
         return effective_dof([(reading, turning.dof), (bias, self._bias.dof), *((u, None) for u in others)])
 
     def u_parts_g(self, turning: Steady) -> tuple[float, float, float, float]:
-        """That of the error by the reading, its bias, the low readings by way of the radius, and its table rate.
+        """Contributions to the uncertainty of the error: reading, bias, low rates through the radius, table rate.
 
-        An error of the bias changes the reading and, by way of the radius, what is true.
+        An error of the bias changes the reading and, through the radius, the true value.
         """
         by_bias = 1 - self._per_radius(turning) * float(np.sum(self._weights))
         by_rate = 2 * self.acceleration_g(turning) / turning.rate_dps if turning.rate_dps else 0.0
@@ -261,7 +261,7 @@ def _matching(phases: Iterable[str], kind: str) -> set[str]:
 
 
 def _order(phase: str) -> tuple[str, int]:
-    """Of phases: by kind, then by number."""
+    """Sort key of phases: by kind, then by number."""
     kind = phase.rstrip("0123456789")
     return kind, int(phase[len(kind) :] or 0)
 

@@ -1,7 +1,8 @@
 """Methods M3a and M3c: errors of a gyro and of an accelerometer over their range (equations 5.2 and 5.4).
 
-A gyro is held against the rate of the table, an accelerometer against ω²r with the radius that it finds itself at low
-rates. The counter's clock is in the rate of pulses and in the table's alike, and cancels; in codes and volts is none.
+A gyro is compared with the rate of the table, an accelerometer with ω²r with the radius that it determines itself at
+low rates. The counter's clock is common to the rates of pulses and table, and cancels; codes and volts depend on no
+clock.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bench.methods.rate_table.reduction.radius import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
-from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeForm, noise_of
+from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeFindings, noise_of
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning, range_blocks
 from bench.metrology.orientation import turned_axes
 from bench.metrology.results.budget import BudgetLine
@@ -21,23 +22,23 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 RESOLUTION = "encoder: resolution"
 HARMONICS = "encoder: errors over part of a turn"
-ARM_U = 3.0  # by so many standard uncertainties a radius may differ from what the bench file says
-TOUCH_G = 1.02  # of the highest acceleration that the radius is found at: a rate meant for it may turn a little fast
+ARM_U = 3.0  # maximum difference of a radius from the bench file, in standard uncertainties
+TOUCH_G = 1.02  # of the highest acceleration for the radius: tolerance for a rate that is slightly too fast
 
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Bias and errors of every gyro; rates in °/s by the stated scale factor."""
+    """Reduce a run to bias and errors of every gyro; rates in °/s by the stated scale factor."""
     return [_gyro(data, unit, settings) for unit in data.units]
 
 
 def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Bias, radius and errors of every accelerometer; accelerations in local g by the stated scale factor."""
+    """Reduce a run to bias, radius and errors of every accelerometer; in local g by the stated scale factor."""
     return [_accelerometer(data, unit, settings) for unit in data.units]
 
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     blocks = range_blocks(data, unit, 1 / settings["scale"][unit.output_unit], settings["clip_dps"])
-    form = RangeForm(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
+    form = RangeFindings(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
     rest = form.at_rest(blocks, "rest_rate", "mean rate at rest, earth's part included")
@@ -64,7 +65,7 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     per_pulse = 1 / settings["scale"][unit.output_unit]
     blocks = range_blocks(data, unit, per_pulse, settings["clip_g"], feels_gravity=True)
-    form = RangeForm(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
+    form = RangeFindings(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
     rest = form.at_rest(blocks, "rest_output", "mean output at rest")
@@ -110,13 +111,13 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
 
 
 def _warmer_c(turning: Turning, low: Sequence[Turning]) -> float:
-    """How much the unit's temperature differs from that at the low rates; 0 where it is not known."""
+    """Temperature of the unit relative to that at the low rates; 0 if unknown."""
     difference_c = abs(turning.temperature_c - float(np.mean([each.temperature_c for each in low])))
     return float(np.nan_to_num(difference_c))
 
 
 def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -> bool:
-    """Whether the radius is not that of the bench file: another scale factor than is stated, or another place."""
+    """True if the radius differs from that of the bench file: another scale factor than stated, or another place."""
     if unit.arm_m is None:
         return False
     mount = next(each.mount for each in data.acquisitions if each.step == low.step)
@@ -125,8 +126,8 @@ def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -
     return abs(radius.value - stated_m) > ARM_U * float(np.hypot(radius.u, unit.arm_u_m))
 
 
-def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
-    """The arm as the sensor itself measures it; its scale factor is in it as it stands."""
+def _radius(form: RangeFindings, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
+    """Finding of the arm as measured by the sensor itself; it contains the error of the scale factor."""
     bench, radius_m = form.data.bench, arm.radius_m
     weights = np.array([each.steady.rate_dps**4 for each in low])
     harmonics = weights / weights.sum() * [2 * each.u_harmonics_dps / each.steady.rate_dps for each in low]

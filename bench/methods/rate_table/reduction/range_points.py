@@ -1,4 +1,4 @@
-"""The acquisitions of a range test: those at rest, those at a rate, and what cannot be used of them."""
+"""Acquisitions of a range test: those at rest, those at a rate, and the unusable ones."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ AT_REST_DPS = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """One rate: what the table was told, what it and the unit did, the change of the bias since its middle taken off.
+    """One rate: command, and means of table and unit, corrected for the drift of the bias from its middle.
 
-    `u_harmonics_dps` is what the encoder's errors over a turn do to the table's rate. `temperature_c` is that of the
-    unit, without the noise of its thermometer where the run allows that.
+    `u_harmonics_dps` is the uncertainty of the table's rate from encoder errors over a turn. `temperature_c` is that of
+    the unit, without the noise of its thermometer if the run permits.
     """
 
     step: str
@@ -39,7 +39,7 @@ class Turning:
 
 @dataclass(slots=True)
 class RangeBlocks:
-    """What a unit read in a range test. `left_out` are the paths of what cannot be used, `flags` say why."""
+    """Data of a unit in a range test. `left_out` are the paths of unusable acquisitions, `flags` give the reasons."""
 
     rest: Rest | None = None
     rest_steps: list[str] = field(default_factory=list)
@@ -49,13 +49,13 @@ class RangeBlocks:
 
     @property
     def bias(self) -> Steady:
-        """The reading at rest."""
+        """Bias at rest."""
         if self.rest is None:
             raise ValueError("nothing was read at rest")
         return Steady(self.rest.value, self.rest.u, 0.0, 0.0, saturated=False, dof=self.rest.dof)
 
     def leave_out(self, step: str, problems: Sequence[str]) -> None:
-        """An acquisition that cannot be used."""
+        """Leave out an unusable acquisition."""
         path = step.partition("/")[2]
         self.left_out.append(path)
         self.flags += [f"{step}: {problem}" for problem in problems]
@@ -64,14 +64,15 @@ class RangeBlocks:
 def range_blocks(
     data: RunData, unit: UnitUnderTest, per_pulse: float, clip: float, *, feels_gravity: bool = False
 ) -> RangeBlocks:
-    """The blocks of a unit in the order of the run; an output is what the unit says times `per_pulse`.
+    """Blocks of a unit in run order; the output is multiplied by `per_pulse`.
 
-    An accelerometer feels gravity: at rest the wobble of the axis, and its converter's dead band, where it is silent.
+    An accelerometer senses gravity: at rest the wobble of the axis, and possibly nothing within the dead band of its
+    converter.
     """
     found = RangeBlocks()
     at_rest: list[RestReading] = []
     turning: list[tuple[float, Turning]] = []
-    warmth: dict[float, MeanTemperature] = {}  # by the time of each
+    warmth: dict[float, MeanTemperature] = {}  # by mid-time
     for acquisition in data.acquisitions:
         samples, motion = table_samples(acquisition, unit), acquisition.motion
         problems = list(samples.problems)
@@ -115,7 +116,7 @@ def _without_drift(turning: Sequence[tuple[float, Turning]], rest: Rest) -> Iter
 
 
 def _of_one_scatter(turning: list[Turning]) -> list[Turning]:
-    """The same, each as uncertain as all together tell, where they scatter alike: one sensor does at all rates."""
+    """The same with the pooled uncertainty, if the scatter agrees: it is one sensor at all rates."""
     together = alike([Scatter(each.steady.u_output, each.steady.dof) for each in turning])
     if together is None:
         return turning

@@ -1,8 +1,7 @@
-"""Samples of an acquisition on a rate table: what the output of a unit and the table's encoder say at the same latches.
+"""Samples of an acquisition on a rate table: output of a unit and encoder at common latches.
 
-Pulses, or the ends of what a unit samples itself, and encoder are latched together, so that both have one clock. A
-sample is the mean over the interval before its time, and what both did in that interval is known without a model of
-either.
+Pulses, or the ends of the samples of a unit, and encoder are latched together, so that both have one clock. A sample is
+the mean over the interval before its time, and both changes in that interval are known without a model.
 """
 
 from __future__ import annotations
@@ -17,29 +16,29 @@ from bench.methods.rate_table.reduction.blocks import Block
 from bench.methods.rate_table.reduction.sampling import Kept, integration
 from bench.methods.rate_table.reduction.steady_rate import Steady
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature
-from bench.methods.rate_table.reduction.turning_readings import HARMONICS, TurningReadings, owed_to_the_table
+from bench.methods.rate_table.reduction.turning_readings import HARMONICS, TurningReadings, table_correlated
 from bench.metrology.acquisition import Array, Integers, Motion
 from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 
-PARTS = 40  # of a block, whose rates tell how certain that of the block is
+PARTS = 40  # parts of a block, whose rates give the uncertainty of that of the block
 PARTS_DOF = PARTS - 3 - 2 * HARMONICS
-BETWEEN_PARTS = 1.5  # variance of a rate over a part, over that of a rate between the means of two
-SATURATED = 0.01  # of the samples
-AT_CLIP = (1 - 2e-3, 1 + 1e-2)  # of the clip level, which is not known well; beyond is a glitch
+BETWEEN_PARTS = 1.5  # ratio of the variance of a rate over a part to that of a rate between the means of two
+SATURATED = 0.01  # share of the samples
+AT_CLIP = (1 - 2e-3, 1 + 1e-2)  # of the clip level, which is known inaccurately; beyond is a glitch
 TURN_DEG = 360.0
 
 
 @dataclass(frozen=True, slots=True)
 class TableSamples:
-    """Latches of one acquisition, (n,) by time since the first, and what is cumulative at each.
+    """Latches of one acquisition, (n,) by time since the first, with cumulative values at each.
 
-    `temperature` is the mean of the thermometer at the unit, not-a-number where it said nothing. `total` is what its
-    output has summed up to: net pulses, or code·s or V·s. `angle_deg` is that of the encoder over whole turns;
-    `interval_s` is the time between two latches, `problems` make the acquisition unusable. `behind` is by how
-    much the converter's pulses stood behind for its play, which is no longer in `total`. Of samples that came at the
-    latches `sampled` is what they leave of a sine, None of what was counted up; `step_of_codes` is how far two codes
-    are apart, and `hidden_u` what that hides from a mean. `readings` are those that were taken at other times.
+    `temperature` is the mean of the thermometer at the unit, not-a-number without readings. `total` is the cumulative
+    output: net pulses, or code·s or V·s. `angle_deg` is that of the encoder including whole turns; `interval_s` is the
+    time between two latches, `problems` make the acquisition unusable. `behind` is the lag from converter hysteresis
+    that was removed from `total`. For samples that came at the latches `sampled` is their response to a sine, None for
+    counted outputs; `step_of_codes` is the quantisation step, and `hidden_u` the quantisation uncertainty of a mean.
+    `readings` are those taken at other times.
     """
 
     step: str
@@ -59,22 +58,22 @@ class TableSamples:
     readings: TurningReadings | None = None
 
     def block(self, per_pulse: float) -> Block:
-        """Sample by sample: time, the encoder's angle then, and the mean output before; a pulse is so much of it.
+        """Samples as a block: time, the encoder's angle then, and the mean output before, in units of `per_pulse`.
 
-        What follows a lost latch is left out, since it is a mean over another interval.
+        Samples after a lost latch are left out, since they are means over another interval.
         """
         whole = np.diff(self.latch) == 1
         output = np.diff(self.total) / np.diff(self.time_s) * per_pulse
         return Block(self.time_s[1:][whole], self.angle_deg[1:][whole], output[whole], int(np.ptp(self.latch)))
 
     def swing(self, per_pulse: float) -> Block:
-        """What tells most of a sine: the samples themselves, or what was counted up to each latch."""
+        """Best data for the fit of a sine: the samples themselves, or the cumulative counts at each latch."""
         if self.sampled is None:
             return self.summed(per_pulse)
         return replace(self.block(per_pulse), rounding=self.step_of_codes * abs(per_pulse), kept=self.sampled)
 
     def summed(self, per_pulse: float) -> Block:
-        """Latch by latch: time, angle, and what the output has summed up to; a lost latch is no loss."""
+        """Cumulative data by latch: time, angle and output; a lost latch does not matter."""
         scheduled = int(np.ptp(self.latch)) + 1
         behind = None if self.behind is None else self.behind * per_pulse
         return Block(
@@ -88,10 +87,10 @@ class TableSamples:
 
 
 def steady(samples: TableSamples, per_pulse: float, clip: float | None = None) -> Steady:
-    """Mean output and table rate over whole turns, or over all of it where there is none (equations 1.7).
+    """Mean output and table rate over whole turns, or over all data if there is none (equations 1.7).
 
-    Both are between the same two latches, so that an unevenness of the table is the same in both. Readings at other
-    times tell what the output is at that rate.
+    Both are between the same two latches, so that unevenness of the table is common to both. Readings at other times
+    are corrected to that rate.
     """
     last = _whole_turns(samples.angle_deg)
     span_s = float(samples.time_s[last])
@@ -112,22 +111,22 @@ def steady(samples: TableSamples, per_pulse: float, clip: float | None = None) -
 
 
 def _u_mean(samples: TableSamples, last: int) -> float:
-    """Of the mean up to a latch: the steps of counting at both ends, or of codes, and what its parts scatter by.
+    """Standard uncertainty of the mean up to a latch: counting at both ends, or quantisation, and scatter of its parts.
 
-    What the parts owe to the table, which turns a little unevenly and takes the sensor through gravity, is no scatter.
+    The part of the scatter correlated with the table, from its uneven rate and from gravity, is removed.
     """
     edges = np.linspace(0, last, PARTS + 1).astype(np.int64)
-    fit = _fitted(_between_parts(samples.total, samples, edges), _owed_to_the_table(samples, edges))
+    fit = _fitted(_between_parts(samples.total, samples, edges), _table_correlated(samples, edges))
     scatter = fit.residual_sd * np.sqrt(BETWEEN_PARTS / PARTS)
     steps = RESOLUTION_COUNTS / samples.time_s[last] if samples.sampled is None else samples.hidden_u
     return float(np.hypot(scatter, steps))
 
 
 def _between_parts(cumulative: Array, samples: TableSamples, edges: Integers) -> Array:
-    """The rate of something cumulative (n,) from the mean over each part to that over the next.
+    """Rate of something cumulative (n,) from the mean over each part to that over the next.
 
-    The steps of counting average out in the means. Of white noise such a rate has 2/3 of the variance that the rate
-    over a part has.
+    Counting errors average out in the means. For white noise such a rate has 2/3 of the variance of the rate over a
+    part.
     """
     centre_s, centre = (
         np.add.reduceat(values[: edges[-1]], edges[:-1]) / np.diff(edges) for values in (samples.time_s, cumulative)
@@ -135,8 +134,8 @@ def _between_parts(cumulative: Array, samples: TableSamples, edges: Integers) ->
     return np.asarray(np.diff(centre) / np.diff(centre_s))
 
 
-def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[Array]]:
-    """Of the same parts: the table's rate, and harmonics of the angle."""
+def _table_correlated(samples: TableSamples, edges: Integers) -> Iterator[list[Array]]:
+    """Table-correlated regressors of the same parts: the table's rate, and harmonics of the angle."""
     angle = np.radians(samples.angle_deg)
     table_dps = _between_parts(samples.angle_deg, samples, edges)
     waves = [
@@ -144,11 +143,11 @@ def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[
         for order in range(1, HARMONICS + 1)
         for wave in (np.cos, np.sin)
     ]
-    return owed_to_the_table(table_dps - np.mean(table_dps), waves)
+    return table_correlated(table_dps - np.mean(table_dps), waves)
 
 
 def _fitted(values: Array, designs: Iterable[list[Array]]) -> LinearFit:
-    """The fit of the first design whose coefficients the values (n,) determine."""
+    """Fit of the first design matrix whose coefficients the values (n,) determine."""
     for columns in designs:
         with suppress(NotDetermined):
             return least_squares(np.column_stack(columns), values)
@@ -156,7 +155,7 @@ def _fitted(values: Array, designs: Iterable[list[Array]]) -> LinearFit:
 
 
 def harmonics_u_dps(samples: TableSamples, harmonics_u_deg: tuple[float, ...]) -> float:
-    """What the errors of the encoder over a turn do to the rate of `steady`: nothing over whole turns, all but that.
+    """Effect of encoder errors over a turn on the rate of `steady`: zero over whole turns.
 
     Harmonic n differs between angles θ apart by up to 2 sin(nθ/2) of its amplitude.
     """
@@ -167,7 +166,7 @@ def harmonics_u_dps(samples: TableSamples, harmonics_u_deg: tuple[float, ...]) -
 
 
 def _whole_turns(angle_deg: Array) -> int:
-    """The latch nearest to the most whole turns after the first; the last where there is no whole turn."""
+    """Latch nearest to the largest number of whole turns after the first; the last one without a whole turn."""
     turned = np.abs(angle_deg - angle_deg[0])
     turns = np.floor(turned[-1] / TURN_DEG)
     return int(np.argmin(np.abs(turned - turns * TURN_DEG))) if turns else len(angle_deg) - 1
@@ -179,6 +178,6 @@ def _share_at(clip: float, output: Array) -> float:
 
 
 def mean_c(temperatures_c: Sequence[float]) -> float | None:
-    """The mean of those that are known; None without one."""
+    """Mean of the known temperatures; None without one."""
     known = [each for each in temperatures_c if np.isfinite(each)]
     return float(np.mean(known)) if known else None

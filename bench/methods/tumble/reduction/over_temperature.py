@@ -1,4 +1,4 @@
-"""What the dwells of a unit tell over temperature: slopes, hysteresis, residuals, tilt, and whether the run closes."""
+"""Results of the dwells of a unit over temperature: slopes, hysteresis, residuals, tilt, and stability check."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
 
 @dataclass(frozen=True, slots=True)
 class TumbleOverTemperature:
-    """`models` are those of the highest degree, `lines` the straight ones; None where the temperatures allow none.
+    """`models` are those of the highest degree, `lines` the straight ones; None if the temperatures permit none.
 
-    `per_c` is what an error of 1 °C of the thermometer does at the dwells (n,), None without a model. Coefficients are
-    told about `reference_c`.
+    `per_c` is the effect of a thermometer error of 1 °C at the dwells (n,), None without a model. Coefficients refer to
+    `reference_c`.
     """
 
     of: TumbleUnit
@@ -68,7 +68,7 @@ class TumbleOverTemperature:
         )  # fmt: skip
 
     def tilt(self) -> Iterator[Finding]:
-        """What the bias makes of the unit as a tilt meter, with a constant and with the model of K0."""
+        """Tilt error of the unit as a tilt meter, with a constant and with the model of K0."""
         model = self.models["K0"]
         if model is None:
             return iter(())
@@ -78,10 +78,10 @@ class TumbleOverTemperature:
         return tilt_findings(bias_g, bias_g - model.residuals, origin)
 
     def closure(self) -> Finding | None:
-        """The bias of the last dwell less that of the first, where the profile returns to its first temperature.
+        """Bias of the last dwell minus that of the first, if the profile returns to its first temperature.
 
-        The two stood at slightly different temperatures, which the model brings together. Of all sources only what
-        is new in each reading, and the drift of the thermometer between them, is not common to both.
+        A slight difference of temperature is corrected by the model. Only errors independent between readings, and the
+        drift of the thermometer in between, do not cancel.
         """
         if not self.of.dwells:
             return None
@@ -95,7 +95,7 @@ class TumbleOverTemperature:
         return self._of_dwells("K0/closure", name, change, 1.0, (first, last), float(drifted[-1] - drifted[0]))
 
     def _coefficient(self, quantity: str, line: PolynomialFit, per_c: Array, relative: float) -> Finding:
-        """The slope of the straight line through the unit as it was at the dwells (docs/decisions/0057)."""
+        """Slope of the straight line, for the unit as it was at the dwells (docs/decisions/0057)."""
         gain = line.fit.gain[1] / line.scale * relative
         lines = [
             *self.of.own_over_dwells(quantity, gain),
@@ -110,7 +110,7 @@ class TumbleOverTemperature:
         )
 
     def _about_reference(self, quantity: str, model: PolynomialFit, per_c: Array) -> Iterator[Finding]:
-        """The first coefficients of the model's series about the reference temperature."""
+        """First coefficients of the model's series about the reference temperature."""
         origin = Origin(
             subject=self.of.subject,
             steps=(self.of.root,),
@@ -131,9 +131,9 @@ class TumbleOverTemperature:
         by_drift: float,
         interval: Interval | None = None,
     ) -> Finding:
-        """A value of one or two dwells, as uncertain as what is new in their readings: all else they have in common.
+        """Finding from one or two dwells; only errors independent between readings do not cancel.
 
-        `by_drift` is what the drift of the thermometer gives it beside, before it is made `relative`.
+        `by_drift` is the contribution of the drift of the thermometer, before it is made `relative`.
         """
         lines = self.of.own(quantity.partition("/")[0], [(dwell, relative) for dwell in dwells])
         lines.append(self.of.drift.line(by_drift * relative))

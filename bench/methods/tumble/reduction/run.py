@@ -1,7 +1,7 @@
 """Method M4a: bias, scale factor, K2 and misalignment at each dwell, and their models over temperature.
 
 Type A is the scatter of the readings about their tumbles, pooled over the run; type B comes from the certificates of
-the bench by the derivatives of the solution. The temperature is what the unit's thermometer says.
+the bench by the derivatives of the solution. The temperature is that of the unit's thermometer.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ MODELLED = ("K0", "K1")
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The findings and models of every unit.
+    """Reduce a run to the findings and models of every unit.
 
-    `settings` has the degree of the temperature models, the temperature about which their coefficients are told, and
-    how far the bias may be from where it began when the profile has come back to its first temperature: beyond that
-    every verdict is marginal.
+    `settings` has the degree of the temperature models, the reference temperature of their coefficients, and the
+    maximum change of the bias when the profile has returned to its first temperature: beyond it every verdict is
+    marginal.
     """
     return [_Unit(data, unit, settings).result() for unit in data.units]
 
 
 @dataclass(frozen=True, slots=True)
 class TumbleAngles:
-    """How many angles a tumble had, and which further terms they separate, for a report."""
+    """Number of angles of a tumble, and the further terms that they separate, for a report."""
 
     angles: int
     extra: tuple[str, ...]
 
 
 class _Unit:
-    """The reduction of one unit."""
+    """Reduction of one unit."""
 
     def __init__(self, data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> None:
         degree, self._settings = settings["degree"], settings
@@ -80,14 +80,14 @@ class _Unit:
         )
 
     def _compensations(self) -> Iterator[Compensation]:
-        """How an output becomes an acceleration, by the models of the highest degree."""
+        """Conversion of an output to an acceleration, by the models of the highest degree."""
         bias, scale = (self._models[quantity] for quantity in MODELLED)
         if bias is not None and scale is not None:
             unit, scale_model = self._of.unit, self._model("K1", scale)
             yield Compensation(unit.measured_by, unit.output_unit, "g", scale=scale_model, bias=self._model("K0", bias))
 
     def _fit(self, quantity: str, degree: int) -> PolynomialFit | None:
-        """The model of the highest degree up to `degree` that the temperatures allow."""
+        """Model of the highest degree up to `degree` that the temperatures permit."""
         allowed = min(degree, len({dwell.set_c for dwell in self._of.dwells}) - 1)
         if allowed < degree:
             self._flags.append(f"{quantity}:too_few_temperatures")
@@ -101,7 +101,7 @@ class _Unit:
             return None
 
     def _fits(self, quantity: str) -> Iterator[PolynomialFit]:
-        """The model, and the straight line unless the model is one."""
+        """Model, and the straight line unless the model is one."""
         model, line = self._models[quantity], self._lines[quantity]
         if model is not None:
             yield model

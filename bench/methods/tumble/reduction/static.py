@@ -53,7 +53,7 @@ class TumbleRecord:
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
-    """The tumble at one visit of a set point, in V; `temperature_c` is the mean of what the thermometer said."""
+    """Tumble at one visit of a set point, in V; `temperature_c` is the mean of the thermometer."""
 
     cycle: int
     leg: str
@@ -65,7 +65,7 @@ class Dwell:
 
 @dataclass(frozen=True, slots=True)
 class Characteristic:
-    """One quantity over temperature; a part is None when there are too few temperatures for it."""
+    """One quantity over temperature; a part is None if there are too few temperatures for it."""
 
     polynomial: PolynomialFit | None
     line: PolynomialFit | None
@@ -84,11 +84,11 @@ class StaticCharacteristic:
 
 
 def reduce_static(record: TumbleRecord, degree: int | None = None) -> StaticCharacteristic:
-    """The tumbles and their temperature models.
+    """Reduce a record to tumbles and their temperature models.
 
     A dwell is solved from all its good readings: at four positions least squares go through the mean of each. A dwell
-    with a position that has no good reading is left out and flagged. `degree` is that of the temperature models; a
-    degree that the temperatures do not allow is reduced and flagged, None chooses it by the data among 1 to 4.
+    with a position without a good reading is left out and flagged. `degree` is that of the temperature models; a degree
+    that the temperatures do not permit is reduced and flagged, None chooses it by the data among 1 to 4.
     """
     flags: list[str] = []
     excluded: Counter[str] = Counter()
@@ -99,7 +99,7 @@ def reduce_static(record: TumbleRecord, degree: int | None = None) -> StaticChar
 
 
 def _dwells(record: TumbleRecord, flags: list[str], excluded: Counter[str]) -> Iterator[Dwell]:
-    """The dwells that are complete; what is missing goes to `flags` and `excluded`."""
+    """Complete dwells; missing data are added to `flags` and `excluded`."""
     keys = np.stack([record.cycle, record.dwell, record.leg == "down", record.set_c], axis=-1)
     placed = np.isfinite(keys).all(axis=-1) & np.isfinite(record.position_deg) & np.isin(record.leg, ("up", "down"))
     _count(excluded, "missing", ~placed)
@@ -129,7 +129,7 @@ def _dwells(record: TumbleRecord, flags: list[str], excluded: Counter[str]) -> I
 
 
 def _names(angle_deg: Array) -> dict[float, str]:
-    """What this record calls each of the four positions: 91 where it was visited at 91° always, else whole degrees."""
+    """Name in this record of each of the four positions: 91 if always visited at 91°, else whole degrees."""
     names = {}
     for position_deg in FOUR_POINTS_DEG:
         away_deg = turn_between_deg(position_deg, angle_deg)
@@ -140,7 +140,7 @@ def _names(angle_deg: Array) -> dict[float, str]:
 
 
 def _good(dwell: TumbleRecord, excluded: Counter[str]) -> TumbleRecord:
-    """The readings of one dwell that count: present, valid, with a working thermometer, each repetition once."""
+    """Readings of one dwell that count: present, valid, with a working thermometer, each repetition once."""
     present = np.isfinite(dwell.measured_c) & np.isfinite(dwell.output_v)
     _count(excluded, "missing", ~present)
     _count(excluded, "invalid", present & ~dwell.valid)
@@ -154,7 +154,7 @@ def _good(dwell: TumbleRecord, excluded: Counter[str]) -> TumbleRecord:
 
 
 def _first_of_each(dwell: TumbleRecord) -> NDArray[np.int_]:
-    """Row numbers of the first row of each repetition of each position."""
+    """Indices of the first row of each repetition of each position."""
     reading = np.stack([dwell.position_deg, np.nan_to_num(dwell.repetition, nan=-1)], axis=-1)
     return np.sort(np.unique(reading, axis=0, return_index=True)[1])
 
