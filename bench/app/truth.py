@@ -7,12 +7,11 @@ would otherwise be in the truth too. An import contract holds that.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 from bench.app.laboratory import Laboratory
 from bench.metrology.acquisition import Acquisition
-from bench.metrology.run_data import UnitUnderTest
 from bench.reduce.stored_run import StoredRun
 from bench.sequence.method import CountsAt
 from simulators.physics.attitude import Mount
@@ -33,12 +32,36 @@ def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
     return truth
 
 
-def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUnderTest, Acquisition]]:
-    """What methods that count so measured, with the key that it has in the truth."""
+class _Measured(NamedTuple):
+    """An acquisition of one unit: the label and the place of the unit, and by which names the record has its inputs."""
+
+    label: str
+    place: str
+    temperature: str
+    source: str
+    acquired: Acquisition
+
+    def key(self, step: str) -> str:
+        """The key of a step, or of a group of steps, in the truth."""
+        return f"{self.label}/{self.place}@{step}"
+
+
+def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[_Measured]:
+    """What methods that count so measured, in the order of the record."""
     for data in stored.counted_at(counted_at):
         for unit in data.units:
-            for acquisition in data.acquisitions:
-                yield f"{data.label}/{unit.place}@{acquisition.step}", unit, acquisition
+            for acquired in data.acquisitions:
+                yield _Measured(data.label, unit.place, unit.temperature, unit.source, acquired)
+
+
+def _by(
+    stored: StoredRun, counted_at: CountsAt, belongs_to: Callable[[Acquisition], str]
+) -> dict[str, list[_Measured]]:
+    """The same by what acquisitions of a unit belong to, under the keys that this has in the truth."""
+    found: dict[str, list[_Measured]] = {}
+    for each in _each(stored, counted_at):
+        found.setdefault(each.key(belongs_to(each.acquired)), []).append(each)
+    return found
 
 
 def _lies(acquisition: Acquisition) -> Lies:
@@ -48,76 +71,71 @@ def _lies(acquisition: Acquisition) -> Lies:
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
 
 
+def _middle_s(acquisition: Acquisition) -> float:
+    return (acquisition.begin_s + acquisition.end_s) / 2
+
+
 def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
     """The dwells of a run as the truth wants to know them: when, how warm, at which angles."""
-    found = []
-    for data in stored.counted_at("dwells"):
-        for unit in data.units:
-            found += [_dwell(data.label, unit, group, members) for group, members in data.groups().items()]
-    return found
+    dwells = _by(stored, "dwells", lambda acquired: acquired.group.partition("/")[2])
+    return [_dwell(key, members[0], [each.acquired for each in members]) for key, members in dwells.items()]
 
 
-def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition]) -> DwellAsMeasured:
+def _dwell(key: str, first: _Measured, members: Sequence[Acquisition]) -> DwellAsMeasured:
     return DwellAsMeasured(
-        key=f"{label}/{unit.place}@{group.partition('/')[2]}",
-        place=unit.place,
+        key=key,
+        place=first.place,
         at_s=math.fsum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
-        temperature_c=math.fsum(each.temperatures_c[unit.temperature].mean() for each in members) / len(members),
+        temperature_c=math.fsum(each.temperatures_c[first.temperature].mean() for each in members) / len(members),
         lies=tuple(_lies(member) for member in members),
-        each_s=tuple((member.begin_s + member.end_s) / 2 for member in members),
+        each_s=tuple(_middle_s(member) for member in members),
     )
 
 
 def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
     """The windows of a run, each of each inertial unit."""
-    for key, unit, window in _each(stored, "windows"):
-        yield WindowAsMeasured(key, unit.place, (window.begin_s + window.end_s) / 2)
+    for each in _each(stored, "windows"):
+        yield WindowAsMeasured(each.key(each.acquired.step), each.place, _middle_s(each.acquired))
 
 
 def _readings(stored: StoredRun) -> list[LegAsMeasured]:
     """The single readings of methods that count in records of their own: what each unit became stable at last."""
     return [
-        LegAsMeasured(key, unit.place, each.end_s - (each.over_s or each.end_s - each.begin_s), each.end_s, _lies(each))
-        for key, unit, each in _each(stored, "records")
+        _leg(each, each.acquired.end_s - (each.acquired.over_s or each.acquired.end_s - each.acquired.begin_s))
+        for each in _each(stored, "records")
     ]
 
 
 def _legs(stored: StoredRun) -> list[LegAsMeasured]:
     """The legs of temperature ramps, an acquisition each."""
-    return [
-        LegAsMeasured(key, unit.place, leg.begin_s, leg.end_s, _lies(leg)) for key, unit, leg in _each(stored, "ramps")
-    ]
+    return [_leg(each, each.acquired.begin_s) for each in _each(stored, "ramps")]
+
+
+def _leg(each: _Measured, begin_s: float) -> LegAsMeasured:
+    acquired = each.acquired
+    return LegAsMeasured(each.key(acquired.step), each.place, begin_s, acquired.end_s, _lies(acquired))
 
 
 def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
     """The acquisitions at one input level each."""
     return [
         LevelAsMeasured(
-            key, unit.place, level.begin_s, level.end_s, _lies(level),
-            source_a=level.sources_told_a.get(unit.source, 0.0) if level.input == "source" else None,
+            each.key(level.step), each.place, level.begin_s, level.end_s, _lies(level),
+            source_a=level.sources_told_a.get(each.source, 0.0) if level.input == "source" else None,
         )
-        for key, unit, level in _each(stored, "levels")
+        for each in _each(stored, "levels") for level in (each.acquired,)
     ]  # fmt: skip
 
 
 def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
-    """The ladders of small steps; where they began is their position."""
+    """The ladders of small steps, by the loop variable `position`; where they began is their position."""
+    ladders = _by(stored, "steps", lambda acquired: f"position={acquired.loops.get('position', 0.0):g}")
     return [
         LadderAsMeasured(
-            key=f"{data.label}/{unit.place}@position={position:g}",
-            place=unit.place,
-            at_s=(members[0].begin_s + members[-1].end_s) / 2,
-            lies=_lies(members[0]),
+            key=key,
+            place=steps[0].place,
+            at_s=(steps[0].acquired.begin_s + steps[-1].acquired.end_s) / 2,
+            lies=_lies(steps[0].acquired),
         )
-        for data in stored.counted_at("steps")
-        for unit in data.units
-        for position, members in _ladders_of(data.acquisitions).items()
+        for key, steps in ladders.items()
     ]
-
-
-def _ladders_of(acquisitions: Sequence[Acquisition]) -> dict[float, list[Acquisition]]:
-    """The acquisitions of each ladder, by the loop variable `position`."""
-    found: dict[float, list[Acquisition]] = {}
-    for acquisition in acquisitions:
-        found.setdefault(acquisition.loops.get("position", 0.0), []).append(acquisition)
-    return found
