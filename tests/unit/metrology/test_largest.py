@@ -18,7 +18,7 @@ COURSES = {
 }
 
 
-def trials(course, sds, count=300):
+def trials(course, sds, count=150):
     """Errors, uncertainties and ends of intervals about the truth, (n, 4)."""
     rng, true = np.random.default_rng(5), max(float(np.max(np.abs(each))) for each in course)
     rows = []
