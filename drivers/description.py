@@ -148,13 +148,3 @@ def check_identity(device: str, pin: IdentityPin, found: Identity) -> None:
                 device, f"{what} is '{answered}', the bench file says '{expected}'",
                 remedy="Check that the right instrument is on this port, or correct the bench file.",
             )  # fmt: skip
-
-
-def still_the_same(device: str, before: Identity | None, found: Identity, received: str) -> Identity:
-    """The identity found; raises WrongIdentity, with what was received, if it differs from an earlier one."""
-    if before not in (None, found):
-        raise WrongIdentity(
-            device, "another instrument has taken its place", received=received,
-            remedy="Put the right instrument back at this address and run again.",
-        )  # fmt: skip
-    return found

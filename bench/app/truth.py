@@ -13,12 +13,14 @@ from typing import Any, NamedTuple
 from bench.app.laboratory import Laboratory
 from bench.metrology.acquisition import Acquisition
 from bench.reduce.stored_run import StoredRun
-from bench.sequence.method import CountsAt
+from bench.sequence.method import CountsAt, known_methods
+from drivers.installed import loaded
 from simulators.physics.attitude import Mount
 from simulators.truth.channel import LevelAsMeasured, levels_record
 from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Lies, truth_record
 from simulators.truth.imu import WindowAsMeasured, imu_record
 from simulators.truth.ladder import LadderAsMeasured, ladders_record
+from simulators.world import World
 
 
 def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
@@ -29,7 +31,17 @@ def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
     truth |= levels_record(world, _levels(stored))
     if world.imus:
         truth |= imu_record(world, list(_windows(stored)))
-    return truth
+    return truth | _own_truth(stored, world)
+
+
+def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
+    """What methods know themselves of the truth of their data, by method and label; nothing where none does."""
+    found: dict[str, dict[str, Any]] = {}
+    for entry in stored.sequence.results:
+        target = known_methods()[entry.method].truth
+        if target:
+            found.setdefault(entry.method, {})[entry.data] = loaded(target)(stored.data(entry.data), world)
+    return {"methods": found} if found else {}
 
 
 class _Measured(NamedTuple):
@@ -64,8 +76,8 @@ def _by(
     return found
 
 
-def _lies(acquisition: Acquisition) -> Lies:
-    """The angles of the table that the bench knows of, and the mount."""
+def orientation(acquisition: Acquisition) -> Lies:
+    """How the bench knows that a unit lay: the angles of the table, and the mount."""
     mount = acquisition.mount
     angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
@@ -87,7 +99,7 @@ def _dwell(key: str, first: _Measured, members: Sequence[Acquisition]) -> DwellA
         place=first.place,
         at_s=math.fsum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
         temperature_c=math.fsum(each.temperatures_c[first.temperature].mean() for each in members) / len(members),
-        lies=tuple(_lies(member) for member in members),
+        lies=tuple(orientation(member) for member in members),
         each_s=tuple(_middle_s(member) for member in members),
     )
 
@@ -113,14 +125,14 @@ def _legs(stored: StoredRun) -> list[LegAsMeasured]:
 
 def _leg(each: _Measured, begin_s: float) -> LegAsMeasured:
     acquired = each.acquired
-    return LegAsMeasured(each.key(acquired.step), each.place, begin_s, acquired.end_s, _lies(acquired))
+    return LegAsMeasured(each.key(acquired.step), each.place, begin_s, acquired.end_s, orientation(acquired))
 
 
 def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
     """The acquisitions at one input level each."""
     return [
         LevelAsMeasured(
-            each.key(level.step), each.place, level.begin_s, level.end_s, _lies(level),
+            each.key(level.step), each.place, level.begin_s, level.end_s, orientation(level),
             source_a=level.sources_told_a.get(each.source, 0.0) if level.input == "source" else None,
         )
         for each in _each(stored, "levels") for level in (each.acquired,)
@@ -135,7 +147,7 @@ def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
             key=key,
             place=steps[0].place,
             at_s=(steps[0].acquired.begin_s + steps[-1].acquired.end_s) / 2,
-            lies=_lies(steps[0].acquired),
+            lies=orientation(steps[0].acquired),
         )
         for key, steps in ladders.items()
     ]

@@ -83,6 +83,14 @@ def new_driver(name: str, kind: str, out: Path) -> None:
         sys.stdout.write(f"{path}\n")
 
 
+def new_method(name: str, out: Path) -> None:
+    """Write a method of a plug-in's own, with words, case, truth and tests, that works as it is, to start from."""
+    from bench.app.new_method import write_method
+
+    for path in write_method(name, out):
+        sys.stdout.write(f"{path}\n")
+
+
 def new_sequence(name: str, folder: Path) -> None:
     """Write a commented sequence that runs on the shipped simulated bench, to start from."""
     from bench.sequence.document.starter import write_starter
@@ -115,6 +123,10 @@ COMMANDS = (
     Command("new driver", new_driver, (
         argument("NAME", "The name of the driver, such as my_chamber."),
         option("--kind ROLE", "Kind of device, as in the needs of a sequence.", default="thermal_chamber"),
+        option("--out DIR", "Directory for its package.", read=Path, default=Path()),
+    )),
+    Command("new method", new_method, (
+        argument("NAME", "The name of the method, such as my_drift."),
         option("--out DIR", "Directory for its package.", read=Path, default=Path()),
     )),
     Command("new sequence", new_sequence, (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from dataclasses import replace
 from typing import Any, assert_never
 
 from bench.engine import measuring, recording, steadiness, waiting
@@ -221,5 +222,5 @@ def _told(value: Quantity | str) -> dict[str, Any]:
 async def _custom(step: Custom, bench: Bench) -> Found:
     description = known_steps()[step.name]
     settings = description.settings.model_validate(dict(step.settings))
-    found: Found = await loaded(description.target)(settings, bench)
+    found: Found = await loaded(description.target)(settings, replace(bench, role=step.role))
     return found if step.value_name is None else {**found, "as": step.value_name}

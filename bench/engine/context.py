@@ -22,7 +22,7 @@ Found = Mapping[str, Any]  # what a step found, for the journal
 class Bench:
     """What a step acts with. `angles_deg` are where the last moves went, by role; `numbered` is what sends numbers.
 
-    `credit` is that of a soak of a resumed run.
+    `credit` is that of a soak of a resumed run, `role` the one that a plug-in's step names.
     """
 
     file: BenchFile
@@ -35,3 +35,4 @@ class Bench:
     numbered: Numbered
     angles_deg: dict[str, float] = field(default_factory=dict)
     credit: SoakCredit | None = None
+    role: str | None = None

@@ -1,7 +1,8 @@
 """The words of a report in the language of its reader.
 
 A text is written in English where it is used, as `tr("Dwell {number}", number=3)`, and looked up in the catalogue of
-the language, `translations/zh.json`, whose keys are those texts. What a catalogue does not have is shown in English.
+the language, `translations/zh.json`, whose keys are those texts, and then in what methods of plug-ins bring. What no
+catalogue has is shown in English.
 """
 
 from __future__ import annotations
@@ -13,6 +14,9 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
+
+from bench.sequence.method import shipped_first
+from drivers.installed import loaded
 
 ENGLISH = "en"
 LANGUAGES = (ENGLISH, "zh")
@@ -58,4 +62,6 @@ def catalogue_of(name: str) -> Mapping[str, str]:
     if name == ENGLISH:
         return {}
     found: dict[str, str] = json.loads((TRANSLATIONS / f"{name}.json").read_text(encoding="utf-8"))
+    for target in {method.translations: None for method in shipped_first() if method.translations}:
+        found = {**loaded(target).get(name, {}), **found}
     return found

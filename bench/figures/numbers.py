@@ -3,94 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from functools import lru_cache
 
 from bench.figures.languages import tr
 from bench.metrology.results.finding import LOWER_BOUND, Finding, Interval
+from bench.sequence.method import shipped_first
+from drivers.quantity.units import parse_unit
 
-# How a quantity is shown to a person: the factor from its unit, and the unit shown.
-SHOWN = {
-    "K0": (1e6, "µg"),
-    "K2": (1e6, "µg/g²"),
-    "misalignment": (1e6, "µrad"),
-    "K3": (1e6, "µg/g³"),
-    "Kip": (1e6, "µg/g²"),
-    "asymmetry": (1e6, "ppm"),
-    "K0/closure": (1e6, "µg"),
-    "level/closure": (1e6, "µrad"),
-    "K0/sd": (1e6, "µg"),
-    "K1/sd": (1e6, "ppm"),
-    "misalignment/sd": (1e6, "µrad"),
-    "K0/temperature_coefficient": (1e6, "µg/°C"),
-    "K1/temperature_coefficient": (1e6, "ppm/°C"),
-    "K0T1": (1e6, "µg/°C"),
-    "K0T2": (1e6, "µg/°C²"),
-    "K1T1": (1e6, "ppm/°C"),
-    "K1T2": (1e6, "ppm/°C²"),
-    "K0/hysteresis": (1e6, "µg"),
-    "K1/hysteresis": (1e6, "ppm"),
-    "K0/model_residual": (1e6, "µg"),
-    "K0/model_residual_rms": (1e6, "µg"),
-    "K0/repeatability": (1e6, "µg"),
-    "K0/largest_jump": (1e6, "µg"),
-    "K0/jump": (1e6, "µg"),
-    "K0/jumps": (1.0, ""),
-    "K1/model_residual": (1e6, "ppm"),
-    "D0": (3600.0, "°/h"),
-    "gyro_misalignment": (1e6, "µrad"),
-    "g_sensitivity": (3600.0, "°/h/g"),
-    "K0/change": (1e6, "µg"),
-    "K1/change": (1e6, "ppm"),
-    "D0/change": (3600.0, "°/h"),
-    "KG/change": (1e6, "ppm"),
-    "K0/interpolation": (1e6, "µg"),
-    "K1/interpolation": (1e6, "ppm"),
-    "D0/interpolation": (3600.0, "°/h"),
-    "KG/interpolation": (1e6, "ppm"),
-    "K1/repeatability": (1e6, "ppm"),
-    "D0/repeatability": (3600.0, "°/h"),
-    "KG/repeatability": (1e6, "ppm"),
-    "K0/power_on": (1e6, "µg"),
-    "K1/power_on": (1e6, "ppm"),
-    "D0/power_on": (3600.0, "°/h"),
-    "KG/power_on": (1e6, "ppm"),
-    "K0/warm": (1e6, "µg"),
-    "K1/warm": (1e6, "ppm"),
-    "D0/warm": (3600.0, "°/h"),
-    "KG/warm": (1e6, "ppm"),
-    "K0/settling": (1 / 60, "min"),
-    "K1/settling": (1 / 60, "min"),
-    "D0/settling": (1 / 60, "min"),
-    "KG/settling": (1 / 60, "min"),
-    "rest_rate": (3600.0, "°/h"),
-    "rate_error/relative": (1e6, "ppm"),
-    "rest_output": (1e6, "µg"),
-    "acceleration_error": (1e6, "µg"),
-    "acceleration_error/relative": (1e6, "ppm"),
-    "saturated_points": (1.0, ""),
-    "scale_error": (1e6, "ppm"),
-    "nonlinearity/cubic": (1e6, "ppm"),
-    "nonlinearity/quadratic": (1e6, "ppm"),
-    "radius": (1e3, "mm"),
-    "lever_arm/x": (1e3, "mm"),
-    "lever_arm/y": (1e3, "mm"),
-    "gain": (1.0, ""),
-    "threshold": (1e6, "µg"),
-    "resolution": (1e6, "µg"),
-    "rate/relative_temperature_coefficient": (1e6, "ppm/°C"),
-    "rate/model_residual": (1e6, "ppm"),
-    "rate/drift": (1e6, "ppm"),
-    "current": (1e3, "mA"),
-    "current/deviation": (1e6, "ppm"),
-    "deviation/raw": (100.0, "%"),
-    "deviation/normalised": (100.0, "%"),
-    "tempco_scale": (1e6, "ppm/°C"),
-    "scale_difference": (1e6, "ppm"),
-    "seat_tilt": (1e6, "µrad"),
-    "linearity": (1e6, "ppm"),
-    "hysteresis": (1e6, "µg"),
-    "verification/largest": (1e6, "µg"),
-    "verification/rms": (1e6, "µg"),
-}
+
+@lru_cache(maxsize=1024)
+def scale_shown(quantity: str, unit: str) -> tuple[float, str]:
+    """The factor from `unit` to the unit in which a quantity is shown, and that unit.
+
+    Methods state them (`MethodDescription.shown`): the first of the same dimension is taken, else `unit` itself.
+    """
+    for symbol in _units_shown().get(quantity, ()):
+        own, other = parse_unit(unit), parse_unit(symbol or "1")
+        if own.dimension == other.dimension:
+            return float(own.factor / other.factor), symbol
+    return 1.0, unit
+
+
+@lru_cache(maxsize=1)
+def _units_shown() -> Mapping[str, list[str]]:
+    """The units in which methods show each quantity."""
+    found: dict[str, list[str]] = {}
+    for method in shipped_first():
+        for quantity, symbol in method.shown.items():
+            found.setdefault(quantity, []).append(symbol)
+    return found
 
 
 def shown(finding: Finding) -> str:
@@ -98,7 +40,7 @@ def shown(finding: Finding) -> str:
 
     What is counted has no budget and is exact. A time to settle is told with its range, for it cannot be less than 0.
     """
-    factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
+    factor, _ = scale_shown(finding.quantity, finding.unit)
     mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
     if not finding.budget:
         return f"{finding.value * factor:.9g}{mark}"
@@ -129,7 +71,7 @@ def range_shown(finding: Finding, interval: Interval, *values: float) -> list[st
 
     Of times to settle to a tenth of a minute at most.
     """
-    factor, _ = SHOWN.get(finding.quantity, (1.0, ""))
+    factor, _ = scale_shown(finding.quantity, finding.unit)
     digits = decimals((interval.high - interval.low) * factor)
     if not is_told_by_range(finding):
         return [f"{value * factor:.{digits}f}" for value in values]

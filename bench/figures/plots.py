@@ -14,7 +14,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN, decimals
+from bench.figures.numbers import decimals, scale_shown
 from bench.figures.svg import CLEAR, new_figure, rendered
 from bench.figures.words import quantity_of
 from bench.metrology.results.coverage import COVERAGE
@@ -135,7 +135,7 @@ class Scale:
 
 def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
     """The plots of a unit with two dwells or more; `name` begins their ids in the page."""
-    as_shown = Scale(*SHOWN["K0"])
+    as_shown = Scale(*scale_shown("K0", "g"))
     bias = as_shown.points(unit, "K0")
     if bias is None or len(bias.values) < 2:
         return
@@ -265,7 +265,8 @@ def _side_by_side(unit: UnitResult, name: str, titles: Mapping[str, str]) -> Plo
     panels = figure.subplots(1, len(titles), squeeze=False)[0]
     bars = []
     for axes, (quantity, title) in zip(panels, titles.items(), strict=True):
-        factor, symbol = SHOWN[quantity]
+        found = next(finding for finding in unit.findings if finding.quantity == quantity)
+        factor, symbol = scale_shown(quantity, found.unit)
         points = Scale(factor, symbol).points(unit, quantity)
         if points is not None:
             _draw_legs(axes, points, points.values, points.expanded)

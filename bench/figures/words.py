@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from bench.config.answers import SCRIPTED
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN
+from bench.figures.numbers import scale_shown
 from bench.metrology.results.finding import LOWER_BOUND, Finding
 from bench.metrology.results.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
 from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
-from bench.sequence.method import MethodWords
+from bench.sequence.method import MethodWords, texts_of
 from bench.sequence.steps.talk import DONE
 
 ENDINGS = {
@@ -26,50 +27,58 @@ ENDINGS = {
     ),
     "running": "It was still going on when this report was written.",
 }
-PARTS = {"rate": "output"}  # of a channel that does not pulse too
 QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
+_NAMES = MethodWords("NAMES", {})  # of parts of a quantity
 REASONS = MethodWords(
     "REASONS",
     {
         IN_GUARD_BAND: "inside its limits, but within their guard band",
         GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
         U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
-        "extrapolated": "its reference temperature is outside the measured temperatures",
         LOWER_BOUND: "it is more than this; the upper end was not measured",
-        "at_most": "the smallest step passed already: it is this or less",
-        "one_sense": "steps in one direction only, taken for both",
-        "not_monotonic": "a step smaller than a failed one passed; it does not count",
-        "too_short": "the counting time of some steps was too short: one count is more than a fifth of them",
-        "marginal": "one of the two deciding steps is so close to one half that it could change if repeated",
         "not_closed": "the unit or its table changed between the beginning and the end of the run",
-        "ends_differ": "more than allowed; the remaining difference is the cross coupling",
         OTHER_SIGN: "its sign is not that of the stated scale factor: the unit is mounted the wrong way round, its "
         "leads are exchanged, or the stated sign is wrong",
         OTHER_SIZE: "it is less than half or more than twice the stated scale factor: see its unit and the unit in the "
         "place",
-        "lag": "the loop is a lag behind the thermometer, not hysteresis: a model with dT/dt removes most of it",
     },
 )
-CONDITIONS = {"acceleration_g": "g", "rate_dps": "°/s", "frequency_hz": "Hz"}  # of a point, with their units
+CONDITIONS = MethodWords("CONDITIONS", {})
+"""Texts of further conditions of a finding by their keys in `at`; {value} stands for the number."""
 # What sources of uncertainty are of, besides the names of readings.
 SOURCES = (
-    "head", "fixture", "platform", "counter", "site", "readings", "samples", "bias", "K1", "ladder", "power-on",
-    "power cycles",
-    "asymmetry of the converter", "read-outs", "points", "accelerometer", "source", "sensor", "encoder", "axis",
-    "low rates", "lever arm", "scale factor", "residuals of the model", "computer",
-    "temperature", "readings of the rates", "gyro", "stretch of the arm", "misalignment of the input axis",
-    "second-order nonlinearity of the sensor at low rates", "K2 of the accelerometer", "asymmetry of the voltmeter",
-    "scatter of the readings of a tumble",
-    "lowest frequency", "sensor and voltmeter", "low rates and voltmeter", "voltmeter", "telemetry", "sample",
-    "lag behind the thermometer, and the unit's response to the rate",
+    "head", "fixture", "counter", "site", "readings", "samples", "bias", "K1", "power cycles", "points",
+    "asymmetry of the converter", "scale factor", "temperature", "asymmetry of the voltmeter", "voltmeter", "telemetry",
+    "sample",
 )  # fmt: skip
-CONTENTS = {
-    "contains:K2": "contains K2",
-    "contains:K3": "contains K3",
-    "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
-}
+CONTENTS = MethodWords(
+    "CONTENTS",
+    {
+        "contains:K2": "contains K2",
+        "contains:K3": "contains K3",
+        "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
+    },
+)
 SAID = (DONE, SCRIPTED)  # words of the program among the answers, and among those who gave them
-_SLOPES = re.compile(r"of the slope of (\S+) from that of (\S+)")
+_PLACE = re.compile(r"\\\{(\w+)\\\}")
+
+
+@lru_cache(maxsize=1024)
+def _pattern(text: str) -> re.Pattern[str]:
+    return re.compile(_PLACE.sub(r"(?P<\1>[^:]+)", re.escape(text)))
+
+
+def sentence_of(text: str, sentences: Mapping[str, str]) -> str | None:
+    """The sentence for a text that is made elsewhere, with its names and numbers; None where none is known.
+
+    `sentences` are by texts in which a name in braces stands for anything without a colon.
+    """
+    if text in sentences:
+        return tr(sentences[text])
+    for known, sentence in sentences.items():
+        if "{" in known and (found := _pattern(known).fullmatch(text)):
+            return tr(sentence, **found.groupdict())
+    return None
 
 
 def quantity_in_words(quantity: str) -> str:
@@ -79,16 +88,14 @@ def quantity_in_words(quantity: str) -> str:
 
 def quantity_text(quantity: str) -> str:
     """The same in English."""
-    parts = [PARTS.get(part, part.replace("_", " ")) for part in quantity.split("/")]
+    parts = [_NAMES[part] if part in _NAMES else part.replace("_", " ") for part in quantity.split("/")]
     return QUANTITIES.get(quantity, ": ".join(parts))
 
 
 def name_of(finding: Finding) -> str:
     """What a finding is, without its quantity, which stands before it."""
     name = finding.name.removeprefix(quantity_text(finding.quantity) + ": ")
-    if of_slopes := _SLOPES.fullmatch(name):
-        return tr("of the slope of {name} from that of {reference}", name=of_slopes[1], reference=of_slopes[2])
-    return tr(name)
+    return sentence_of(name, {text: text for text in texts_of("FINDINGS", ())}) or tr(name)
 
 
 def quantity_of(finding: Finding) -> str:
@@ -100,7 +107,11 @@ def quantity_of(finding: Finding) -> str:
 def source_in_words(source: str) -> str:
     """A source of uncertainty: "head: zero", "src_1g: source: gain"; the name of a reading is nothing to translate."""
     what, colon, part = source.partition(": ")
-    return f"{tr(what) if what in SOURCES else what}{tr(colon)}{source_in_words(part)}" if colon else tr(source)
+    return (
+        f"{tr(what) if what in texts_of('SOURCES', SOURCES) else what}{tr(colon)}{source_in_words(part)}"
+        if colon
+        else tr(source)
+    )
 
 
 def shared_in_words(shared: str) -> str:
@@ -126,12 +137,12 @@ def leg_in_words(leg: str) -> str:
 
 def unit_shown(quantity: str, unit: str) -> str:
     """The unit in which a quantity is shown; `unit` when it is shown as it is."""
-    return SHOWN.get(quantity, (1.0, unit))[1]
+    return scale_shown(quantity, unit)[1]
 
 
-def limits_in_words(quantity: str, limits: Limits) -> str:
-    """Limits in the unit shown: "-50 to 50", "at most 200", "11300 ± 50"; empty when there are none."""
-    factor = SHOWN.get(quantity, (1.0, ""))[0]
+def limits_in_words(quantity: str, unit: str, limits: Limits) -> str:
+    """Limits in `unit` as they are shown: "-50 to 50", "at most 200", "11300 ± 50"; empty when there are none."""
+    factor, _ = scale_shown(quantity, unit)
     low, high = (None if side is None else f"{side * factor:.12g}" for side in (limits.low, limits.high))
     if limits.target is not None and limits.high is not None:
         return f"{limits.target * factor:.12g} ± {(limits.high - limits.target) * factor:.6g}"
@@ -142,9 +153,9 @@ def limits_in_words(quantity: str, limits: Limits) -> str:
     return tr("at most {high}", high=high) if high is not None else ""
 
 
-def bands_in_words(quantity: str, limits: Limits) -> str:
+def bands_in_words(quantity: str, unit: str, limits: Limits) -> str:
     """What else limits state: "guard band 2 u", "marginal within 50"; empty when they state only themselves."""
-    factor = SHOWN.get(quantity, (1.0, ""))[0]
+    factor, _ = scale_shown(quantity, unit)
     guard = "" if limits.guard_k is None else tr("guard band {k} u", k=f"{limits.guard_k:g}")
     marginal = (
         "" if limits.marginal is None else tr("marginal within {width}", width=f"{limits.marginal * factor:.12g}")
@@ -183,14 +194,10 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
     if "direction" in at:
         parts.append(tr(at["direction"]))
-    if "position_deg" in at:
-        parts.append(tr("about {angle}°", angle=f"{at['position_deg']:g}"))
     parts += [told(at[key]) for key, told in (("end", end_in_words), ("leg", leg_in_words)) if key in at]
-    if "repetitions" in at:
-        parts.append(tr("{count} repetitions", count=at["repetitions"]))
     if "at_c" in at:
         parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
-    parts += [f"{at[key]:.5g} {unit}" for key, unit in CONDITIONS.items() if key in at]
+    parts += [tr(text, value=f"{at[key]:.5g}") for key, text in CONDITIONS.items() if key in at]
     return tr(", ").join(parts)
 
 

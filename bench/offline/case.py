@@ -28,6 +28,11 @@ def reductions() -> Mapping[tuple[str, str], Reduction]:
     return {title: reduction for target in targets for title, reduction in loaded(target).items()}
 
 
+def reduction_of(method: str, sub: str) -> Reduction | None:
+    """The reduction of such cases, if there is one; a method of one reduction has no sub-method."""
+    return reductions().get((method, sub)) or reductions().get((method, ""))
+
+
 def reduce_case(path: Path) -> dict[str, Any]:
     """Reduces the case file at `path`; gives the content of `result.json`.
 
@@ -35,9 +40,7 @@ def reduce_case(path: Path) -> dict[str, Any]:
     """
     case = read_case(path)
     method, sub = case.content.method, case.content.sub
-    reduction = reductions().get((method, sub)) or reductions().get(
-        (method, "")
-    )  # a method of one reduction has no sub
+    reduction = reduction_of(method, sub)
     if reduction is None:
         known = ", ".join(" ".join(title).rstrip() for title in reductions())
         raise InputError(f"{case.name}: there is no reduction for {method!r} {sub!r}; known: {known}")

@@ -154,10 +154,16 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Reduction:
-    """How cases of one kind are reduced; `records` are all that they may name."""
+    """How cases of one kind are reduced; `records` are all that they may name.
+
+    A result whose `parts` are empty has nothing; flags that the expression `lacking` finds, beside those of
+    `bench.offline.outcome`, make it incomplete.
+    """
 
     reduce: Callable[[Case], dict[str, Any]]
     records: tuple[str, ...]
+    parts: tuple[str, ...] = ()
+    lacking: str = ""
 
 
 Reductions = Mapping[tuple[str, str], Reduction]

@@ -6,14 +6,12 @@ import re
 from collections.abc import Mapping
 from typing import Any, Literal
 
+from bench.offline.case import reduction_of
+
 Outcome = Literal["REDUCED", "PASS", "FAIL", "INCOMPLETE"]
 
-PARTS = ("runs", "table", "points", "dvx_mps")  # of one method each; without any nothing was found
-LACKING = re.compile(
-    r"(^|[: ])invalid$|insufficient_temperature_span$|too_few_|_missing$|:missing_|:attitude_inconsistent:"
-    r"| incomplete: |^radius_not_determined$|^implausible_|^(columns|legs)_exchanged$"
-)
-"""Flags of a part that could not be used, or of a result that is not to be relied on."""
+LACKING = r"(^|[: ])invalid$|too_few_|_missing$|^implausible_|^(columns|legs)_exchanged$"
+"""Flags of a part that could not be used, or of a result that is not to be relied on; a reduction may add others."""
 
 
 def outcome(result: Mapping[str, Any]) -> Outcome:
@@ -32,7 +30,9 @@ def outcome(result: Mapping[str, Any]) -> Outcome:
 
 def lacking(result: Mapping[str, Any]) -> list[str]:
     """The flags of what could not be found; "nothing" where there is no part at all, or none that is known."""
-    found = [flag for flag in result["flags"] if LACKING.search(flag)]
-    parts = [result[name] for name in PARTS if name in result]
+    reduction = reduction_of(result["method"], result["sub"])
+    own, names = (reduction.lacking, reduction.parts) if reduction is not None else ("", ())
+    found = [flag for flag in result["flags"] if re.search("|".join(filter(None, (LACKING, own))), flag)]
+    parts = [result[name] for name in names]
     nothing = any(not part or all(each is None for each in part) for part in parts)
     return [*found, "nothing"] if nothing else found

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN, decimals
-from bench.figures.words import name_of, quantity_of, shared_in_words, source_in_words, unit_shown, where
+from bench.figures.numbers import decimals, scale_shown
+from bench.figures.words import name_of, quantity_of, shared_in_words, source_in_words, where
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, UnitResult
 
@@ -55,7 +55,7 @@ class BudgetsOfDwells:
 
 def budget(finding: Finding, dwells: Mapping[str, int]) -> Budget:
     """The budget of a finding in the unit it is shown in."""
-    factor, unit = SHOWN.get(finding.quantity, (1.0, finding.unit))
+    factor, unit = scale_shown(finding.quantity, finding.unit)
     digits = decimals(finding.u * factor) + 1
     return Budget(
         quantity=quantity_of(finding),
@@ -107,7 +107,7 @@ def budgets_of_points(found: Sequence[Finding]) -> BudgetsOfDwells:
 
 def _side_by_side(found: Sequence[Finding], head: str, names: Sequence[str]) -> BudgetsOfDwells:
     quantity = found[0].quantity
-    factor = SHOWN.get(quantity, (1.0, ""))[0]
+    factor, unit = scale_shown(quantity, found[0].unit)
     digits = decimals(min(finding.u for finding in found) * factor) + 1
     sources = tuple(dict.fromkeys(line.source for each in found for line in each.budget if line.type != "alias"))
     rows = []
@@ -116,6 +116,6 @@ def _side_by_side(found: Sequence[Finding], head: str, names: Sequence[str]) -> 
         cells = tuple(of_source.get(source, "–") for source in sources)
         rows.append((name, cells, f"{finding.u * factor:.{digits}f}", _dof(finding.dof)))
     return BudgetsOfDwells(
-        head, quantity_of(found[0]), unit_shown(quantity, found[0].unit), tuple(map(source_in_words, sources)),
+        head, quantity_of(found[0]), unit, tuple(map(source_in_words, sources)),
         tuple(rows),
     )  # fmt: skip

@@ -125,17 +125,19 @@ def _sections(run: StoredRun, results: Results) -> Iterator[UnitSection]:
         method = known_methods()[entry.method]
         in_units = method.units(run.bench.output_unit(unit.place), run.bench.gyro_output_unit(unit.place))
         limits = {name: limits_in(limit, in_units[name]) for name, limit in entry.limits.items()}
-        yield _section(unit, f"{unit.place}-{number}", limits, method)
+        yield _section(unit, f"{unit.place}-{number}", limits, in_units, method)
 
 
-def _section(unit: UnitResult, name: str, limits: Mapping[str, Limits], method: MethodDescription) -> UnitSection:
+def _section(
+    unit: UnitResult, name: str, limits: Mapping[str, Limits], in_units: Mapping[str, str], method: MethodDescription
+) -> UnitSection:
     dwells = tables.at_dwells(unit)
     first = next(iter(dwells.values()), {})
     numbers = tables.dwell_numbers(unit)
     return UnitSection(
         name=name,
         result=unit,
-        verdicts=tuple(tables.verdict_rows(unit, limits)),
+        verdicts=tuple(tables.verdict_rows(unit, limits, in_units)),
         shown=tuple(_drawn(method, unit, name)),
         dwells=tables.dwell_table(unit),
         over_run=tuple(tables.over_run_rows(unit)),

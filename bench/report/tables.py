@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN, decimals, is_told_by_range, range_shown, shown
+from bench.figures.numbers import decimals, is_told_by_range, range_shown, scale_shown, shown
 from bench.figures.sheet import Sheet
 from bench.figures.words import (
     CONTENTS,
@@ -26,17 +26,13 @@ from bench.metrology.results.curves import Constant, Equation, KnotModel, Temper
 from bench.metrology.results.finding import CONFIDENCE, LOWER_BOUND, Finding, UnitResult
 from bench.metrology.results.limits import Limits
 from bench.report.note_words import form_in_words
+from bench.sequence.method import MethodWords
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
-VARIABLES = {  # of equations, with their units
-    "temperature_c": "temperature / °C",
-    "frequency_hz": "frequency / Hz",
-    "acceleration_g": "acceleration / g",
-    "input_g": "input / g",
-    "rate_dps": "rate of the table / °/s",
-    "rate_pps": "rate / (pulse/s)",
-}
+VARIABLES = MethodWords(  # of equations, with their units
+    "VARIABLES", {"temperature_c": "temperature / °C", "acceleration_g": "acceleration / g"}
+)
 WORST = {  # by what a finding is of
     "point": "worst of {count} points; {told}",
     "end": "worst of {count} ends; {told}",
@@ -121,8 +117,11 @@ def dwell_numbers(unit: UnitResult) -> dict[str, int]:
     return {finding.id.partition("@")[2]: finding.at["dwell"] for finding in unit.findings if "dwell" in finding.at}
 
 
-def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row]:
-    """For each quantity that the sequence limits the finding that is worst; without one it is not judged."""
+def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits], units: Mapping[str, str]) -> Iterator[Row]:
+    """For each quantity that the sequence limits the finding that is worst; without one it is not judged.
+
+    `units` are those of the quantities.
+    """
     for quantity, allowed in limits.items():
         found = [finding for finding in unit.findings if finding.quantity == quantity]
         if found:
@@ -133,9 +132,9 @@ def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits]) -> Iterator[Row
                 quantity=quantity_in_words(quantity),
                 name="",
                 value=tr("not determined"),
-                unit=unit_shown(quantity, ""),
-                limits=limits_in_words(quantity, allowed),
-                bands=bands_in_words(quantity, allowed),
+                unit=unit_shown(quantity, units[quantity]),
+                limits=limits_in_words(quantity, units[quantity], allowed),
+                bands=bands_in_words(quantity, units[quantity], allowed),
                 verdict="not judged",
             )
 
@@ -169,8 +168,8 @@ def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
         name=name_of(finding),
         value=shown(finding),
         unit=unit_shown(finding.quantity, finding.unit),
-        limits=limits_in_words(finding.quantity, limits),
-        bands=bands_in_words(finding.quantity, limits),
+        limits=limits_in_words(finding.quantity, finding.unit, limits),
+        bands=bands_in_words(finding.quantity, finding.unit, limits),
         verdict=finding.verdict or "",
         marginal=finding.marginal,
         where=where(finding.at, dwells),
@@ -256,7 +255,7 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
             ((tr("Constant"), ""), (tr("Value"), ""), ("u", "k = 1"), (tr("Unit"), "")),
             rows,
         )
-    factor, unit = SHOWN.get(model.quantity, (1.0, model.unit))
+    factor, unit = scale_shown(model.quantity, model.unit)
     knots = zip(model.knots_c, model.values, model.u, strict=True)
     return Sheet(
         tr("{what}, over temperature", what=quantity_in_words(model.quantity)),
@@ -270,7 +269,7 @@ def _range_in_words(name: str, low: float, high: float) -> str:
     """A variable of an equation from `low` to `high`; no thermometer tells more than hundredths of a degree."""
     form = ".2f" if name == "temperature_c" else ".6g"
     ends = tr("{low} to {high}", low=format(low, form), high=format(high, form))
-    return f"{tr(VARIABLES.get(name, name.replace('_', ' ')))} {ends}"
+    return f"{tr(VARIABLES[name] if name in VARIABLES else name.replace('_', ' '))} {ends}"
 
 
 def _symbol(name: str) -> str:
@@ -291,7 +290,7 @@ def _constant(constant: Constant) -> tuple[str, str]:
 
 def model_table(model: TemperatureModel) -> ModelTable:
     """The coefficients of a model, in the variable it was fitted in and in powers of T."""
-    factor, unit = SHOWN.get(model.quantity, (1.0, model.unit))
+    factor, unit = scale_shown(model.quantity, model.unit)
     us = model.u or (0.0,) * len(model.coefficients)
     rows = []
     for power, (coefficient, u, of_t) in enumerate(zip(model.coefficients, us, model.powers_of_t, strict=True)):

@@ -14,7 +14,7 @@ from bench.report.flag_words import flag_in_words
 from bench.report.tables import over_run_rows, verdict_rows
 
 SUMMARY_ALIGN = "<><<<"  # name, value, unit, verdict, notes
-_AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")
+_AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")  # of more quantities than a line has room for
 
 
 def results_text(results: Results | None) -> str:
@@ -59,16 +59,17 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
         return
     units = {name: unit_shown(name, found.unit) for at in by_dwell.values() for name, found in at.items()}
     names = {name: quantity_of(found) for at in by_dwell.values() for name, found in at.items()}
+    shown_here = _AT_DWELLS if names.keys() & set(_AT_DWELLS) else tuple(names)
     rows = [
-        ["set point", "measured", "leg", *(names.get(name, name) for name in _AT_DWELLS)],
-        ["°C", "°C", "", *(units.get(name, "") for name in _AT_DWELLS)],
+        ["set point", "measured", "leg", *(names.get(name, name) for name in shown_here)],
+        ["°C", "°C", "", *(units.get(name, "") for name in shown_here)],
     ]
     for found in by_dwell.values():
         at = next(iter(found.values())).at
         set_point = "-" if at["temperature_set_c"] is None else f"{at['temperature_set_c']:.0f}"
-        values = [shown(found[name]) if name in found else "-" for name in _AT_DWELLS]
+        values = [shown(found[name]) if name in found else "-" for name in shown_here]
         rows.append([set_point, f"{at['temperature_c']:.2f}", at["leg"], *values])
-    yield from in_columns(rows, ">><" + ">" * len(_AT_DWELLS))
+    yield from in_columns(rows, ">><" + ">" * len(shown_here))
     yield ""
 
 
@@ -76,7 +77,8 @@ def _summary_table(unit: UnitResult) -> Iterator[str]:
     """What is judged at the dwells, points or visits, the worst of each; then what is found over all of them."""
     single = {"dwell", "point", "visit"}
     limits = {found.quantity: found.limits for found in unit.findings if single & found.at.keys() and found.limits}
-    judged, over_run = verdict_rows(unit, limits), over_run_rows(unit)
+    units = {found.quantity: found.unit for found in unit.findings}
+    judged, over_run = verdict_rows(unit, limits, units), over_run_rows(unit)
     rows = []
     for row, where in [*((row, "") for row in judged), *((row, row.where) for row in over_run)]:
         verdict = row.verdict + (" marginal" if row.marginal else "")

@@ -5,10 +5,12 @@ The entry-point group `inertial_test_bench.methods` finds descriptions, a plug-i
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Iterator, Mapping
 from functools import cached_property, lru_cache
 from itertools import chain
-from typing import Literal, NamedTuple
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
 
 from pydantic import BaseModel
 
@@ -32,6 +34,7 @@ SHIPPED: Mapping[str, str] = {
 }
 OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
 OUTPUT_UNITS = ("pulse/s", "V", "code")
+NOTHING: Mapping[str, str] = MappingProxyType({})
 GYRO_OUTPUT = "gyro_output"  # likewise, of the gyros of an inertial unit
 
 
@@ -70,8 +73,11 @@ class MethodDescription(NamedTuple):
     each a record of its own. `first_dwell` is the number that the report gives to the first of its dwells. `drawn_by`
     is "module:function", which turns a unit's results into what a report shows of them beside the tables that all
     methods have. `after` names the standards that it is made after (equations 7), which is no claim of conformity.
-    `rules`, `words`, `spans` and `offline` are "module:attribute" as well: its Rules on a plan, the mapping of its
-    words, the function that divides the run into spans, and its reductions of recorded cases; empty for none.
+    `shown` are the units in which a report shows quantities that it does not show in the unit in which they are found.
+    `rules`, `words`, `translations`, `spans`, `offline` and `truth` are "module:attribute" as well, empty for none: its
+    Rules on a plan, its words by their kinds (`MethodWords`, `texts_of`), translations of its texts by language, the
+    function that divides the run into spans, its reductions of recorded cases, and the function that gives what is true
+    of simulated data, from the RunData of a label and the World of the simulation.
     `parts` are the loops and groups whose names its reduction looks for. `meaning` says what its results contain,
     `measures` what kind of unit it is for, `needs_calibration` whether it needs the calibration that was released for
     each unit, `closes` whether it looks at what was acquired for `closure`, as its other data are.
@@ -95,6 +101,9 @@ class MethodDescription(NamedTuple):
     measures: UnitKind = "channel"
     needs_calibration: bool = False
     closes: bool = False
+    shown: Mapping[str, str] = NOTHING
+    translations: str = ""
+    truth: str = ""
 
     def units(self, output_unit: str, gyro_output_unit: str | None = None) -> Mapping[str, str]:
         """The units of the quantities for units whose output is in `output_unit`, that of their gyros maybe another."""
@@ -112,9 +121,7 @@ class MethodWords(Mapping[str, str]):
 
     @cached_property
     def _all(self) -> Mapping[str, str]:
-        targets = dict.fromkeys(method.words for method in known_methods().values() if method.words)
-        of_methods = chain.from_iterable(loaded(target).get(self._kind, {}).items() for target in targets)
-        return {**dict(of_methods), **self._generic}
+        return ChainMap(dict(self._generic), *(dict(words) for words in _words_of_methods(self._kind)))
 
     def __getitem__(self, key: str) -> str:
         return self._generic[key] if key in self._generic else self._all[key]
@@ -126,7 +133,25 @@ class MethodWords(Mapping[str, str]):
         return len(self._all)
 
 
+@lru_cache
+def texts_of(kind: str, generic: tuple[str, ...]) -> tuple[str, ...]:
+    """Texts of one kind without keys, such as `NOTES`: generic ones and those of all installed methods."""
+    return (*generic, *chain.from_iterable(_words_of_methods(kind)))
+
+
+def _words_of_methods(kind: str) -> Iterator[Any]:
+    """The words of one kind that each installed method brings."""
+    targets = dict.fromkeys(method.words for method in shipped_first() if method.words)
+    return (words[kind] for words in map(loaded, targets) if kind in words)
+
+
 @lru_cache(maxsize=1)
 def known_methods() -> Mapping[str, MethodDescription]:
     """Every installed method by name."""
     return Installed(ENTRY_POINTS, SHIPPED)
+
+
+def shipped_first() -> tuple[MethodDescription, ...]:
+    """Every installed method; a word that a shipped one has is not replaced by a plug-in's."""
+    known = known_methods()
+    return tuple(known[name] for name in sorted(known, key=lambda name: name not in SHIPPED))

@@ -13,12 +13,13 @@ from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_f
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from campaigns.line_faults.cases import Case, Link, bench_named
+from campaigns.line_faults.cases import Case, Link
 from drivers.can.options import FRAME_SCHEMES
 from drivers.capabilities import Device
 from drivers.description import Setup, make_driver, unheard
 from drivers.errors import DriverError
 from simulators.faults.line_faults import HARMLESS, BadLine, Injected, LineFault
+from tests.support.instruments import bench_named
 
 RECOVERS_IN = 4  # readings
 TOLERANCE = 1e-6
@@ -97,8 +98,8 @@ def play(name: str, case: Case, trials: int, seed: int, kinds: Iterable[LineFaul
 async def quiet(stand: Stand, trial: int) -> tuple[dict[str, float], int]:
     """Gives the instrument something new to read: what it then reads, and in how many answers the driver reads it."""
     stand.chooser.disarm()
-    await stand.case.vary(stand.laboratory, stand.twin, stand.driver, trial)
-    await asyncio.sleep(stand.case.settles_s)
+    await stand.case.line.vary(stand.laboratory, stand.twin, stand.driver, trial)
+    await asyncio.sleep(stand.case.instrument.settles_s)
     began = stand.bad.answers
     await stand.driver.poll()
     answers = stand.bad.answers - began
@@ -118,12 +119,12 @@ async def one(stand: Stand, truth: dict[str, float], fault: LineFault, where: st
             found = None
         took_s = asyncio.get_running_loop().time() - began_s
         tally.longest_s = max(tally.longest_s, took_s)
-        if took_s > case.call_s:
-            tally.unexpected.append(f"{where}: a reading took {took_s:.1f} s, at most {case.call_s:g} s are allowed")
+        if took_s > (most_s := case.line.call_s):
+            tally.unexpected.append(f"{where}: a reading took {took_s:.1f} s, at most {most_s:g} s are allowed")
         if found is None or (found.keys() != truth.keys() and stand.told):  # no reading, and it says why
             reported += 1
             continue
-        if not alike(found, truth, case.moving):
+        if not alike(found, truth, case.instrument.moving):
             altered = attempt == 0 and fault in ALTERING and len(bad.injected) > began
             if altered and case.link is not Link.CHECKSUM:
                 tally.outcomes[GRAMMATICAL] += 1
@@ -141,7 +142,7 @@ async def one(stand: Stand, truth: dict[str, float], fault: LineFault, where: st
     tally.outcomes[outcome] += 1
     if outcome == "reported" and fault in HARMLESS:
         tally.unexpected.append(f"{where}: reported, though it is harmless")
-    if outcome == "borne" and fault in LOSING and case.tells_each and spoilt(bad.injected[-1]):
+    if outcome == "borne" and fault in LOSING and case.instrument.tells_each and spoilt(bad.injected[-1]):
         tally.unexpected.append(f"{where}: nobody told of it; on the wire {bad.injected[-1]}")
 
 
@@ -152,13 +153,13 @@ def spoilt(injected: Injected) -> bool:
 
 def a_stand(case: Case, seed: int) -> Stand:
     """The laboratory of a case, in the running loop, its instrument on a line that is still good."""
-    bench = bench_named(case.bench)
-    bench = bench.model_copy(update={"devices": asked(bench) | {case.role: case.entry}})
+    bench = bench_named(case.instrument.bench)
+    bench = bench.model_copy(update={"devices": asked(bench) | {case.instrument.role: case.entry}})
     still = bench.simulation.chamber.model_copy(update={"limit_cycle": 0.0})
     bench = bench.model_copy(update={"simulation": bench.simulation.model_copy(update={"chamber": still})})
     laboratory = make_laboratory(bench, unit_files(bench, None), seed, asyncio.get_running_loop().time)
     chooser, told = Chooser(), list[str]()
-    bad = BadLine(seed, chooser, case.patience_s)
+    bad = BadLine(seed, chooser, case.instrument.patience_s)
     twin, driver = a_driver(bench, case, laboratory), a_driver(bench, case, laboratory, bad, told.append)
     return Stand(case, laboratory, twin, driver, bad, chooser, told, Tally())
 
@@ -173,13 +174,14 @@ def a_driver(
     note: Callable[[str], object] = unheard,
 ) -> Device:  # fmt: skip
     """A driver of the instrument; on a bad line, where one is given."""
-    entry = bench.devices[case.role]
+    role = case.instrument.role
+    entry = bench.devices[role]
     address = entry.connection
     if bad is None and address.scheme == "tcp":  # a port of its own, which leads to the same instrument
         address = replace(address, port=address.port + 10_000)
-    moved = bench.model_copy(update={"devices": {case.role: entry.model_copy(update={"connection": address})}})
-    wires = BenchWires(moved, laboratory, {} if bad is None else {case.role: bad})
-    setup = Setup(case.role, address, wires, entry.options, entry.limits, entry.safe, entry.identity, note)
+    moved = bench.model_copy(update={"devices": {role: entry.model_copy(update={"connection": address})}})
+    wires = BenchWires(moved, laboratory, {} if bad is None else {role: bad})
+    setup = Setup(role, address, wires, entry.options, entry.limits, entry.safe, entry.identity, note)
     return make_driver(entry.description, setup)
 
 

@@ -4,58 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import math
-import re
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from campaigns.line_faults.campaign import RECOVERS_IN, Stand, Tally, a_stand, read
-from campaigns.line_faults.cases import CASES, move, set_amperes, set_volts
+from campaigns.line_faults.cases import CASES
 from drivers.errors import DriverError
 from simulators.faults.line_faults import LineFault
-
-
-class Order(NamedTuple):
-    """How one is given, what of it is heard on the wire, and the reading that then has the value it was given."""
-
-    give: Callable[[Any, int], Awaitable[float | None]]
-    heard: re.Pattern[bytes]
-    reading: str = ""
-
-
-async def _hold(driver: Any, _trial: int) -> None:
-    await driver.hold()
-
+from tests.support.instruments import Order, tried
 
 ANSWERS = 8
-_WRITE_TCP = re.compile(rb"(?s)^.{7}[\x06\x10].*")  # function 6 or 16
-_WRITE_RTU = re.compile(rb"(?s)^.[\x06\x10].*")
-_SET = re.compile(rb"(?:VOLT|CURR|LEV|OUTP) [^;]*")
+_TRIED = tried("orders")
 ORDERS: Mapping[str, Order] = {
-    "watlow_f4t, TCP": Order(_hold, _WRITE_TCP),
-    "watlow_f4t, RTU": Order(_hold, _WRITE_RTU),
-    "watlow_f4": Order(_hold, _WRITE_RTU),
-    "binder": Order(_hold, _WRITE_RTU),
-    "modbus_chamber, TCP": Order(_hold, _WRITE_TCP),
-    "modbus_chamber, RTU": Order(_hold, _WRITE_RTU),
-    "espec_p300": Order(_hold, re.compile(rb"TEMP, S.*")),
-    "simserv": Order(_hold, re.compile(rb"11001.*")),
-    "cts": Order(_hold, re.compile(rb"\xe1\xb0\xa0.*")),  # "a0 " with bit 7 set
-    "aerotech_ensemble": Order(move, re.compile(rb"MOVEABS.*"), "angle"),
-    "aerotech_ensemble, serial": Order(move, re.compile(rb"MOVEABS.*"), "angle"),
-    "newport_xps": Order(move, re.compile(rb"GroupMoveAbsolute.*"), "angle"),
-    "acutronic_acl": Order(move, re.compile(rb":DEM:POS.*"), "angle"),
-    "framed_table, TCP": Order(move, re.compile(rb"(?s)\xaa\x55\x24.{12}"), "angle"),
-    "framed_table, serial": Order(move, re.compile(rb"(?s)\xaa\x55\x24.{12}"), "angle"),
-    "scpi_supply": Order(set_volts, _SET, "voltage"),
-    "scpi_supply, serial": Order(set_volts, _SET, "voltage"),
-    "keithley_6220": Order(set_amperes, _SET, "current"),
-    "yokogawa_gs200": Order(set_amperes, _SET, "current"),
-    "fluke_5700a": Order(set_amperes, re.compile(rb"OUT [^\r]*|OPER"), "current"),
+    name: case.line.order for name, case in CASES.items() if case.driver in _TRIED and case.line.order is not None
 }
 
 

@@ -16,7 +16,7 @@ from campaigns.line_faults.orders import ORDERS, play_orders
 from campaigns.reliability.scorecard import LINES
 from campaigns.swaps import campaign as swapped
 from drivers.errors import DriverError
-from tests.support.chambers import DIALECTS, Rig
+from tests.support.chambers import F4T_DIALECTS, Rig
 
 
 def line_faults(number: int) -> str:
@@ -47,7 +47,7 @@ def not_a_number(number: int) -> str:
     draw, wrong = np.random.default_rng([3, number]), list[str]()
 
     async def main() -> None:
-        rig = Rig(DIALECTS[0])
+        rig = Rig(F4T_DIALECTS[0])
         async with rig.driver() as driver:
             for _ in range(LINES["S3"].of):
                 bits = _bits(draw)

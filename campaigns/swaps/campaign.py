@@ -14,12 +14,13 @@ import numpy as np
 
 from bench.app.proposals import pinned
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from campaigns.swaps.kinds import KINDS, Kind, ramp
+from campaigns.swaps.kinds import KINDS, Kind
 from campaigns.swaps.panel import Panel
 from drivers.capabilities import Device
 from drivers.description import IdentityPin
 from drivers.errors import DriverError, InstrumentFault, WrongIdentity
 from drivers.transport.address import Address
+from tests.support.handling import ramp
 
 BEFORE, AT_REST, AT_WORK = "before it was opened", "at rest", "at work"
 RECONNECTS_WITHIN_S = 35.0  # the longest pause between two attempts, and what an attempt takes
@@ -145,7 +146,7 @@ def _seat(panel: Panel, number: int, pair: Pair) -> Seat:
     role, kind = "ab"[number], pair.kinds[number]
     address = Address.parse(kind.address)
     if str(address) in panel.patched:
-        other = kind.address.replace("127.0.0.1", "127.0.0.2").replace("USB0", "USB1").replace("ttyS0", "ttyS1")
+        other = kind.address.replace("127.0.0.1", "127.0.0.2").replace("serial:///", "serial:///b/")
         address = Address.parse(other)
     panel.put(role, kind.instrument(number if pair.alike else 0), address)
     return Seat(role, kind, address, kind.driver_on(panel, role, address, pair.pins[number] or IdentityPin()))

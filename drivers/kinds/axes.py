@@ -8,13 +8,6 @@ from pydantic import Field
 
 from drivers.schema.fields import Arcseconds, DegreesPerSecond, InUnit, PositiveSeconds, StrictModel
 
-FAR_AWAY_POLL_S = 0.5  # how often a move is looked at while its end is far away
-
-
-def pause_s(poll_s: float, left_s: float) -> float:
-    """How long to wait before a move is looked at again whose end is about `left_s` away; never less than `poll_s`."""
-    return max(poll_s, min(left_s / 2, FAR_AWAY_POLL_S))
-
 
 class SettleOptions(StrictModel):
     """When the axis stands."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from drivers.description import Setup, check_identity, still_the_same
+from drivers.description import Setup
 from drivers.errors import NoAnswer, Refused
 from drivers.protocols import scpi
+from drivers.recognised import Recognised
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Proof
 from drivers.values import Identity
@@ -37,8 +38,7 @@ class ScpiLink:
         read_identity: Callable[[bytes], Identity] = scpi.identity,
         error_queries: Mapping[bytes, ReadError] = ERROR_QUERIES,
     ) -> None:  # fmt: skip
-        self._device, self._pin = setup.name, setup.identity
-        self._identity: Identity | None = None
+        self._device, self._who = setup.name, Recognised(setup.name, setup.identity)
         self._read_identity, self._note = read_identity, setup.note
         self._error_queries = error_queries
         self._error_query = b""  # the one that it answers
@@ -128,7 +128,4 @@ class ScpiLink:
 
     def _recognise(self, line: bytes) -> Identity:
         """Reads an identity and compares it with the bench file and with who was there before."""
-        found = self._read_identity(line)
-        check_identity(self._device, self._pin, found)
-        self._identity = still_the_same(self._device, self._identity, found, line.decode("ascii"))
-        return found
+        return self._who.check(self._read_identity(line), line.decode("ascii"))

@@ -104,7 +104,7 @@ def truth_record(
         **_seats(world),
         "dwells": _dwells(world, [dwell for dwell in dwells if dwell.place in world.units]),
         "legs": {leg.key: _leg(world, leg) for leg in legs if leg.place in world.units},
-        **({"outputs": {each.key: _output(world, each) for each in readings}} if readings else {}),
+        **({"outputs": {each.key: noiseless_output(world, each) for each in readings}} if readings else {}),
         **({"forces_g": {each.key: _force_g(world, each) for each in readings}} if readings else {}),
     }
 
@@ -211,7 +211,7 @@ def _force_g(world: World, reading: LegAsMeasured) -> list[float]:
     return forces
 
 
-def _output(world: World, reading: LegAsMeasured) -> float:
+def noiseless_output(world: World, reading: LegAsMeasured) -> float:
     """Output of the noiseless channel in the middle of a reading, in the attitude stated by the bench."""
     unit = world.units[reading.place]
     true_s = world.true_time((reading.begin_s + reading.end_s) / 2)

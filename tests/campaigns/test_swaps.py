@@ -29,8 +29,9 @@ def test_drivers_that_do_not_ask_who_is_there_after_they_connected_again_are_cau
     real_open, real_connect = Dialogue._open, ProvedRegisters.connect
 
     async def trusting_open(self: Dialogue) -> None:
-        if self._line is None:
+        if self not in opened:
             await real_open(self)
+            opened.append(self)
             return
         self._line = await self._wires.stream(self._device, self._address, self._new_line)
 
@@ -41,6 +42,7 @@ def test_drivers_that_do_not_ask_who_is_there_after_they_connected_again_are_cau
         connected.append(self)
         await real_connect(self)
 
+    opened: list[Dialogue] = []
     connected: list[ProvedRegisters] = []
     monkeypatch.setattr(Dialogue, "_open", trusting_open)
     monkeypatch.setattr(ProvedRegisters, "connect", trusting_connect)

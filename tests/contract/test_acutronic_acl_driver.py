@@ -10,8 +10,8 @@ from pydantic import ValidationError
 
 from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
+from drivers.dialects.acutronic_acl.axis import AcutronicAcl
 from drivers.dialects.acutronic_acl.description import DESCRIPTION, AclOptions
-from drivers.dialects.acutronic_acl.driver import AcutronicAcl
 from drivers.errors import BadAnswer, BeyondLimit, CannotConnect, NotSettled, Refused, WrongIdentity
 from drivers.kinds.axes import AxisUncertainty
 from drivers.kinds.table.description import TableLimits

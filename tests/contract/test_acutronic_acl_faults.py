@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from drivers.dialects.acutronic_acl.driver import AcutronicAcl
+from drivers.dialects.acutronic_acl.axis import AcutronicAcl
 from drivers.dialects.acutronic_acl.wire import InterlockInput, SoftwareFault
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, NoAnswer, NotSettled, Refused
 from tests.support.table import Table, framed, now_s, with_driver, with_table

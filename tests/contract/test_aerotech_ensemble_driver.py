@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from drivers.capabilities import Positioner
 from drivers.description import known_drivers
+from drivers.dialects.aerotech_ensemble.axis import AerotechEnsemble
 from drivers.dialects.aerotech_ensemble.description import DESCRIPTION, EnsembleOptions
-from drivers.dialects.aerotech_ensemble.driver import AerotechEnsemble
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NotSettled, Refused, WrongIdentity
 from drivers.kinds.axes import AxisUncertainty
 from drivers.kinds.head.description import HeadLimits

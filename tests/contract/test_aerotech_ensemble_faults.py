@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from drivers.dialects.aerotech_ensemble.driver import AerotechEnsemble
+from drivers.dialects.aerotech_ensemble.axis import AerotechEnsemble
 from drivers.dialects.aerotech_ensemble.wire import AxisFault
 from drivers.errors import InstrumentFault, NoAnswer
 from tests.support.head import Head, now_s, with_driver

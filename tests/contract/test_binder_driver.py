@@ -12,9 +12,9 @@ from drivers.dialects.binder.wire import LINES, MODE, PROGRAM_STOP, Mode, words
 from drivers.errors import BadAnswer, BeyondLimit, InstrumentFault, Refused, WrongIdentity
 from simulators.instruments.chambers.binder import SimulatedBinder
 from tests.support.chambers import Dialect, Rig, with_rig
-from tests.support.chambers_modbus import MODBUS_DIALECTS, writes
+from tests.support.chambers_modbus import BINDER_DIALECTS, writes
 
-MB1, MB2 = (next(each for each in MODBUS_DIALECTS if str(each) == name) for name in ("binder-mb1", "binder-mb2"))
+MB1, _, MB2 = BINDER_DIALECTS
 RANGE = {"min": "-40 °C", "max": "180 °C"}
 Use = Callable[[Rig], Coroutine[Any, Any, None]]
 

@@ -18,11 +18,10 @@ from drivers.errors import (
 )
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import FAR_AWAY_POLL_S
-from tests.support.chambers import DIALECTS, START_C, Dialect, Rig, with_rig
-from tests.support.chambers_ascii import ASCII_DIALECTS
-from tests.support.chambers_modbus import MODBUS_DIALECTS
+from tests.support.chambers import START_C, Dialect, Rig, with_rig
+from tests.support.instruments import INSTRUMENTS
 
-ALL = [*DIALECTS, *ASCII_DIALECTS, *MODBUS_DIALECTS]
+ALL = [dialect for instrument in INSTRUMENTS.values() for dialect in instrument.dialects]
 every_dialect = pytest.mark.parametrize("dialect", ALL, ids=str)
 ANSWER_S, QUIET_S = 3.0, 1.5  # an answer that is waited for, and what draining a line adds
 

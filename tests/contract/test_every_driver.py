@@ -2,6 +2,8 @@
 
 import asyncio
 from contextlib import nullcontext, suppress
+from dataclasses import replace
+from typing import get_args
 from unittest import mock
 
 import pytest
@@ -9,9 +11,9 @@ import pytest
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import known_drivers
 from drivers.errors import DriverError, NoAnswer, WrongIdentity
-from tests.support.every_driver import EVERY, Opened, calls_of
+from tests.support import instruments
+from tests.support.every_driver import EVERY, Opened, bench_of, calls_of
 
-NOT_HERE = frozenset({"operator_head"})  # without an instrument at the end of a wire
 SILENT_S = 30.0  # the longest that a call may take on an instrument that says nothing
 PACING_S = 0.35  # the longest that a line has to be still before a question
 TICK_S = 0.01
@@ -24,8 +26,22 @@ def now_s() -> float:
     return asyncio.get_running_loop().time()
 
 
-def test_no_driver_is_left_out() -> None:
-    assert set(EVERY) | NOT_HERE == set(known_drivers())
+def test_a_driver_that_is_installed_and_not_among_the_instruments_fails_all_that_try_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    others = {**known_drivers(), "toy_chamber": known_drivers()["watlow_f4t"]}
+    monkeypatch.setattr(instruments, "known_drivers", lambda: others)
+    for what in get_args(instruments.What):
+        with pytest.raises(AssertionError, match="toy_chamber: not both installed and in"):
+            instruments.tried(what)
+
+
+def test_an_instrument_that_something_does_not_try_has_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    untold = {name: replace(each, apart={}) for name, each in instruments.INSTRUMENTS.items()}
+    monkeypatch.setattr(instruments, "INSTRUMENTS", untold)
+    for what, name in (("bad lines", "can_counter"), ("orders", "agilent_34970a"), ("swaps", "agilent_34970a")):
+        with pytest.raises(AssertionError, match=f"{name}: {what} must try it, or .* must say why not"):
+            instruments.tried(what)
 
 
 # Who is there
@@ -198,6 +214,6 @@ def test_making_safe_energises_nothing(driver: str) -> None:
 def test_a_driver_says_what_making_safe_does_if_it_moves_or_energises_something() -> None:
     for name, member in EVERY.items():
         description = known_drivers()[name]
-        words = member.bench_of(name).devices[member.role].safe_state.words
+        words = bench_of(name).devices[member.role].safe_state.words
         energising = {"positioner", "rate_table", "thermal_chamber", "power_supply", "current_source"}
         assert bool(words) == bool(description.capabilities & energising), name

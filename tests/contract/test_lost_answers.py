@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.description import known_drivers
 from drivers.errors import DriverError
 from drivers.transport.dialogue import Dialogue
 from simulators.faults.line_faults import BadLine, LineFault
@@ -111,10 +110,6 @@ def play(driver: str) -> list[str]:
         return [problem for name, call in calls.items() for problem in await problems_of(driver, name, call)]
 
     return run(main(), AS_FAST_AS_POSSIBLE)
-
-
-def test_every_driver_that_asks_is_played() -> None:
-    assert set(EVERY) | {"operator_head"} == set(known_drivers())
 
 
 @asking_driver

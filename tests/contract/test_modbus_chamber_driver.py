@@ -12,11 +12,11 @@ from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, Refused, W
 from drivers.schema.fields import DocumentFile
 from simulators.instruments.chambers.modbus_chamber import SimulatedProfile
 from tests.support.chambers import Dialect, Rig, with_rig
-from tests.support.chambers_modbus import FICTIONAL, MODBUS_DIALECTS, writes
+from tests.support.chambers_modbus import FICTIONAL, PROFILE_DIALECTS, writes
 
 
 def dialect(name: str) -> Dialect:
-    return next(each for each in MODBUS_DIALECTS if str(each) == f"profile-{name}")
+    return next(each for each in PROFILE_DIALECTS if str(each) == f"profile-{name}")
 
 
 SERIAL, PLAIN, HOURLY = (dialect(name) for name in ("fictional-serial", "plain", "hourly"))

@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from drivers.capabilities import Positioner
 from drivers.description import known_drivers
+from drivers.dialects.newport_xps.axis import NewportXps
 from drivers.dialects.newport_xps.description import DESCRIPTION, XpsOptions
-from drivers.dialects.newport_xps.driver import NewportXps
 from drivers.errors import BadAnswer, BeyondLimit, InstrumentFault, Refused, WrongIdentity
 from tests.support.head import XPS, XPS_OPTIONS, Head, now_s, with_driver, with_head
 

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from drivers.dialects.newport_xps.driver import NewportXps
+from drivers.dialects.newport_xps.axis import NewportXps
 from drivers.errors import InstrumentFault, Refused
 from tests.support.head import XPS, Head, now_s, with_driver
 

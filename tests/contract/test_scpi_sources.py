@@ -159,3 +159,51 @@ def test_what_cannot_be_made_safe_says_so_in_time(words: Words) -> None:
             await driver.make_safe()
 
     with_each(words, use)
+
+
+async def while_it_lags(source: SourceRig, word: bytes, first: Awaitable[None], after_s: float) -> asyncio.Future[None]:
+    """An order to an instrument that does it 0.7 s later, `after_s` after a word of it was sent."""
+    sent = asyncio.Event()
+
+    def lose(request: bytes) -> bool:
+        if word in request:
+            sent.set()
+        return False
+
+    source.wire.lose = lose
+    source.faults.begin("lag")
+    under_way = asyncio.ensure_future(first)
+    await sent.wait()
+    await asyncio.sleep(after_s)
+    return under_way
+
+
+@each_dialect
+@pytest.mark.parametrize("after_s", [0.3, 0.65, 0.75])
+def test_a_setting_that_another_one_ends_is_refused_even_when_its_last_step_shows(words: Words, after_s: float) -> None:
+    async def use(source: SourceRig, driver: Any) -> None:
+        on = driver.set(0.0012, limit=5, output=True)
+        first = await while_it_lags(source, words.steps[-1], on, after_s)
+        second = asyncio.ensure_future(driver.set(0.0024, limit=5, output=True))
+        with pytest.raises(Refused, match="the setting was ended by another command"):
+            await first
+        while not second.done():
+            await driver.poll()  # the first one's level is nothing that somebody else has changed
+            await asyncio.sleep(0.05)
+        await second
+        assert source.instrument.current_a == pytest.approx(0.0024)
+
+    with_each(words, use)
+
+
+@each_dialect
+def test_making_safe_that_is_proved_is_no_error_when_a_setting_ends_it(words: Words) -> None:
+    async def use(source: SourceRig, driver: Any) -> None:
+        await driver.set(0.0012, limit=5, output=True)
+        zero = words.steps[3].partition(b" ")[0] + b" 0;"
+        safe = await while_it_lags(source, zero, driver.make_safe(), 0.65)
+        await driver.set(0.0, limit=5, output=False)
+        await safe
+        assert source.instrument.current_a == 0
+
+    with_each(words, use)

@@ -16,9 +16,9 @@ from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.chambers.watlow_f4 import SimulatedF4
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from tests.support.chambers import Rig, with_rig
-from tests.support.chambers_modbus import MODBUS_DIALECTS, writes
+from tests.support.chambers_modbus import F4_DIALECTS, writes
 
-F4 = next(dialect for dialect in MODBUS_DIALECTS if dialect.driver == "watlow_f4")
+(F4,) = F4_DIALECTS
 
 
 def with_f4(use: Any, **settings: Any) -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from bench.loop import run
 from drivers.description import IdentityPin, Nothing, Setup
+from drivers.dialects.framed.axes import FramedTable
 from drivers.dialects.framed.description import FramedTableOptions
-from drivers.dialects.framed.driver import FramedTable
 from drivers.dialects.framed.profile import FrameProfile
 from drivers.kinds.table.description import TableLimits
 from drivers.schema.fields import DocumentFile

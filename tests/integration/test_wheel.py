@@ -1,10 +1,11 @@
-"""What is installed is enough: the wheel, in an empty folder, away from the source tree."""
+"""The sdist and the wheel built from it are complete: installed in an empty folder, away from the source tree."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+import tarfile
 import zipfile
 
 import pytest
@@ -15,15 +16,33 @@ pytestmark = pytest.mark.integration
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
+def built(tmp_path_factory):
+    """A folder with the sdist, and with the wheel that was built from it."""
     folder = tmp_path_factory.mktemp("dist")
     subprocess.run(
-        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, ROOT],
-        check=True,
-        capture_output=True,
+        [sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, ROOT], check=True, capture_output=True
     )
-    (path,) = folder.glob("*.whl")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(built):
+    (path,) = built.glob("*.whl")
     return path
+
+
+def test_the_sdist_holds_what_is_versioned_and_nothing_that_was_built(built):
+    (path,) = built.glob("*.tar.gz")
+    with tarfile.open(path) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    versioned = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    assert set(versioned) - names == set()
+    assert names - set(versioned) == {"PKG-INFO"}
+
+
+def test_the_release_has_a_section_of_the_changelog(wheel):
+    version = wheel.name.split("-")[1]
+    assert f"\n## {version} - 20" in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
 def test_the_wheel_runs_the_smoke_sequence_in_an_empty_folder(wheel, tmp_path):
@@ -69,6 +88,7 @@ def test_the_wheel_holds_the_packages_their_data_and_no_tests(wheel):
     assert "bench/shipped/docs/schema/scenario.schema.json" in names
     assert "bench/shipped/config/scenarios/bad_night.yaml" in names
     assert "bench/shipped/templates/driver/thermal_chamber/toy_chamber/wire.py" in names
+    assert "bench/shipped/templates/method/toy_rest/method.py" in names
     assert "bench/sequence/document/starter.yaml" in names
     assert any(name.endswith("report.html.j2") for name in names)
     assert "bench/py.typed" in names

@@ -6,8 +6,8 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, BenchLoop, run
 from drivers.description import IdentityPin, Setup, make_driver
+from drivers.dialects.watlow_f4t.controller import WatlowF4T
 from drivers.dialects.watlow_f4t.description import DESCRIPTION, F4TOptions
-from drivers.dialects.watlow_f4t.driver import WatlowF4T
 from drivers.dialects.watlow_f4t.wire import LoopFormat, LoopRegister
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.transport.address import Address

@@ -1,4 +1,4 @@
-"""Every dialect of a chamber's controller, as the tests that all of them pass need it; add a new one to DIALECTS."""
+"""Every dialect of a chamber's controller, as the tests that all of them pass need it; `instruments.py` lists them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from simulators.instruments.setup import InstrumentSetup, make_instrument
 from simulators.physics.thermal import ChamberPhysics
 from simulators.units.settings import WorldSettings
 from simulators.world import World
+from tests.support.handling import modbus_asks, modbus_tcp_asks
 from tests.support.lines import TappedWire
 
 LIMITS = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}
@@ -28,15 +29,17 @@ START_C = 20.0
 class Dialect:
     """One driver at one kind of address, and what somebody at the front panel of its simulator may do.
 
-    `commands` tells the requests that write a set point. `stranger` makes the simulator another chamber of its kind.
-    `take_over` makes it follow something else, `switch_off` nothing. `gives_back` says whether making safe ends that.
-    `limits` makes the controller's own -40.1 to 80.1 °C, where it has its own. `switched_on` says whether a ramp starts
-    a chamber that is off. `within_c` is how far a set point may be off at a given moment of a ramp.
+    `commands` tells the requests that write a set point, `asks` those that only ask. `stranger` makes the simulator
+    another chamber of its kind. `take_over` makes it follow something else, `switch_off` nothing. `gives_back` says
+    whether making safe ends that. `limits` makes the controller's own -40.1 to 80.1 °C, where it has its own.
+    `switched_on` says whether a ramp starts a chamber that is off. `within_c` is how far a set point may be off at a
+    given moment of a ramp.
     """
 
     driver: str
     address: str
     commands: Callable[[bytes], bool]
+    asks: Callable[[bytes], bool]
     set_point: Callable[[Any, float], None]
     take_over: Callable[[Any], None]
     switch_off: Callable[[Any], None]
@@ -132,6 +135,7 @@ def _f4t(address: str, function_at: int) -> Dialect:
     return Dialect(
         driver="watlow_f4t", address=address,
         commands=_f4t_writes(LoopRegister.SET_POINT, function_at),
+        asks=modbus_tcp_asks if address.startswith("tcp:") else modbus_asks,
         set_point=lambda f4t, value_c: f4t.write(LoopRegister.SET_POINT, LoopFormat().words(value_c)),
         take_over=_f4t_set(LoopRegister.CONTROL_MODE, ControlMode.MANUAL),
         switch_off=_f4t_set(LoopRegister.CONTROL_MODE, ControlMode.OFF),
@@ -139,8 +143,8 @@ def _f4t(address: str, function_at: int) -> Dialect:
     )  # fmt: skip
 
 
-DIALECTS = [
+F4T_DIALECTS = (
     _f4t("tcp://127.0.0.1:502", 7),
     _f4t("socket://127.0.0.1:4001", 1),
     _f4t("serial:///dev/ttyUSB0?baud=9600", 1),
-]
+)

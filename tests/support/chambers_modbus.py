@@ -12,6 +12,7 @@ from drivers.dialects.modbus_chamber.profile import ChamberProfile
 from drivers.kinds.chamber.words import float32_words
 from drivers.schema.fields import DocumentFile
 from tests.support.chambers import Dialect
+from tests.support.handling import modbus_asks, modbus_tcp_asks
 from tests.support.runs import ROOT
 
 SERIAL, SERVER = "serial:///dev/ttyUSB0?baud=9600", "socket://127.0.0.1:4001"
@@ -38,7 +39,7 @@ def _written(*settings: tuple[int, int]) -> Callable[[Any], None]:
 
 def _f4(address: str) -> Dialect:
     return Dialect(
-        driver="watlow_f4", address=address, options={"power_event": 2}, commands=writes(300),
+        driver="watlow_f4", address=address, options={"power_event": 2}, commands=writes(300), asks=modbus_asks,
         set_point=lambda f4, value_c: f4.write(300, (round(10 * value_c) & 0xFFFF,)),
         take_over=lambda f4: f4.start_profile(), switch_off=_written((2010, 0)),
         stranger=_written((602, -600 & 0xFFFF), (603, 1500)), limits=_written((602, -401 & 0xFFFF), (603, 801)),
@@ -53,7 +54,7 @@ def _binder(name: str, controller: str, register: int, **options: object) -> Dia
             binder.write(MODE, (binder._mode,))
 
     return Dialect(
-        name=name, driver="binder", address=SERVER, commands=writes(register),
+        name=name, driver="binder", address=SERVER, commands=writes(register), asks=modbus_asks,
         options={"controller": controller, "range": {"min": "-60 °C", "max": "180 °C"}, **options},
         set_point=set_point, take_over=lambda binder: binder.start_program(),
         switch_off=_written((MODE, 0)) if controller == "mb1" else _written((LINES, IDLE_LINE)),
@@ -98,6 +99,7 @@ def _profile(name: str, profile: ChamberProfile, address: str, **more: Any) -> D
     return Dialect(
         name=name, driver="modbus_chamber", address=address,
         commands=lambda request: writes(register)(request[6:] if is_tcp else request),
+        asks=modbus_tcp_asks if is_tcp else modbus_asks,
         options={"profile": DocumentFile(Path("a_profile.yaml"), profile)},
         set_point=lambda simulated, value_c: simulated.write(register, form.words(value_c)),
         take_over=lambda simulated: simulated.take_over(9),
@@ -107,13 +109,15 @@ def _profile(name: str, profile: ChamberProfile, address: str, **more: Any) -> D
     )  # fmt: skip
 
 
-MODBUS_DIALECTS = [
-    _f4(SERIAL),
+F4_DIALECTS = (_f4(SERIAL),)
+BINDER_DIALECTS = (
     _binder("binder-mb1", "mb1", 0x1581),
     _binder("binder-mb1-swapped", "mb1", 0x1581, set_point="basic", swapped=True),
     _binder("binder-mb2", "mb2", 0x114C),
+)
+PROFILE_DIALECTS = (
     _profile("profile-fictional-tcp", FICTIONAL, "tcp://127.0.0.1:502"),
     _profile("profile-fictional-serial", FICTIONAL, SERIAL),
     _profile("profile-plain", PLAIN, SERVER),
     _profile("profile-hourly", HOURLY, SERVER),
-]
+)

@@ -4,115 +4,44 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
 from bench.app.drawn import AnyUnitFile
 from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_files
-from bench.config.bench import load_bench
 from bench.config.models import BenchFile
-from campaigns.line_faults.cases import CASES
 from drivers.capabilities import Device
-from drivers.description import IdentityPin, Nothing, Setup, known_drivers, make_driver, unheard
-from drivers.transport.address import Address
+from drivers.description import IdentityPin, Setup, known_drivers, make_driver, unheard
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.faults.line_faults import BadLine
-from tests.support.runs import ROOT
+from tests.support.instruments import bench_named, tried
 
 Call = Callable[[Any], Awaitable[object]]
 
 
-@dataclass(frozen=True)
-class Member:
-    """One driver: what it is in the place of, and which of "maker", "model", "serial", "firmware" its wire tells.
+EVERY = tried("contract")
 
-    `patience_s` is how long it waits for an answer; 0 where nothing is asked.
-    """
 
-    bench: str
-    role: str
-    tells: str
-    patience_s: float = 2.0
-    connection: str = ""
-    options: Mapping[str, Any] = field(default_factory=dict)
-    beside: bool = False  # an instrument that the bench does not have, in the cable of its source
-
-    def bench_of(self, driver: str) -> BenchFile:
-        """The bench with the instrument of this driver in it, and nothing stated of who that is."""
-        bench = _bench(self.bench)
-        if self.beside:
-            place = bench.places["a"].model_copy(update={"ammeter": self.role})
-            bench = bench.model_copy(update={"places": {"a": place}})
-        entry = bench.devices[self.role if not self.beside else "source"]
-        if self.beside:
-            entry = entry.model_copy(update={"limits": Nothing(), "safe": Nothing(), "calibration": None})
-        update: dict[str, Any] = {"driver": driver, "identity": IdentityPin()}
-        if self.connection:
-            options = known_drivers()[driver].options.model_validate(dict(self.options))
-            update |= {"connection": Address.parse(self.connection), "options": options}
-        entry = entry.model_copy(update=update)
-        return bench.model_copy(update={"devices": {self.role: entry}})
+def bench_of(driver: str) -> BenchFile:
+    """The bench with the instrument of this driver in it, and no other."""
+    instrument = EVERY[driver]
+    bench = bench_named(instrument.bench)
+    if instrument.beside:
+        place = bench.places["a"].model_copy(update={"ammeter": instrument.role})
+        bench = bench.model_copy(update={"places": {"a": place}})
+    return bench.model_copy(update={"devices": {instrument.role: instrument.entry(driver)}})
 
 
 @cache
 def _units(name: str) -> Mapping[str, AnyUnitFile]:
-    return unit_files(_bench(name), None)
-
-
-@cache
-def _bench(name: str) -> BenchFile:
-    return load_bench(ROOT / "config" / f"{name}.yaml").bench
-
-
-def _line_case(name: str) -> dict[str, Any]:
-    case = CASES[name]
-    return {"bench": case.bench, "role": case.role, "connection": case.connection, "options": case.options}
-
-
-EVERY = {
-    "acutronic_acl": Member("gyro", "table", "maker model firmware", patience_s=1.0),
-    "aerotech_ensemble": Member("simulated", "head", ""),
-    "agilent_34970a": Member(
-        "simulated", "supply", "maker model firmware", connection="sim+tcp://127.0.0.1:5025",
-        options={"channels": {"unit": {"channel": 101, "sensor": "frtd"}}},
-    ),
-    "binder": Member(**_line_case("binder"), tells="", patience_s=1.0),
-    "can_counter": Member("simulated", "counter", "", patience_s=0.0),
-    "can_telemetry": Member("channel_telemetry", "telemetry", "", patience_s=0.0),
-    "cts": Member(**_line_case("cts"), tells="firmware", patience_s=3.0),
-    "espec_p300": Member(**_line_case("espec_p300"), tells="model firmware", patience_s=3.0),
-    "fluke_5700a": Member("channel", "source", "maker model serial firmware", patience_s=5.0),
-    "framed_head": Member(
-        "simulated", "head", "serial", patience_s=0.5, connection="sim+serial:///dev/ttyS0?baud=115200",
-        options=dict(CASES["framed_table, TCP"].options),
-    ),
-    "framed_table": Member(**_line_case("framed_table, TCP"), tells="serial", patience_s=0.5),
-    "keithley_6220": Member("simulated", "source", "maker model serial firmware"),
-    "keysight_3458a": Member("channel_volts", "dvm", "maker model firmware"),
-    "keysight_3458a_ammeter": Member(
-        "channel", "dmm", "maker model firmware", connection="sim+tcp://127.0.0.1:1235",
-        options={"range": "10 mA"}, beside=True,
-    ),
-    "modbus_chamber": Member(**_line_case("modbus_chamber, TCP"), tells="", patience_s=3.0),
-    "newport_xps": Member("indexing_telemetry", "head", "model firmware"),
-    "scpi_supply": Member("simulated", "supply", "maker model serial firmware"),
-    "simserv": Member(**_line_case("simserv"), tells="model serial", patience_s=3.0),
-    "watlow_f4": Member(**_line_case("watlow_f4"), tells="firmware", patience_s=3.0),
-    "watlow_f4t": Member("simulated", "chamber", "", patience_s=3.0),
-    "yokogawa_gs200": Member(
-        "simulated", "source", "maker model serial firmware", connection="sim+tcp://127.0.0.1:7655",
-        options={"range": "10 mA", "compliance": "10 V"},
-    ),
-}  # fmt: skip
+    return unit_files(bench_named(name), None)
 
 
 class Opened:
     """A simulated instrument that nobody has spoken to yet, and drivers of it, on a `bad` line if one is given."""
 
     def __init__(self, driver: str, bad: BadLine | None = None) -> None:
-        member = EVERY[driver]
-        bench = member.bench_of(driver)
+        member, bench = EVERY[driver], bench_of(driver)
         self.role, self.entry = member.role, bench.devices[member.role]
         units = _units(member.bench)
         self.laboratory: Laboratory = make_laboratory(bench, units, 1, asyncio.get_running_loop().time)

@@ -14,6 +14,7 @@ from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.framed import SimulatedFrames
 from simulators.units.settings import WorldSettings
 from simulators.world import World
+from tests.support.handling import framed
 from tests.support.head import FRAMES
 from tests.support.lines import TappedWire
 from tests.support.table import LIMITS, Turned
@@ -86,10 +87,7 @@ class Framed(Turned):
 
     def elsewhere(self, name: str, **values: float) -> None:
         """Somebody else commands the controller, over another interface."""
-        shape = self.profile.shape(name)
-        forms = {key: self.profile.number(getattr(shape, key)) for key in values}
-        frame = self.profile.format(name).build((forms[key], forms[key].raw(value)) for key, value in values.items())
-        self.controller.carry_out(name, frame)
+        framed(self.controller, name, **values)
 
 
 def with_framed(use: Callable[[Framed], Awaitable[None]], *given: Any, **settings: Any) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,9 +14,15 @@ from tests.support.runs import ROOT
 
 FOLDER = ROOT / "docs" / "how-to"
 PAGES = sorted(FOLDER.glob("*.md"))
+_FENCE = re.compile(r"^```\w+\n.*?^```$", re.DOTALL | re.MULTILINE)
 _BLOCK = re.compile(r"^```yaml\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _ANSWERS = "schema: itb-answers/1\n"
-FOLLOWED = {"rehearse_a_bad_night", "add_a_driver"}  # whose every command is run by a test of their own
+FOLLOWED = {
+    "rehearse_a_bad_night",
+    "add_a_driver",
+    "add_a_method",
+    "add_a_step",
+}  # whose every command is run by a test of their own
 _OF_A_BENCH = ("alert:", "devices:", "places:", "power:", "readings:")
 _KEYS = re.compile(r"^(\w+):", re.MULTILINE)
 # What a piece of a sequence leaves out: it stands in a file like the first one of its page.
@@ -117,8 +126,36 @@ def bench_pieces() -> list[Example]:
 
 def commands(page: Path) -> list[list[str]]:
     """The commands of a page, which stand indented by four spaces in paragraphs of their own, in order."""
-    text = _BLOCK.sub("", page.read_text("utf-8"))
+    text = _FENCE.sub("", page.read_text("utf-8"))
     return [shlex.split(line) for line in re.findall(r"^    (\S.*)$", text, re.MULTILINE)]
+
+
+def follow(words: Sequence[str], folder: Path, site: Path, env: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
+    """Run a command of a page in `folder`, with the programs of this environment.
+
+    What it installs is built as a wheel, and installed into the folder `site`, from no network.
+    """
+    program, *rest = words
+    if "pip" in rest:
+        built = folder / "dist" / rest[-1]
+        _done([sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", built, folder / rest[-1]], env)
+        (wheel,) = built.glob("*.whl")
+        rest = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", str(site), str(wheel)]
+    known = {"bench": [sys.executable, "-m", "bench"], "python": [sys.executable]}
+    return subprocess.run(
+        [*known.get(program, [program]), *rest], cwd=folder, env=env, capture_output=True, text=True, check=False
+    )
+
+
+def _done(command: Sequence[object], env: Mapping[str, str]) -> None:
+    done = subprocess.run(list(map(str, command)), env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def files_of(page: Path) -> dict[str, str]:
+    """The files that a page gives whole, by the first name in the paragraph before each block."""
+    named = re.compile(r"^`([\w/.]+)`[^\n]*(?:\n[^\n]+)*\n\n```\w+\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+    return dict(named.findall(page.read_text("utf-8")))
 
 
 def blocks(page: Path) -> list[tuple[int, str]]:

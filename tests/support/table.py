@@ -6,8 +6,8 @@ from typing import Any
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
+from drivers.dialects.acutronic_acl.axis import AcutronicAcl
 from drivers.dialects.acutronic_acl.description import DESCRIPTION, AclOptions
-from drivers.dialects.acutronic_acl.driver import AcutronicAcl
 from drivers.kinds.table.description import TableLimits
 from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan

@@ -240,4 +240,4 @@ def _no_counts_notes(table: Table, record: ChannelRecord, counter_bits: int) -> 
     return [f"{table.file}: {kind} were left out: {table.lines(rows)}" for kind, rows in found if len(rows)]
 
 
-REDUCTIONS: Reductions = {("M0", ""): Reduction(_channel, ("channel",))}
+REDUCTIONS: Reductions = {("M0", ""): Reduction(_channel, ("channel",), ("runs",), "insufficient_temperature_span$")}

@@ -24,6 +24,9 @@ START_UP_MEANING = (
     "with that of its calibration in it; a fit of constants and exponentials follows it from power-on."
 )
 
+CHANGES = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # units of changes of the constants of a sensor
+CHANGES_SHOWN = {"K0": "µg", "K1": "ppm", "D0": "°/h", "KG": "ppm"}
+
 
 class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
     """Settings of the calibration of an inertial unit."""
@@ -72,11 +75,26 @@ IMU_CALIBRATION = MethodDescription(
         "g_sensitivity": "°/s/g",
         **{
             f"{quantity}/{what}": unit
-            for quantity, unit in {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}.items()
+            for quantity, unit in CHANGES.items()
             for what in ("change", "interpolation", "repeatability")
         },
         "K0/closure": "g",
         "level/closure": "rad",
+    },
+    shown={
+        "K0": "µg",
+        "K2": "µg/g²",
+        "misalignment": "µrad",
+        "D0": "°/h",
+        "gyro_misalignment": "µrad",
+        "g_sensitivity": "°/h/g",
+        **{
+            f"{quantity}/{what}": unit
+            for quantity, unit in CHANGES_SHOWN.items()
+            for what in ("change", "interpolation", "repeatability")
+        },
+        "K0/closure": "µg",
+        "level/closure": "µrad",
     },
     counts_at="windows",
     measures="inertial unit",
@@ -122,8 +140,13 @@ IMU_START_UP = MethodDescription(
     settings=ImuStartUpSettings,
     quantities={
         f"{quantity}/{what}": unit
-        for quantity, own in {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}.items()
+        for quantity, own in CHANGES.items()
         for what, unit in (("power_on", own), ("warm", own), ("settling", "s"))
+    },
+    shown={
+        f"{quantity}/{what}": unit
+        for quantity, own in CHANGES_SHOWN.items()
+        for what, unit in (("power_on", own), ("warm", own), ("settling", "min"))
     },
     counts_at="windows",
     measures="inertial unit",

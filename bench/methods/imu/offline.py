@@ -301,4 +301,8 @@ def _model_check(sensor: str, table: TemperatureTable) -> dict[str, Any]:
     return result
 
 
-REDUCTIONS: Reductions = {("M2", ""): Reduction(_imu, ("positions", "rates", "apply"))}
+REDUCTIONS: Reductions = {
+    ("M2", ""): Reduction(
+        _imu, ("positions", "rates", "apply"), parts=("table",), lacking=":missing_|:attitude_inconsistent:"
+    )
+}

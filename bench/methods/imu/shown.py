@@ -8,11 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN, shown
+from bench.figures.numbers import scale_shown, shown
 from bench.figures.plots import Array, Plot, temperature_label
 from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
 from bench.figures.words import quantity_in_words, unit_shown
+from bench.methods.imu.method import CHANGES
 from bench.methods.imu.reduction.knots import check_model
 from bench.methods.imu.reduction.run import RELATIVE, ImuDetail
 from bench.metrology.results.coverage import COVERAGE
@@ -38,10 +39,10 @@ MATRICES = {
 def imu_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     """The values at the set points, their matrices, and the constants over temperature; `name` begins the ids."""
     at_visits = [finding for finding in unit.findings if "visit" in finding.at]
-    units = {finding.quantity: finding.unit for finding in at_visits}
+    units = {finding.quantity: unit_shown(finding.quantity, finding.unit) for finding in at_visits}
     for sensor, quantities in SENSORS.items():
         if rows := list(_rows(at_visits, quantities)):
-            heads = [(quantity_in_words(each), unit_shown(each, units.get(each, ""))) for each in quantities]
+            heads = [(quantity_in_words(each), units.get(each, "")) for each in quantities]
             yield Sheet(
                 tr(TITLES[sensor]),
                 tr("With expanded uncertainties, 95 %. Set points in the order of the run.")
@@ -73,7 +74,7 @@ def _rows(at_visits: Sequence[Finding], quantities: Sequence[str]) -> Iterator[t
 
 def _matrix(found: Sequence[Finding], quantity: str, title: str) -> Sheet:
     """A row for each sensor, a column for each axis that it sees."""
-    _, symbol = SHOWN[quantity]
+    _, symbol = scale_shown(quantity, found[0].unit)
     cells = {(each.at["axis"], each.at["toward"]): shown(each) for each in found}
     set_c = found[0].at["temperature_set_c"]
     return Sheet(
@@ -91,7 +92,7 @@ def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str]
     panels = figure.subplots(2, 2, sharex="col", gridspec_kw={"hspace": 0.42, "wspace": 0.32})
     for column, quantity in enumerate(pair):
         above, below = panels[0][column], panels[1][column]
-        factor, symbol = (1e6, "ppm") if quantity in RELATIVE else SHOWN[quantity]
+        factor, symbol = scale_shown(f"{quantity}/change", CHANGES[quantity])
         for axis, letter in enumerate(AXES):
             temperature_c, values = detail.curves[quantity, axis]
             if len(temperature_c) < 2:

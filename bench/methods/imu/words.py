@@ -8,15 +8,43 @@ REASONS = {
     "practically_not_determined": "practically not determined",
 }
 READINGS = {
+    "no_attitude": "the unit was in none of the 24 attitudes, or was rotated about none of its axes",
     "beyond_calibration": "the unit was outside the temperature range of its calibration",
 }
-PARTS = {
-    "no_power_on": "left out: the time of power-on is not in the record.",
+UNITS = {
+    "T={set_c}:missing_position:{what}": (
+        "Set point {set_c} °C: attitude {what} has no usable reading; its axis is left out there."
+    ),
+    "T={set_c}:missing_rate:{what}": (
+        "Set point {set_c} °C: rates about {what} are missing; the axis is left out there."
+    ),
+    "T={set_c}:attitude_inconsistent:{what}": (
+        "Set point {set_c} °C: in attitude {what} the unit seems to have been in another attitude; its axis is left"
+        " out there."
+    ),
 }
 QUANTITIES = {
     "start_up_not_determined": "too few readings after power-on to follow it.",
     "moved": "it changed over the run by more than the settings allow: every verdict is marginal.",
     "not_given": "no calibration of the unit was given, so that its output cannot be compensated.",
 }
+PARTS = {
+    "no_power_on": "left out: the time of power-on is not in the record.",
+}
+NOTES = (
+    "headings were not checked: the latitude is not known",
+    "the gyros do not tell the headings of {untold} of {count} attitudes",
+    "the horizontal gyros saw north elsewhere than scheduled: {axes}",
+    "the thermometer of {sensor} gave fewer than half of its readings",
+)
+SOURCES = ("power-on", "computer", "gyro", "readings of the rates", "K2 of the accelerometer")
 
-WORDS = {"REASONS": REASONS, "READINGS": READINGS, "PARTS": PARTS, "QUANTITIES": QUANTITIES}
+WORDS = {
+    "REASONS": REASONS,
+    "READINGS": READINGS,
+    "UNITS": UNITS,
+    "QUANTITIES": QUANTITIES,
+    "PARTS": PARTS,
+    "NOTES": NOTES,
+    "SOURCES": SOURCES,
+}

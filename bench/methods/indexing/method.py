@@ -71,6 +71,19 @@ INDEXING_STATIC = MethodDescription(
         "verification/largest": "g",
         "verification/rms": "g",
     },
+    shown={
+        "K0": "µg",
+        "misalignment": "µrad",
+        "Kip": "µg/g²",
+        "K2": "µg/g²",
+        "K3": "µg/g³",
+        "scale_difference": "ppm",
+        "seat_tilt": "µrad",
+        "linearity": "ppm",
+        "hysteresis": "µg",
+        "verification/largest": "µg",
+        "verification/rms": "µg",
+    },
     counts_at="records",
     drawn_by="bench.methods.indexing.shown:indexing_shown",
     meaning=(
@@ -78,6 +91,7 @@ INDEXING_STATIC = MethodDescription(
         "K1 are means of both ends, so that they are free of the misalignment of the input axis and of its cross "
         "coupling; by the clocking K0 is free of the tilt of the seat too. K1 contains K3 as far as the angles go."
     ),
+    words="bench.methods.indexing.words:WORDS",
     parts=(
         NamedPart(
             CLOCKING,

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from numpy.polynomial import polynomial
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN
+from bench.figures.numbers import scale_shown
 from bench.figures.plots import Array, Plot, temperature_label
 from bench.figures.svg import new_figure, rendered
 from bench.methods.ramp.reduction.run import LegCurve
@@ -28,7 +28,7 @@ def ramp_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
     if not isinstance(unit.detail, tuple) or not unit.detail:
         return
     curves: tuple[LegCurve, ...] = unit.detail
-    factor, symbol = SHOWN["K0"]
+    factor, symbol = scale_shown("K0", "g")
     figure = new_figure(5.6)
     above, below = figure.subplots(2, 1, height_ratios=[2, 3], gridspec_kw={"hspace": 0.4})
     _draw_legs(above, curves, [curve.output_g * factor for curve in curves])

@@ -162,6 +162,14 @@ GYRO_RANGE = on_a_table(
         "asymmetry": "1",
         "nonlinearity/cubic": "1",
     },
+    shown={
+        "rest_rate": "°/h",
+        "rate_error/relative": "ppm",
+        "saturated_points": "",
+        "scale_error": "ppm",
+        "asymmetry": "ppm",
+        "nonlinearity/cubic": "ppm",
+    },
     drawn_by="bench.methods.rate_table.shown_range:range_plots",
     after=("IEEE Std 952", "IEEE Std 292", "IEEE Std 1554"),
     meaning=OF_A_GYRO
@@ -176,6 +184,7 @@ GYRO_RESPONSE = on_a_table(
     target="bench.methods.rate_table.reduction.response:reduce_gyro",
     settings=GyroResponseSettings,
     quantities={"gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°"},
+    shown={"gain": ""},
     drawn_by="bench.methods.rate_table.shown_response:response_plots",
     after=("IEEE Std 292", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_A_GYRO
@@ -194,6 +203,15 @@ ACCELEROMETER_RANGE = on_a_table(
         "rest_output": "g", "radius": "m", "acceleration_error": "g", "acceleration_error/relative": "1",
         "saturated_points": "1", "scale_error": "1", "nonlinearity/quadratic": "1",
     },
+    shown={
+        "rest_output": "µg",
+        "radius": "mm",
+        "acceleration_error": "µg",
+        "acceleration_error/relative": "ppm",
+        "saturated_points": "",
+        "scale_error": "ppm",
+        "nonlinearity/quadratic": "ppm",
+    },
     drawn_by="bench.methods.rate_table.shown_range:range_plots",
     after=("IEEE Std 836", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER
@@ -210,6 +228,7 @@ ACCELEROMETER_RESPONSE = on_a_table(
     quantities={
         "gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°", "lever_arm/x": "m", "lever_arm/y": "m",
     },
+    shown={"gain": "", "lever_arm/x": "mm", "lever_arm/y": "mm"},
     drawn_by="bench.methods.rate_table.shown_response:response_plots",
     after=("IEEE Std 836", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER

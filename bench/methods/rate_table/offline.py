@@ -319,9 +319,9 @@ def _usable(increment_rad: Array) -> Array:
 
 
 REDUCTIONS: Reductions = {
-    ("M3", "gyro_range"): Reduction(_gyro_range, ("range",)),
-    ("M3", "gyro_freq"): Reduction(_gyro_freq, ("sweep",)),
-    ("M3", "acc_range"): Reduction(_acc_range, ("range",)),
-    ("M3", "acc_freq"): Reduction(_acc_freq, ("sweep",)),
-    ("M3", "two_sample"): Reduction(_two_sample, ("increments",)),
+    ("M3", "gyro_range"): Reduction(_gyro_range, ("range",), ("points",)),
+    ("M3", "gyro_freq"): Reduction(_gyro_freq, ("sweep",), ("points",)),
+    ("M3", "acc_range"): Reduction(_acc_range, ("range",), ("points",), "^radius_not_determined$"),
+    ("M3", "acc_freq"): Reduction(_acc_freq, ("sweep",), ("points",)),
+    ("M3", "two_sample"): Reduction(_two_sample, ("increments",), ("dvx_mps",)),
 }

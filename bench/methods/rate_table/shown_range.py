@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN, decimals, shown
+from bench.figures.numbers import decimals, scale_shown, shown
 from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
@@ -36,7 +36,7 @@ def range_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 def _figure(curve: RangeCurve, judged: Sequence[Finding], name: str) -> Plot:
     figure = new_figure(3.4)
     axes = figure.subplots()
-    factor = SHOWN[judged[0].quantity][0]
+    factor = scale_shown(judged[0].quantity, judged[0].unit)[0]
     true = np.array([point.true for point in curve.points])
     error = np.array([finding.value for finding in judged]) * factor
     bars = np.array([finding.expanded for finding in judged]) * factor
@@ -87,7 +87,7 @@ def _points(curve: RangeCurve, unit: UnitResult, judged: Sequence[Finding]) -> S
     errors = [finding for finding in unit.findings if f"{finding.quantity}{RELATIVE}" == judged[0].quantity]
     heads = [(tr("Rate asked for"), "°/s"), (tr("True"), "°/s" if curve.quantity == "rate" else "g")]
     heads += [
-        (tr("Error"), SHOWN.get(errors[0].quantity, (1.0, errors[0].unit))[1]), (tr("Relative error"), "ppm"),
+        (tr("Error"), scale_shown(errors[0].quantity, errors[0].unit)[1]), (tr("Relative error"), "ppm"),
         (tr("Verdict"), ""), (tr("Remark"), ""),
     ]  # fmt: skip
     rows = []

@@ -14,17 +14,16 @@ READINGS = {
 }
 UNITS = {
     "rest_missing": "There is no usable reading at rest, so that the bias and all errors are unknown.",
-    "rest_of_one_angle": ("The readings at rest do not cover a full turn, so that a tilt of the axis is in the bias."),
-    "too_few_low_rates": "Fewer than two usable rates are low enough to determine the radius, so that no error is "
-    "known.",
+    "rest_of_one_angle": "The readings at rest do not cover a full turn, so that a tilt of the axis is in the bias.",
+    "too_few_low_rates": (
+        "Fewer than two usable rates are low enough to determine the radius, so that no error is known."
+    ),
     "radius_not_determined": "The low rates do not determine the radius, so that no error is known.",
     "several_crossings": "The gain falls below -3 dB more than once; the bandwidth is at the first crossing.",
     "bandwidth_not_reached": (
         "The gain does not fall to -3 dB up to the highest frequency; the bandwidth is above that."
     ),
-    "bandwidth_below_at_start": (
-        "The gain is below -3 dB at the lowest frequency already; the bandwidth is below that."
-    ),
+    "bandwidth_below_at_start": "The gain is below -3 dB at the lowest frequency already; the bandwidth is below that.",
     "lever_arm_short": (
         "The arm across the input axis is shorter than 5 mm, so that the gains are poorly known; see their U."
     ),
@@ -33,22 +32,62 @@ UNITS = {
         "and correctly oriented?"
     ),
     "radius_unlike_bench_file": (
-        "The radius determined with the accelerometer differs from that in the bench file: its scale factor "
-        "at this temperature is not as stated, or it is not in its place."
+        "The radius determined with the accelerometer differs from that in the bench file: its scale factor at this"
+        " temperature is not as stated, or it is not in its place."
     ),
     "no_response": "No frequency has a usable response.",
+    "{frequency} Hz invalid": (
+        "{frequency} Hz: left out: no sine can be fitted to its samples of the table or of the sensor."
+    ),
+    "{frequency} Hz droop": (
+        "{frequency} Hz: left out: the table swung with less than half of the amplitude that it had at the lowest "
+        "frequency."
+    ),
+    "{frequency} Hz phase_step": (
+        "{frequency} Hz: its phase differs by more than 120° from the previous one; whole turns between them may be"
+        " lost."
+    ),
+    "{frequency} Hz few_phases": (
+        "{frequency} Hz: the samples cover few phases of the swing, so that the quantisation of the encoder does "
+        "not average out."
+    ),
+    "{frequency} Hz off_frequency": (
+        "{frequency} Hz: the frequency of the swing differed from the commanded one by more than 0.1 %."
+    ),
 }
 PARTS = {
     "off_rate": "not judged: the table did not turn at the commanded rate.",
     "clipped": "the sensor is at the end of its range: more than 1 % of its samples are at the clip level.",
 }
-FREQUENCIES = {
-    "invalid": "left out: no sine can be fitted to its samples of the table or of the sensor.",
-    "droop": "left out: the table swung with less than half of the amplitude that it had at the lowest frequency.",
-    "phase_step": "its phase differs by more than 120° from the previous one; whole turns between them may be lost.",
-    "few_phases": "the samples cover few phases of the swing, so that the quantisation of the encoder does not "
-    "average out.",
-    "off_frequency": "the frequency of the swing differed from the commanded one by more than 0.1 %.",
+CONDITIONS = {
+    "acceleration_g": "{value} g",
+    "rate_dps": "{value} °/s",
+    "frequency_hz": "{value} Hz",
 }
+VARIABLES = {
+    "rate_dps": "rate of the table / °/s",
+    "frequency_hz": "frequency / Hz",
+}
+SOURCES = (
+    "sensor",
+    "encoder",
+    "axis",
+    "low rates",
+    "lever arm",
+    "lowest frequency",
+    "stretch of the arm",
+    "misalignment of the input axis",
+    "second-order nonlinearity of the sensor at low rates",
+    "sensor and voltmeter",
+    "low rates and voltmeter",
+)
 
-WORDS = {"REASONS": REASONS, "READINGS": READINGS, "UNITS": UNITS, "PARTS": PARTS, "FREQUENCIES": FREQUENCIES}
+WORDS = {
+    "REASONS": REASONS,
+    "READINGS": READINGS,
+    "UNITS": UNITS,
+    "PARTS": PARTS,
+    "CONDITIONS": CONDITIONS,
+    "VARIABLES": VARIABLES,
+    "SOURCES": SOURCES,
+}

@@ -22,6 +22,7 @@ THRESHOLD = MethodDescription(
     name="threshold",
     title="Threshold and resolution (method M4d)",
     target="bench.methods.threshold.reduction.run:reduce",
+    words="bench.methods.threshold.words:WORDS",
     parts=(
         NamedPart("position", "loop", "the angle about which a ladder is made; 0° without it"),
         NamedPart("offset", "loop", "the step from there; 0° for a reading at the position itself"),
@@ -30,6 +31,7 @@ THRESHOLD = MethodDescription(
     spans="bench.methods.threshold.shown:ladders",
     settings=ThresholdSettings,
     quantities={"threshold": "g", "resolution": "g"},
+    shown={"threshold": "µg", "resolution": "µg"},
     counts_at="steps",
     drawn_by="bench.methods.threshold.shown:ladder_plots",
     after=("IEEE Std 1293", "IEEE Std 1554"),

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN, decimals
+from bench.figures.numbers import decimals, scale_shown
 from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
@@ -39,7 +39,7 @@ def _title(ladder: Ladder) -> str:
 
 
 def _plot(ladder: Ladder, name: str) -> Plot:
-    factor, symbol = SHOWN[ladder.quantity]
+    factor, symbol = scale_shown(ladder.quantity, "g")
     figure = new_figure(3.2)
     axes = figure.subplots()
     for sense, style, label in ((1, UPWARD, tr("upward")), (-1, DOWNWARD, tr("downward"))):
@@ -79,7 +79,7 @@ def _draw_sense(axes: Axes, steps: list[LadderStep], factor: float, style: dict[
 
 
 def _sheet(ladder: Ladder) -> Sheet:
-    factor, symbol = SHOWN[ladder.quantity]
+    factor, symbol = scale_shown(ladder.quantity, "g")
     steps = sorted(ladder.found.steps, key=lambda step: (step.size_g, -step.input_g))
     caption = tr(
         "Means of the repeats. The input step is read back from the head, relative to the line between the "

@@ -118,6 +118,6 @@ def _tilt(case: Case) -> dict[str, Any]:
 
 
 REDUCTIONS: Reductions = {
-    ("M4", "static"): Reduction(_static, ("tumble",)),
+    ("M4", "static"): Reduction(_static, ("tumble",), ("points",), " incomplete: "),
     ("M4", "tilt"): Reduction(_tilt, ("tilt",)),
 }

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN
+from bench.figures.numbers import scale_shown
 from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
-from bench.methods.tumble.reduction.repeatability import Repeated, rows
+from bench.methods.tumble.reduction.repeatability import UNITS, Repeated, rows
 from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import CONFIDENCE, UnitResult
 
@@ -39,7 +39,7 @@ def repeated_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
 
 
 def _row(found: Repeated) -> tuple[str, ...]:
-    factor, unit = SHOWN[f"{found.quantity}/sd"]
+    factor, unit = scale_shown(f"{found.quantity}/sd", UNITS[found.quantity])
     own = float(np.sqrt(np.mean(found.own**2)))
     return (
         tr(found.quantity), unit, *(f"{value * factor:.3g}" for value in (found.sd, *found.interval, own)),
@@ -50,7 +50,7 @@ def _plot(found: list[Repeated], name: str) -> Plot:
     figure = new_figure(1.9 * len(found) + 0.6)
     panels = figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
     for axes, each in zip(panels, found, strict=True):
-        factor, unit = SHOWN[f"{each.quantity}/sd"]
+        factor, unit = scale_shown(f"{each.quantity}/sd", UNITS[each.quantity])
         shown = (each.values - each.values.mean()) * factor
         axes.axhspan(-each.sd * factor, each.sd * factor, color="#dbeafe", linewidth=0)
         axes.axhline(0, color="#444444", linewidth=0.6)

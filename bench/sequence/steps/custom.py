@@ -29,10 +29,10 @@ class StepDescription(NamedTuple):
 
     `settings` validates the block `with`. `target` is "module:function", an
     `async def function(settings, bench: bench.engine.context.Bench) -> Mapping[str, Any]` whose result goes into the
-    journal; "value" in it, with "unit" of a number, is what `as` names in later expressions. `capability` is what the
-    step's role must be, "" when it needs no device. `takes_s` is how long it takes, from the settings. `example` is a
-    value such as it gives, for checking expressions; None when it gives none. Only a `repeatable` step is done again
-    when a run is resumed that was interrupted in it.
+    journal; `bench.role` is the role that the step names. "value" in the result, with "unit" of a number, is what `as`
+    names in later expressions. `capability` is what the step's role must be, "" when it needs no device. `takes_s` is
+    how long it takes, from the settings. `example` is a value such as it gives, for checking expressions; None when it
+    gives none. Only a `repeatable` step is done again when a run is resumed that was interrupted in it.
     """
 
     name: str

@@ -7,14 +7,16 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any, TypeVar
 
-from drivers.description import Setup, check_identity, still_the_same
+from drivers.description import Nothing, Setup
 from drivers.dialects.acutronic_acl import wire
 from drivers.dialects.acutronic_acl.description import AclOptions
 from drivers.dialects.acutronic_acl.wire import Dynamics, Interlock, Reply
 from drivers.errors import InstrumentFault, Refused
 from drivers.kinds.table.axis import READ_BACK, Drive, Mode, State
 from drivers.kinds.table.description import TableLimits
+from drivers.kinds.table.driver import Table
 from drivers.kinds.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
+from drivers.recognised import Recognised
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
@@ -45,7 +47,7 @@ class AclAxis:
         self._device, self._pin = setup.name, setup.identity
         self._number, self._byte_order = setup.options.axis, setup.options.byte_order
         self._turns, self._endless = TurnCounter(setup.limits.angle), setup.limits.angle is None
-        self._identity: Identity | None = None
+        self._who = Recognised(setup.name, setup.identity)
         self._locked_out = False
         framing = partial(wire.whole_answer, order=self._byte_order)
         proof = Proof(wire.ASK_IDENTITY.encode(), self._recognise)
@@ -199,9 +201,7 @@ class AclAxis:
         found = wire.read_identity(self._read_reply(answer).text)
         if not found.verified:
             found = found._replace(serial=self._pin.serial or "")
-        check_identity(self._device, self._pin, found)
-        self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
-        return found
+        return self._who.check(found, found.fingerprint)
 
 
 @lru_cache(maxsize=64)  # an axis at rest keeps the same state
@@ -215,3 +215,13 @@ def _read_state(text: str) -> State:
         ours=wire.LOCKED_OUT in told.supervisor, words=f"mode {told.mode.value}",
         stale=told.interlock is Interlock.FAULT,
     )  # fmt: skip
+
+
+class AcutronicAcl(Table):
+    """A Positioner and a RateTable.
+
+    It locks out the front panel while it uses the table, and releases it at the end.
+    """
+
+    def __init__(self, setup: Setup[AclOptions, TableLimits, Nothing]) -> None:
+        super().__init__(setup.name, AclAxis(setup), setup.options, setup.limits)

@@ -13,6 +13,7 @@ from drivers.dialects.aerotech_ensemble.wire import AxisStatus, Outcome, Reply
 from drivers.errors import InstrumentFault, Refused, WrongIdentity
 from drivers.kinds.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
+from drivers.kinds.head.driver import Head
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity, Reading
@@ -171,3 +172,10 @@ class EnsembleAxis:
                 remedy="Another controller, or another parameter file, is at this address.",
             )  # fmt: skip
         self._fingerprint = found
+
+
+class AerotechEnsemble(Head):
+    """A Positioner."""
+
+    def __init__(self, setup: Setup[EnsembleOptions, HeadLimits, Nothing]) -> None:
+        super().__init__(setup.name, EnsembleAxis(setup), setup.options, setup.limits)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from typing import ClassVar
 
-from drivers.description import IdentityPin
+from drivers.description import Setup
 from drivers.dialects.binder.description import BinderOptions
 from drivers.dialects.binder.wire import (
     ALARM,
@@ -21,15 +20,16 @@ from drivers.dialects.binder.wire import (
     words,
 )
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
 from drivers.kinds.chamber.registers import READ_BACK, ProvedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
-from drivers.transport.modbus import ModbusLink
 from drivers.values import Identity
 
 
-class _Controller:
+class _Controller(Connected):
     """The common part of MB1 and MB2; a Controller except for the temperature set point.
 
     The controller reports no names and no limits: the controller is known by temperatures where this one has them.
@@ -38,25 +38,15 @@ class _Controller:
     can_start = True
     model: ClassVar[str]
 
-    def __init__(
-        self, link: ModbusLink, pin: IdentityPin, options: BinderOptions, note: Callable[[str], object]
-    ) -> None:
-        self.limits_c: tuple[float, float] | None = None
-        self._link, self._pin, self._options = link, pin, options
-        self._at = registers_of(options.controller, options.set_point, swapped=options.swapped)
-        self._registers = ProvedRegisters(link, self._identify, note)
+    def __init__(self, setup: Setup[BinderOptions, ChamberLimits, ChamberSafe]) -> None:
+        self._pin, self._options = setup.identity, setup.options
+        self._at = registers_of(setup.options.controller, setup.options.set_point, swapped=setup.options.swapped)
+        self._registers = ProvedRegisters(setup, self._identify)
+        self._link = self._registers.link
+        super().__init__(self._registers)
 
-    async def connect(self) -> None:
-        """Reconnect and identify."""
-        await self._registers.connect()
-
-    def close(self) -> None:
-        """Closes the connection; the next request would open it again."""
-        self._link.close()
-
-    async def identify(self) -> Identity:
+    def _identity(self) -> Identity:
         """The names stated in the bench file; the fingerprint is what the controller reports."""
-        await self._registers.identify()
         fingerprint = f"temperatures in the registers of an {self.model}"
         return as_stated(self._pin, fingerprint, maker="Binder", model=self.model)
 
@@ -204,3 +194,11 @@ def _spelled(pair: Words) -> str:
         return f"{value_c(pair):g} °C ({hexadecimal(pair)})"
     except ValueError:
         return hexadecimal(pair)
+
+
+class Binder(Chamber):
+    """A ThermalChamber whose set point goes in steps."""
+
+    def __init__(self, setup: Setup[BinderOptions, ChamberLimits, ChamberSafe]) -> None:
+        made = Mb1 if setup.options.controller == "mb1" else Mb2
+        super().__init__(setup.name, made(setup), setup.limits, setup.safe, setup.options)

@@ -9,15 +9,17 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-from drivers.description import Setup, check_identity, still_the_same
+from drivers.description import Setup
 from drivers.dialects.cts import wire
 from drivers.dialects.cts.description import CtsOptions
 from drivers.dialects.cts.wire import Ramp, Status
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
-from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import ProvedLine
 from drivers.kinds.chamber.ramp import OwnRamp
+from drivers.recognised import Recognised
 from drivers.timing.readback import ReadBack
 from drivers.transport.exchange import Pace, Proof, lines_ending
 from drivers.values import Identity
@@ -27,7 +29,7 @@ T = TypeVar("T")
 READ_BACK = ReadBack()
 
 
-class CtsController:
+class CtsController(Connected):
     """A Controller; it ramps by itself, in tenths of a degree per minute, from where its set point is.
 
     It reports no limits, and its versions instead of names; where those are not asked for, any CTS chamber is the right
@@ -37,29 +39,20 @@ class CtsController:
     can_start = True
 
     def __init__(self, setup: Setup[CtsOptions, ChamberLimits, ChamberSafe]) -> None:
-        self.limits_c: tuple[float, float] | None = None
         self._device, self._pin, self._options = setup.name, setup.identity, setup.options
         self._address = address = setup.options.address
         self._ramp: OwnRamp | None = None  # the one that was commanded last
-        self._identity: Identity | None = None
+        self._who = Recognised(setup.name, setup.identity)
         proof = Proof(wire.STATUS_QUERY.encode(), wire.of_address(address, wire.read_status))
         self._line = ProvedLine(
             setup, proof, self._identify, Pace(answer_s=setup.options.answer_timeout),
             framing=lines_ending(bytes([wire.ETX])), wrap=partial(wire.frame, address),
         )  # fmt: skip
+        super().__init__(self._line)
 
-    async def connect(self) -> None:
-        """Reconnect and identify."""
-        await self._line.connect()
-
-    def close(self) -> None:
-        """Closes the wire; the next exchange would open it again."""
-        self._line.close()
-
-    async def identify(self) -> Identity:
+    def _identity(self) -> Identity:
         """The names as the bench file states them, the versions as it answers."""
-        await self._line.identify()
-        return self._identity or Identity()
+        return self._who.identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
         """Temperatures, end of the ramp, and state of the chamber."""
@@ -156,8 +149,7 @@ class CtsController:
         versions = await self._ask_versions() if self._options.versions else ""
         fingerprint = f"versions {versions}" if versions else f"answers at address {self._address}"
         found = as_stated(self._pin, fingerprint, maker="CTS", model="", firmware=versions)
-        check_identity(self._device, self._pin, found)
-        self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
+        self._who.check(found, found.fingerprint)
         self.limits_c = (wire.COLDEST_C, wire.HOTTEST_C)
 
     async def _ask_versions(self) -> str:
@@ -189,3 +181,10 @@ def _control(status: Status) -> tuple[Control, str]:
 
 def _now_s() -> float:
     return asyncio.get_running_loop().time()
+
+
+class Cts(Chamber):
+    """A ThermalChamber that ramps by itself."""
+
+    def __init__(self, setup: Setup[CtsOptions, ChamberLimits, ChamberSafe]) -> None:
+        super().__init__(setup.name, CtsController(setup), setup.limits, setup.safe, setup.options)

@@ -6,14 +6,16 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from drivers.description import Setup, check_identity, still_the_same
+from drivers.description import Setup
 from drivers.dialects.espec_p300 import wire
 from drivers.dialects.espec_p300.description import P300Options
 from drivers.dialects.espec_p300.wire import Monitor, Temperatures
 from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import ProvedLine
+from drivers.recognised import Recognised
 from drivers.timing.readback import ReadBack
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
@@ -28,7 +30,7 @@ _CONTROL: Mapping[str, Control] = {
 }  # fmt: skip
 
 
-class P300:
+class P300(Connected):
     """A Controller; it has one set point and no ramp.
 
     It reports its kind and firmware version, but no serial number.
@@ -37,27 +39,18 @@ class P300:
     can_start = True
 
     def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
-        self.limits_c: tuple[float, float] | None = None
         self._device, self._pin, self._address = setup.name, setup.identity, setup.options.address
         self._commanded_c = math.nan
         self._kind = ""  # the answer to TYPE?
-        self._identity: Identity | None = None
+        self._who = Recognised(setup.name, setup.identity)
         proof = Proof(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
         pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUESTION_GAP_S)
         self._line = ProvedLine(setup, proof, self._identify, pace, end=wire.END, order_gap_s=SETTING_GAP_S)
+        super().__init__(self._line)
 
-    async def connect(self) -> None:
-        """Reconnect and identify."""
-        await self._line.connect()
-
-    def close(self) -> None:
-        """Closes the wire; the next exchange would open it again."""
-        self._line.close()
-
-    async def identify(self) -> Identity:
+    def _identity(self) -> Identity:
         """Kind and version as it answers, the serial number as the bench file states it."""
-        await self._line.identify()
-        return self._identity or Identity()
+        return self._who.identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
         """Temperatures, then the state of the chamber.
@@ -134,13 +127,12 @@ class P300:
         fingerprint = f"controller {self._kind}, programs {rom}"
         stated = as_stated(self._pin, fingerprint, maker="ESPEC", model=self._kind, firmware=rom)
         found = stated._replace(model=self._kind)  # which the wire does tell
-        check_identity(self._device, self._pin, found)
-        self._identity = still_the_same(self._device, self._identity, found, found.fingerprint)
+        self._who.check(found, found.fingerprint)
         self.limits_c = (limits.lowest_c, limits.highest_c)
 
     def _recognise(self, line: bytes) -> None:
         kind = wire.read_type(line.decode("ascii"))
-        expected = self._pin.model if self._identity is None else self._identity.model
+        expected = (self._who.identity or self._pin).model
         if expected not in (None, kind):
             raise WrongIdentity(
                 self._device, f"the controller is of kind '{kind}', expected '{expected}'", sent=wire.TYPE_QUERY,
@@ -175,3 +167,10 @@ class P300:
 
     def _addressed(self, command: str) -> str:
         return wire.addressed(command, self._address)
+
+
+class EspecP300(Chamber):
+    """A ThermalChamber that the driver ramps by many set points."""
+
+    def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
+        super().__init__(setup.name, P300(setup), setup.limits, setup.safe, setup.options)

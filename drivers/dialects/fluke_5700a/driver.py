@@ -13,6 +13,7 @@ from drivers.dialects.fluke_5700a.description import FlukeOptions
 from drivers.dialects.fluke_5700a.link import FlukeLink
 from drivers.dialects.fluke_5700a.wire import OFF, Event, Setting, State, Status
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, NotSettled, Refused
+from drivers.kinds.latest import Latest, Order
 from drivers.kinds.ranges import SourceLimits
 from drivers.timing.awake import Deadline
 from drivers.timing.readback import ReadBack
@@ -43,8 +44,7 @@ class Fluke5700A:
         self._options, self._limits = setup.options, setup.limits
         self._link = FlukeLink(setup, end=wire.TERMINATORS[setup.options.terminator])
         self._band_a = wire.band_a(setup.options.range)
-        self._order = 0  # counts settings, so that one under way knows when it is no longer wanted
-        self._made: Setting | None = None  # the setting that was made and read back
+        self._latest: Latest[Setting] = Latest(setup.name, "setting")  # its result was read back
         self._range_chosen = False  # by this driver, and locked since
         self._first_min: int | None = None  # the answer to ETIME? when it was first known to be on
 
@@ -67,8 +67,8 @@ class Fluke5700A:
         Raises InstrumentFault when there is a fault, or when the calibrator is no longer set as it was.
         """
         state = await self._agreed_state()
-        if self._made is not None:
-            await self._check_still(state, self._made)
+        if self._latest.result is not None:
+            await self._check_still(state, self._latest.result)
         on_time_s = await self._on_time_s(state)
         at_s = _now_s()
         values = {"current": state.flowing_a, "settled": float(state.settled), "on_time": on_time_s}
@@ -88,11 +88,12 @@ class Fluke5700A:
         """
         if output:
             self._check_limits(level, limit)
-        had_made = self._made
-        order = self._new_order()
+        had_made = self._latest.result
+        order = self._latest.begin()
         if not output:
             await self._reach(order, OFF)
-            self._keep(order, OFF)
+            order.check()
+            self._latest.done(order, OFF)
             return
         now = await self._state()
         self._check_ours(now, had_made)
@@ -104,29 +105,30 @@ class Fluke5700A:
         wanted = Setting(level, True, True)
         await self._reach(order, wanted)
         await self._settle(order, wanted)
-        self._keep(order, wanted)
+        order.check()
+        self._latest.done(order, wanted)
 
     async def make_safe(self) -> None:
         """Takes control, goes to 0 A, then to standby, within 5 s, proved by reading back.
 
         Raises NoAnswer, BadAnswer or Refused when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
         """
-        order = self._new_order()
+        order = self._latest.begin()
         async with safe_in_time(self.name):
             if await self._link.reopen():
                 self._range_chosen = False
             self._link.cut_in(wire.REMOTE, wire.ZERO, wire.STANDBY)
             await self._reach(order, OFF)
-            self._keep(order, OFF)
+            self._latest.done(order, OFF)
 
-    async def _reach(self, order: int, wanted: Setting) -> None:
+    async def _reach(self, order: Order, wanted: Setting) -> None:
         """Send one command after the other until the calibrator reports the wanted settings.
 
         Each is sent once and given some time; a fault in the queue ends the way to anything but OFF.
         """
         sent, faults, now = "", list[str](), await self._state()
         while step := wire.next_step(now, wanted, self._band_a):
-            self._check_wanted(order)
+            order.check()
             if step == sent:
                 raise Refused(
                     self.name, "a setting was not carried out", sent=sent, received="; ".join([str(now), *faults]),
@@ -140,22 +142,22 @@ class Fluke5700A:
                 )  # fmt: skip
             now = await self._state_after(order, step, wanted)
 
-    async def _state_after(self, order: int, step: str, wanted: Setting) -> State:
+    async def _state_after(self, order: Order, step: str, wanted: Setting) -> State:
         """The state once it shows that a step was executed, or at the time limit.
 
         At once if there is nothing to wait for.
         """
         return await READ_BACK.until(
-            self._state, lambda state: order != self._order or wire.next_step(state, wanted, self._band_a) != step
+            self._state, lambda state: order.ended or wire.next_step(state, wanted, self._band_a) != step
         )
 
-    async def _settle(self, order: int, wanted: Setting) -> None:
+    async def _settle(self, order: Order, wanted: Setting) -> None:
         """Returns when the output is within its specification, with no fault in the queue."""
         deadline = Deadline(self._options.settle_within)
         while True:
             await asyncio.sleep(SETTLE_LOOK_S)
             state = await self._state()
-            self._check_wanted(order)
+            order.check()
             await self._check_still(state, wanted)
             if state.settled:
                 break
@@ -244,21 +246,6 @@ class Fluke5700A:
         return InstrumentFault(
             self.name, problem, received="; ".join(faults), remedy="Look at its display, and at the load."
         )
-
-    def _new_order(self) -> int:
-        """Invalidates the running order."""
-        self._order += 1
-        self._made = None
-        return self._order
-
-    def _check_wanted(self, order: int) -> None:
-        if order != self._order:
-            raise Refused(self.name, "the setting was ended by another command")
-
-    def _keep(self, order: int, made: Setting) -> None:
-        """Remembers what was made; raises Refused when it is no longer wanted."""
-        self._check_wanted(order)
-        self._made = made
 
 
 def _within_a_minute(one_min: int, other_min: int) -> bool:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from drivers.description import Setup, check_identity, still_the_same
+from drivers.description import Setup
 from drivers.dialects.fluke_5700a import wire
 from drivers.errors import BadAnswer, Refused, WrongIdentity
 from drivers.protocols import scpi
+from drivers.recognised import Recognised
 from drivers.transport.dialogue import Dialogue, once_more
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
@@ -28,8 +29,8 @@ class FlukeLink:
     """
 
     def __init__(self, setup: Setup[Any, Any, Any], *, end: bytes) -> None:
-        self._device, self._pin, self._end, self._note = setup.name, setup.identity, end, setup.note
-        self._identity: Identity | None = None
+        self._device, self._end, self._note = setup.name, end, setup.note
+        self._who = Recognised(setup.name, setup.identity)
         proof = Proof(wire.IDENTITY_QUERY, self._recognise)
         pace = Pace(answer_s=ANSWER_S)
         self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end, pace=pace, note=setup.note)
@@ -106,11 +107,9 @@ class FlukeLink:
     def _recognise(self, line: bytes) -> Identity:
         """Reads an identity and compares it with the bench file and with who was there before."""
         found = scpi.identity(line)
-        check_identity(self._device, self._pin, found)
         if found.model not in wire.MODELS:
             raise WrongIdentity(
                 self._device, f"a {found.model} is none of {', '.join(wire.MODELS)}; its status may mean other things",
                 received=line.decode("ascii"), remedy="Correct driver or connection in the bench file.",
             )  # fmt: skip
-        self._identity = still_the_same(self._device, self._identity, found, line.decode("ascii"))
-        return found
+        return self._who.check(found, line.decode("ascii"))

@@ -6,14 +6,17 @@ import asyncio
 import math
 from typing import Any
 
-from drivers.description import Setup
+from drivers.description import Nothing, Setup
 from drivers.dialects.framed.controller import FramedController
 from drivers.dialects.framed.description import FramedHeadOptions, FramedTableOptions
 from drivers.dialects.framed.status import Status
 from drivers.errors import InstrumentFault, Refused
 from drivers.kinds.head.axis import AxisState, OwnLimits
+from drivers.kinds.head.description import HeadLimits
+from drivers.kinds.head.driver import Head
 from drivers.kinds.table.axis import Drive, Mode, State
 from drivers.kinds.table.description import TableLimits
+from drivers.kinds.table.driver import Table
 from drivers.kinds.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
 from drivers.transport.double_read import Takes
 from drivers.values import Identity, Reading
@@ -198,3 +201,17 @@ class FramedTableAxis(_FramedAxis):
             ours=status.remote, words=str(status),
         )  # fmt: skip
         return self._turns.count(asyncio.get_running_loop().time(), state) if self._wraps else state
+
+
+class FramedHead(Head):
+    """A Positioner."""
+
+    def __init__(self, setup: Setup[FramedHeadOptions, HeadLimits, Nothing]) -> None:
+        super().__init__(setup.name, FramedHeadAxis(setup), setup.options, setup.limits)
+
+
+class FramedTable(Table):
+    """A Positioner and a RateTable."""
+
+    def __init__(self, setup: Setup[FramedTableOptions, TableLimits, Nothing]) -> None:
+        super().__init__(setup.name, FramedTableAxis(setup), setup.options, setup.limits)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from drivers.description import Setup, check_identity, still_the_same
+from drivers.description import Setup
 from drivers.dialects.framed.description import FramedOptions
 from drivers.dialects.framed.line import FramedLine
 from drivers.dialects.framed.parts import Number
 from drivers.dialects.framed.status import Status
 from drivers.dialects.framed.wire import NumberFormat, Raw
 from drivers.errors import BeyondLimit, CannotConnect, InstrumentFault, Refused
+from drivers.recognised import Recognised
 from drivers.timing.readback import ReadBack
 from drivers.values import Identity
 
@@ -32,7 +33,7 @@ class FramedController:
                 remedy="Put the file back beside the bench file.",
             )  # fmt: skip
         self.device, self.profile, self._pin = setup.name, profile, setup.identity
-        self._identity: Identity | None = None
+        self._who = Recognised(setup.name, setup.identity)
         self._last: Status | None = None
         self.line = FramedLine(
             setup.name, setup.wires, setup.address, profile, answer_s=options.answer_timeout, check=self._take,
@@ -151,6 +152,4 @@ class FramedController:
             firmware=pin.firmware or "" if firmware is None else str(firmware),
             verified=serial is not None, fingerprint=profile.fingerprint(),
         )  # fmt: skip
-        check_identity(self.device, pin, found)
-        self._identity = still_the_same(self.device, self._identity, found, f"{found.serial} {found.firmware}".strip())
-        return found
+        return self._who.check(found, f"{found.serial} {found.firmware}".strip())

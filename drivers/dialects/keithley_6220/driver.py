@@ -9,7 +9,8 @@ from drivers.dialects.keithley_6220 import wire
 from drivers.dialects.keithley_6220.description import KeithleyOptions
 from drivers.dialects.keithley_6220.wire import Condition, State
 from drivers.kinds.ranges import SourceLimits
-from drivers.kinds.source.driver import Bounds, Dialect, Fault, ScpiSource
+from drivers.kinds.source.driver import Bounds, ScpiSource
+from drivers.kinds.source.output import Dialect, Fault
 
 _FAULTS = {
     Condition.INTERLOCK: ("its interlock is open", "Close the interlock at the rear connector."),
@@ -30,7 +31,7 @@ def _faults(state: State) -> Sequence[Fault]:
     ]
 
 
-DIALECT = Dialect(wire.COMMANDS, wire.STATE_QUERY, wire.read_state, wire.next_step, _faults)
+DIALECT = Dialect(wire.COMMANDS.cut_off, wire.STATE_QUERY, wire.read_state, wire.next_step, _faults)
 
 
 class Keithley6220(ScpiSource[State]):

@@ -7,11 +7,12 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Self, TypeVar
 
-from drivers.description import Nothing, Setup, check_identity, still_the_same
+from drivers.description import Nothing, Setup, check_identity
 from drivers.dialects.keysight_3458a import wire
 from drivers.dialects.keysight_3458a.description import MeterOptions
 from drivers.dialects.keysight_3458a.wire import Setting
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
+from drivers.recognised import Recognised
 from drivers.timing.readback import ReadBack
 from drivers.transport.dialogue import Dialogue, once_more
 from drivers.transport.exchange import Pace, Proof
@@ -49,7 +50,7 @@ class Keysight3458A:
             setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace, note=setup.note
         )
         self._turn, self._note = asyncio.Lock(), setup.note
-        self._identity: Identity | None = None
+        self._who = Recognised(setup.name, setup.identity)
         self._set: Setting | None = None  # what was made and read back
         self._line_hz = _SLOWEST_LINE_HZ
         self._fresh: deque[Reading] = deque(maxlen=KEPT_READINGS)
@@ -83,9 +84,7 @@ class Keysight3458A:
             serial=self._pin.serial or "", firmware=",".join(f"{number:g}" for number in revision),
             fingerprint=f"calibrated {calibrations:.0f} times",
         )  # fmt: skip
-        check_identity(self.name, self._pin, found)
-        self._identity = still_the_same(self.name, self._identity, found, str(found))
-        return found
+        return self._who.check(found, str(found))
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """One reading, or those of the measurement under way; InstrumentFault as `measure`."""

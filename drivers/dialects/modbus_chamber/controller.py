@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Any
 
-from drivers.description import IdentityPin
+from drivers.description import Setup
+from drivers.dialects.modbus_chamber.description import ModbusChamberOptions
 from drivers.dialects.modbus_chamber.profile import (
     ChamberProfile,
     CodeRegister,
@@ -13,41 +14,32 @@ from drivers.dialects.modbus_chamber.profile import (
     ValueRegister,
     WrittenRegister,
 )
-from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, Refused, WrongIdentity
+from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
-from drivers.transport.modbus import ModbusLink
 from drivers.values import Identity
 
 COLDEST_C, HOTTEST_C = -273.15, 2000.0
 
 
-class ProfiledController:
+class ProfiledController(Connected):
     """A Controller; the wire tells what the profile says that it tells.
 
     Every controller is told a set point only when another is there, since many wear out a memory with each.
     """
 
-    def __init__(
-        self, link: ModbusLink, pin: IdentityPin, profile: ChamberProfile, note: Callable[[str], object]
-    ) -> None:
-        self.limits_c: tuple[float, float] | None = None
+    def __init__(self, setup: Setup[Any, ChamberLimits, ChamberSafe], profile: ChamberProfile) -> None:
         self.can_start = profile.mode is not None and profile.mode.start is not None
-        self._link, self._pin, self._profile = link, pin, profile
-        self._registers = ProvedRegisters(link, self._identify, note)
+        self._pin, self._profile = setup.identity, profile
+        self._registers = ProvedRegisters(setup, self._identify, gap_s=profile.gap)
+        self._link = self._registers.link
+        super().__init__(self._registers)
 
-    async def connect(self) -> None:
-        """Reconnect and identify."""
-        await self._registers.connect()
-
-    def close(self) -> None:
-        """Closes the connection; the next request would open it again."""
-        self._link.close()
-
-    async def identify(self) -> Identity:
+    def _identity(self) -> Identity:
         """The names as the bench file and the profile state them; the fingerprint is what the wire tells."""
-        await self._registers.identify()
         low_c, high_c = self.limits_c or (0.0, 0.0)
         told = [each.means for each in self._profile.must_be]
         if self._profile.limits is not None:
@@ -198,3 +190,21 @@ class ProfiledController:
             self._link.device, what, sent=sent, received=received,
             remedy="Check the address in the bench file and, for a new profile, its addresses, types and word order.",
         )  # fmt: skip
+
+
+class ModbusChamber(Chamber):
+    """A ThermalChamber that ramps by itself, or whose set point goes in steps, as its profile says."""
+
+    def __init__(self, setup: Setup[ModbusChamberOptions, ChamberLimits, ChamberSafe]) -> None:
+        options, profile = setup.options, setup.options.profile.content
+        if profile is None:
+            raise CannotConnect(
+                setup.name, f"the profile {options.profile.path} of its controller is gone",
+                remedy="Put the file back beside the bench file.",
+            )  # fmt: skip
+        how: ChamberOptions = options
+        if profile.ramp is not None:
+            how = ChamberOptions.model_construct(
+                **{name: getattr(options, name) for name in ChamberOptions.model_fields}
+            )
+        super().__init__(setup.name, ProfiledController(setup, profile), setup.limits, setup.safe, how)

@@ -11,13 +11,15 @@ import asyncio
 from collections.abc import Callable
 from typing import TypeVar
 
-from drivers.description import Nothing, Setup, check_identity, still_the_same
+from drivers.description import Nothing, Setup
 from drivers.dialects.newport_xps import wire
 from drivers.dialects.newport_xps.description import XpsOptions
 from drivers.dialects.newport_xps.wire import GroupState, Profile, Reply
 from drivers.errors import InstrumentFault, Refused
 from drivers.kinds.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
+from drivers.kinds.head.driver import Head
+from drivers.recognised import Recognised
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, Proof, lines_ending
 from drivers.values import Identity, Reading
@@ -38,7 +40,8 @@ class XpsAxis:
         self._device, self._stated = setup.name, setup.identity
         self._group, self._positioner = options.group, f"{options.group}.{options.positioner}"
         self._acceleration_dps2 = options.acceleration
-        self._firmware: Identity | None = None
+        # Its maker is stated: it tells none.
+        self._who = Recognised(setup.name, setup.identity.model_copy(update={"maker": None}))
         self.limits: OwnLimits | None = None
         self._asking, self._moving, self._stopping = (self._connection(setup) for _ in range(3))
         self.takes = self._asking.takes
@@ -222,9 +225,7 @@ class XpsAxis:
         if reply.code != wire.SUCCESS:
             raise ValueError("no version of a firmware")
         found = Identity(model=wire.read_model(reply.text), firmware=reply.text, verified=False)
-        check_identity(self._device, self._stated.model_copy(update={"maker": None}), found)
-        self._firmware = still_the_same(self._device, self._firmware, found, str(reply))
-        return found
+        return self._who.check(found, str(reply))
 
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
@@ -233,3 +234,10 @@ def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
 
 def _alike(one: Profile, other: Profile) -> bool:
     return all(abs(a - b) <= PROFILE_TOLERANCE * abs(b) for a, b in zip(one[:2], other[:2], strict=True))
+
+
+class NewportXps(Head):
+    """A Positioner."""
+
+    def __init__(self, setup: Setup[XpsOptions, HeadLimits, Nothing]) -> None:
+        super().__init__(setup.name, XpsAxis(setup), setup.options, setup.limits)

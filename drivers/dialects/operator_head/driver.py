@@ -13,6 +13,7 @@ from drivers.dialects.operator_head import wording
 from drivers.dialects.operator_head.description import OperatorHeadLimits, OperatorHeadOptions
 from drivers.errors import BeyondLimit, Refused
 from drivers.kinds.head.bounds import check_angle
+from drivers.kinds.latest import Latest, Order
 from drivers.person import Errand, Turn, Typed
 from drivers.values import Approach, Identity, Reading
 
@@ -33,8 +34,7 @@ class OperatorHead:
         self.name = setup.name
         self._person, self._note, self._stated = setup.person, setup.note, setup.identity
         self._options, self._limits = setup.options, setup.limits
-        self._stands_deg: float | None = None
-        self._order = 0  # counts moves and stops, so that a move knows when it is no longer wanted
+        self._latest: Latest[float] = Latest(setup.name, "move")  # its result is where the head stands
         self._question: asyncio.Timeout | None = None  # ends the one that is open, when it is moved to now
 
     async def __aenter__(self) -> Self:
@@ -55,13 +55,16 @@ class OperatorHead:
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """The angle that was typed; nothing while it is not known."""
-        return {} if self._stands_deg is None else {"angle": [self._reading(self._stands_deg)]}
+        return {} if self._latest.result is None else {"angle": [self._reading(self._latest.result)]}
 
     async def angle(self) -> Reading:
         """The angle that was typed (°); somebody is asked for it where it is not known."""
-        if self._stands_deg is None:
-            self._stands_deg = await self._typed(self._new_order(), self._errand(wording.to_look(self.name)))
-        return self._reading(self._stands_deg)
+        stands_deg = self._latest.result
+        if stands_deg is None:
+            order = self._new_order()
+            stands_deg = await self._typed(order, self._errand(wording.to_look(self.name)))
+            self._latest.done(order, stands_deg)
+        return self._reading(stands_deg)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Has the head turned to `angle_deg`; the angle typed, after `settle_s` more.
@@ -70,23 +73,23 @@ class OperatorHead:
         when what is typed is off again and again, or when another command ends the move; NoAnswer when nobody answers.
         """
         self._check(angle_deg)
-        order, stands_deg = self._order, self._stands_deg
+        order, stands_deg = self._latest.order, self._latest.result
         if stands_deg is None or approach != "direct" or abs(stands_deg - angle_deg) > self._options.tolerance:
             order = self._new_order()
             text = wording.to_turn(self.name, stands_deg, angle_deg, approach)
             stands_deg = await self._typed(order, self._errand(text, Turn(angle_deg, approach)))
-            self._stands_deg = stands_deg
+            self._latest.done(order, stands_deg)
         await asyncio.sleep(settle_s)
-        self._check_wanted(order)
+        order.check()
         return self._reading(stands_deg)
 
     async def stop(self) -> None:
         """Withdraws the question that is open; a person lets go by himself."""
-        self._new_order(keeping=self._stands_deg)
+        self._new_order(keeping=self._latest.result)
 
     async def make_safe(self) -> None:
         """Withdraws the question that is open. A person cannot be made safe, and a head without a motor is."""
-        self._new_order(keeping=self._stands_deg)
+        self._new_order(keeping=self._latest.result)
 
     def _check(self, angle_deg: float) -> None:
         check_angle(self.name, "the angle", angle_deg, self._limits.angle)
@@ -99,7 +102,7 @@ class OperatorHead:
     def _errand(self, text: str, turn: Turn | None = None) -> Errand:
         return Errand(self.name, text, "°", self._options.turn_time, self._options.give_up_after, turn)
 
-    async def _typed(self, order: int, errand: Errand) -> float:
+    async def _typed(self, order: Order, errand: Errand) -> float:
         """Where the head stands, as soon as what is typed can be so."""
         told, asked_deg = errand.text, errand.turn.angle_deg if errand.turn is not None else None
         for _ in range(MOST_ANSWERS):
@@ -127,9 +130,9 @@ class OperatorHead:
             return f"it is between two teeth, which are {self._options.index_step:.9g}° apart"
         return ""
 
-    async def _ask(self, order: int, errand: Errand) -> Typed:
+    async def _ask(self, order: Order, errand: Errand) -> Typed:
         """The answer; a question that has none is withdrawn, and the record says so."""
-        self._check_wanted(order)
+        order.check()
         question = self._question = asyncio.timeout(None)
         answered = False
         try:
@@ -140,26 +143,19 @@ class OperatorHead:
         except TimeoutError:
             if not question.expired():  # nobody has answered, which is a TimeoutError too
                 raise
-            raise self._ended() from None
+            raise order.refusal() from None
         finally:
             self._question = None
             if not answered:
                 self._note(f"the question was withdrawn: {errand.text} Nobody has confirmed how the head stands.")
 
-    def _new_order(self, keeping: float | None = None) -> int:
+    def _new_order(self, keeping: float | None = None) -> Order:
         """Withdraws the question that is open; unless it is kept, nobody knows from now on how the head stands."""
-        self._order += 1
-        self._stands_deg = keeping
+        order = self._latest.begin()
+        self._latest.result = keeping
         if self._question is not None and not self._question.expired():
             self._question.reschedule(asyncio.get_running_loop().time())
-        return self._order
-
-    def _check_wanted(self, order: int) -> None:
-        if order != self._order:
-            raise self._ended()
-
-    def _ended(self) -> Refused:
-        return Refused(self.name, "the move was ended by another command")
+        return order
 
     def _reading(self, angle_deg: float) -> Reading:
         return Reading(asyncio.get_running_loop().time(), angle_deg)

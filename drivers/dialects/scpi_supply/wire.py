@@ -8,7 +8,7 @@ traffic for its delay, the output is latched off. OUTP? does not show that, bit 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.protocols import scpi
 
@@ -47,6 +47,13 @@ class Setting:
     limit_a: float
     output: bool
     watchdog_s: float = 0.0
+
+    def switched_off(self) -> Setting:
+        """The same with the output off, and the watchdog with it."""
+        return replace(self, output=False, watchdog_s=0.0)
+
+    def __str__(self) -> str:
+        return f"{self.level_v:g} V, limit {self.limit_a:g} A, output {'on' if self.output else 'off'}"
 
 
 @dataclass(frozen=True, slots=True)

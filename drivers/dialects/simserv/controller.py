@@ -8,16 +8,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
-from drivers.description import Setup, check_identity, still_the_same
+from drivers.description import Setup
 from drivers.dialects.simserv import wire
 from drivers.dialects.simserv.description import SimservOptions
 from drivers.dialects.simserv.wire import Function, Info, Status, message
 from drivers.errors import InstrumentFault, NoAnswer, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Control, Look
+from drivers.kinds.chamber.controller import Connected, Control, Look
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import ProvedLine
 from drivers.kinds.chamber.ramp import OwnRamp
 from drivers.kinds.chamber.refusal import Refusal
+from drivers.recognised import Recognised
 from drivers.timing.readback import ReadBack
 from drivers.transport.exchange import Pace, Proof, lines_ending
 from drivers.values import Identity
@@ -32,7 +34,7 @@ _GRADIENTS = (
 )  # fmt: skip
 
 
-class Simpac:
+class Simpac(Connected):
     """A Controller; it ramps by itself, from where its set point is.
 
     It tells one set point only. When that is where a ramp ends, where the ramp is follows from its gradient and the
@@ -42,29 +44,20 @@ class Simpac:
     can_start = True
 
     def __init__(self, setup: Setup[SimservOptions, ChamberLimits, ChamberSafe]) -> None:
-        self.limits_c: tuple[float, float] | None = None
         self._device, self._pin = setup.name, setup.identity
         self._tells_target = setup.options.set_point_reads == "target"
         self._ramp: OwnRamp | None = None  # the one that was commanded last
         self._serial = ""
-        self._identity: Identity | None = None
+        self._who = Recognised(setup.name, setup.identity)
         self._line = ProvedLine(
             setup, Proof(_SERIAL_QUESTION.encode("latin-1"), self._recognise), self._identify,
             Pace(answer_s=setup.options.answer_timeout), end=wire.END, framing=lines_ending(wire.ANSWER_END),
         )  # fmt: skip
+        super().__init__(self._line)
 
-    async def connect(self) -> None:
-        """Reconnect and identify."""
-        await self._line.connect()
-
-    def close(self) -> None:
-        """Closes the connection; the next exchange would open it again."""
-        self._line.close()
-
-    async def identify(self) -> Identity:
+    def _identity(self) -> Identity:
         """Type and serial number as it answers."""
-        await self._line.identify()
-        return self._identity or Identity()
+        return self._who.identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
         """Process value, set point, and what the chamber does."""
@@ -207,15 +200,14 @@ class Simpac:
         found = Identity(
             maker=pin.maker or "Weiss Technik", model=kind, serial=self._serial, firmware=pin.firmware or ""
         )
-        check_identity(self._device, pin, found)
-        self._identity = still_the_same(self._device, self._identity, found, f"{kind}, serial number {self._serial}")
+        self._who.check(found, f"{kind}, serial number {self._serial}")
         self.limits_c = (low_c, high_c)
 
     def _recognise(self, line: bytes) -> None:
         serial = wire.unless_refused(wire.text)(line)
         if isinstance(serial, Refusal):
             raise ValueError(f"refused, {serial}")
-        expected = self._pin.serial if self._identity is None else self._identity.serial
+        expected = (self._who.identity or self._pin).serial
         if expected not in (None, serial):
             raise WrongIdentity(
                 self._device, f"the chamber's serial number is '{serial}', expected '{expected}'",
@@ -243,3 +235,10 @@ class Simpac:
 
 def _now_s() -> float:
     return asyncio.get_running_loop().time()
+
+
+class Simserv(Chamber):
+    """A ThermalChamber that ramps by itself."""
+
+    def __init__(self, setup: Setup[SimservOptions, ChamberLimits, ChamberSafe]) -> None:
+        super().__init__(setup.name, Simpac(setup), setup.limits, setup.safe, setup.options)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
 from contextlib import suppress
 
-from drivers.description import IdentityPin, check_identity
+from drivers.description import IdentityPin, Setup, check_identity
+from drivers.dialects.watlow_f4.description import F4Options
 from drivers.dialects.watlow_f4.wire import (
     INPUT_ERRORS,
     MEASURED_COUNT,
@@ -21,17 +21,18 @@ from drivers.dialects.watlow_f4.wire import (
     event_output,
 )
 from drivers.errors import InstrumentFault, LinkLost, NoAnswer, WrongIdentity
-from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.registers import READ_BACK, ProvedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
-from drivers.transport.modbus import ModbusLink
 from drivers.values import Identity
 
 TERMINATING_S = 0.5  # what the controller needs after a profile was terminated, before it is told anything else
 _PROFILE = {Status.PROFILE_RUNS: "a profile runs", Status.PROFILE_ON_HOLD: "a profile is on hold"}
 
 
-class F4Channel:
+class F4Channel(Connected):
     """A Controller that is ramped by many set points.
 
     Every set point that it takes is kept in a memory that wears out, so one that is there already is not sent.
@@ -39,29 +40,19 @@ class F4Channel:
 
     can_start = True
 
-    def __init__(
-        self, link: ModbusLink, pin: IdentityPin, power_event: int | None, note: Callable[[str], object]
-    ) -> None:
-        self.limits_c: tuple[float, float] | None = None
-        self._link, self._pin = link, pin
+    def __init__(self, setup: Setup[F4Options, ChamberLimits, ChamberSafe]) -> None:
+        self._pin, power_event = setup.identity, setup.options.power_event
         self._power = event_output(power_event) if power_event is not None else None
         self._power_name = f"event output {power_event}"
         self._form = TemperatureFormat()
         self._known: tuple[Words, Words, int] | None = None  # of the controller that was there first
         self._commanded_c = math.nan
-        self._registers = ProvedRegisters(link, self._identify, note)
+        self._registers = ProvedRegisters(setup, self._identify)
+        self._link = self._registers.link
+        super().__init__(self._registers)
 
-    async def connect(self) -> None:
-        """Reconnect and identify."""
-        await self._registers.connect()
-
-    def close(self) -> None:
-        """Closes the connection; the next request would open it again."""
-        self._link.close()
-
-    async def identify(self) -> Identity:
+    def _identity(self) -> Identity:
         """The names stated in the bench file; the fingerprint is what the controller reports."""
-        await self._registers.identify()
         names, _, decimals = self._known or ((0,) * 5, (), 0)
         low_c, high_c = self.limits_c or (0.0, 0.0)
         return as_stated(
@@ -194,3 +185,10 @@ class F4Channel:
 def _firmware(names: Words) -> str:
     """Software and revision, of the five words that name a controller."""
     return f"{names[3]} revision {names[4] / 100:.2f}"
+
+
+class WatlowF4(Chamber):
+    """A ThermalChamber whose set point goes in steps."""
+
+    def __init__(self, setup: Setup[F4Options, ChamberLimits, ChamberSafe]) -> None:
+        super().__init__(setup.name, F4Channel(setup), setup.limits, setup.safe, setup.options)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from drivers.description import IdentityPin
+from drivers.description import Setup
+from drivers.dialects.watlow_f4t.description import F4TOptions
 from drivers.dialects.watlow_f4t.wire import (
     BLOCK_COUNT,
     BLOCK_FIRST,
@@ -20,11 +21,12 @@ from drivers.dialects.watlow_f4t.wire import (
     mode_name,
 )
 from drivers.errors import BadAnswer, InstrumentFault, WrongIdentity
-from drivers.kinds.chamber.controller import Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
+from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
 from drivers.kinds.chamber.registers import ProvedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
-from drivers.transport.modbus import ModbusLink
 from drivers.values import Identity
 
 COLDEST_C, HOTTEST_C = -273.15, 2000.0
@@ -32,7 +34,7 @@ _CONTROL: Mapping[int, Control] = {ControlMode.AUTO: Control.SET_POINT, ControlM
 NARROWEST_C = 1.0  # set-point limits closer than this are words in the wrong order, which read as almost zero
 
 
-class F4TLoop:
+class F4TLoop(Connected):
     """A Controller; it ramps by itself, and a person switches its loop to auto.
 
     The controller reports no names: it is identified by its set-point limits.
@@ -40,24 +42,15 @@ class F4TLoop:
 
     can_start = False
 
-    def __init__(
-        self, link: ModbusLink, form: LoopFormat, pin: IdentityPin, note: Callable[[str], object], *, block_reads: bool
-    ) -> None:
-        self.limits_c: tuple[float, float] | None = None
-        self._link, self._form, self._pin, self._block_reads = link, form, pin, block_reads
-        self._registers = ProvedRegisters(link, self._identify, note)
+    def __init__(self, setup: Setup[F4TOptions, ChamberLimits, ChamberSafe]) -> None:
+        self._pin, self._block_reads = setup.identity, setup.options.block_reads
+        self._form = LoopFormat(setup.options.loop, setup.options.word_order)
+        self._registers = ProvedRegisters(setup, self._identify)
+        self._link = self._registers.link
+        super().__init__(self._registers)
 
-    async def connect(self) -> None:
-        """Reconnect and identify."""
-        await self._registers.connect()
-
-    def close(self) -> None:
-        """Closes the connection; the next request would open it again."""
-        self._link.close()
-
-    async def identify(self) -> Identity:
+    def _identity(self) -> Identity:
         """The names stated in the bench file; the fingerprint is what the controller reports."""
-        await self._registers.identify()
         low_c, high_c = self.limits_c or (0.0, 0.0)
         fingerprint = f"display unit °C, set point {low_c:g} to {high_c:g} °C"
         return as_stated(self._pin, fingerprint, maker="Watlow", model="F4T")
@@ -173,3 +166,10 @@ class F4TLoop:
 
 def _range(limits_c: tuple[float, float]) -> str:
     return f"set points from {limits_c[0]:g} to {limits_c[1]:g} °C"
+
+
+class WatlowF4T(Chamber):
+    """A ThermalChamber that ramps by itself."""
+
+    def __init__(self, setup: Setup[F4TOptions, ChamberLimits, ChamberSafe]) -> None:
+        super().__init__(setup.name, F4TLoop(setup), setup.limits, setup.safe, setup.options)

@@ -10,7 +10,8 @@ from drivers.dialects.yokogawa_gs200.description import GS200Options
 from drivers.dialects.yokogawa_gs200.wire import State
 from drivers.errors import BeyondLimit
 from drivers.kinds.ranges import SourceLimits
-from drivers.kinds.source.driver import Bounds, Dialect, Fault, ScpiSource
+from drivers.kinds.source.driver import Bounds, ScpiSource
+from drivers.kinds.source.output import Dialect, Fault
 
 
 def _faults(state: State) -> Sequence[Fault]:
@@ -28,7 +29,7 @@ def _faults(state: State) -> Sequence[Fault]:
     return found
 
 
-DIALECT = Dialect(wire.COMMANDS, wire.STATE_QUERY, wire.read_state, wire.next_step, _faults)
+DIALECT = Dialect(wire.COMMANDS.cut_off, wire.STATE_QUERY, wire.read_state, wire.next_step, _faults)
 
 
 class YokogawaGS200(ScpiSource[State]):

@@ -68,6 +68,43 @@ class Controller(Protocol):
         """Makes the set point count, after it was commanded; raises InstrumentFault where only a person may do that."""
 
 
+class Connection(Protocol):
+    """What a controller is spoken to over: it identifies the controller before it is used."""
+
+    async def connect(self) -> None:
+        """Reconnect and identify."""
+
+    def close(self) -> None:
+        """Closes the wire; the next exchange would open it again."""
+
+    async def identify(self) -> None:
+        """Identifies; raises WrongIdentity, and closes the wire when it is not the controller that it should be."""
+
+
+class Connected:
+    """The part of a Controller that is the same on every Connection; `_identity` is read once it has identified."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.limits_c: tuple[float, float] | None = None
+        self._connection = connection
+
+    async def connect(self) -> None:
+        """Reconnect and identify."""
+        await self._connection.connect()
+
+    def close(self) -> None:
+        """Closes the wire; the next exchange would open it again."""
+        self._connection.close()
+
+    async def identify(self) -> Identity:
+        """Who is there, the same as before; raises WrongIdentity, and closes the wire when it is not."""
+        await self._connection.identify()
+        return self._identity()
+
+    def _identity(self) -> Identity:
+        raise NotImplementedError
+
+
 def as_stated(pin: IdentityPin, fingerprint: str, *, maker: str, model: str, firmware: str = "") -> Identity:
     """Identity of a controller that reports no names: those of the bench file, otherwise these, unverified."""
     return Identity(

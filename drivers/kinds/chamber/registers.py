@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from typing import Any
 
-from drivers.description import unheard
+from drivers.description import Setup
 from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
 from drivers.kinds.chamber.words import Words
 from drivers.protocols.modbus_frames import ReadFunction
 from drivers.timing.readback import ReadBack
 from drivers.transport.dialogue import once_more
-from drivers.transport.modbus import ModbusLink
+from drivers.transport.modbus import GAP_S, ModbusLink
 
 READ_BACK = ReadBack()
 Spelled = Callable[[Words], str]
@@ -21,18 +22,21 @@ class ProvedRegisters:
     """Reads, and writes that are proved by reading back.
 
     After a timeout or a lost connection the next request connects and identifies first, by `identify`, which asks
-    through `link` and raises WrongIdentity. A read without an answer is asked again once, which `note` is told; a write
-    is sent once, whatever happens. `read_back` says for how long what was written may be told as it was before.
+    through `link` and raises WrongIdentity. A read without an answer is asked again once, which `setup.note` is told; a
+    write is sent once, whatever happens.
 
     Concurrency: one caller at a time.
     """
 
     def __init__(
-        self, link: ModbusLink, identify: Callable[[], Awaitable[None]], note: Callable[[str], object] = unheard, *,
-        read_back: ReadBack = READ_BACK,
-    ) -> None:  # fmt: skip
-        self.link = link
-        self._identify, self._note, self._read_back = identify, note, read_back
+        self, setup: Setup[Any, Any, Any], identify: Callable[[], Awaitable[None]], *, gap_s: float = GAP_S
+    ) -> None:
+        options = setup.options
+        self.link = ModbusLink(
+            setup.name, setup.wires, setup.address, unit_id=options.unit_id, answer_s=options.answer_timeout,
+            gap_s=gap_s,
+        )  # fmt: skip
+        self._identify, self._note = identify, setup.note
 
     async def connect(self) -> None:
         """Reconnect and identify, once more when there is no answer.
@@ -40,6 +44,10 @@ class ProvedRegisters:
         Raises CannotConnect and what `identify` raises.
         """
         await once_more(self._connect, self._note)
+
+    def close(self) -> None:
+        """Closes the connection; closing twice is harmless."""
+        self.link.close()
 
     async def _connect(self) -> None:
         await self.link.open()
@@ -85,7 +93,7 @@ class ProvedRegisters:
             unanswered = problem
             kept = await self.read(address, count, function=function)  # at once: the time for an answer has passed
         else:
-            kept = await self._read_back.until(
+            kept = await READ_BACK.until(
                 lambda: self.read(address, count, function=function), lambda kept: kept == words
             )
         if kept == words:

@@ -7,18 +7,15 @@ from collections.abc import Mapping, Sequence
 from typing import Self
 
 from drivers.capabilities import Approach
-from drivers.errors import BeyondLimit, InstrumentFault, NotSettled, Refused
-from drivers.kinds.axes import pause_s
+from drivers.errors import BeyondLimit, InstrumentFault, NotSettled
+from drivers.kinds.approach import ARCSEC_PER_DEG, ASTRAY_BANDS, Hold, begin_of, legs, pause_s
 from drivers.kinds.head.axis import ANSWER_S, Axis
 from drivers.kinds.head.bounds import check_angle
 from drivers.kinds.head.description import HeadLimits, HeadOptions, safe_state
+from drivers.kinds.latest import Latest, Order
 from drivers.timing.awake import Deadline
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
-
-ARCSEC_PER_DEG = 3600
-ASTRAY_BANDS = 10  # a standing axis this many bands off its target was moved by somebody else
-_SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
 
 
 class Head:
@@ -36,8 +33,7 @@ class Head:
         self._options, self._limits = options, limits
         self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
-        self._order = 0  # counts moves and stops, so that a move knows when it is no longer wanted
-        self._standing_at_deg: float | None = None
+        self._latest: Latest[float] = Latest(name, "move")  # its result is the angle at which it stands
 
     async def __aenter__(self) -> Self:
         """Connects and identifies; BeyondLimit when the rate of the options is above what may be or what can be."""
@@ -68,7 +64,7 @@ class Head:
         """The angle; InstrumentFault when the axis has a fault, or does not stand where it was sent."""
         reading = await self.angle()
         await self._axis.check_faults()
-        target_deg = self._standing_at_deg
+        target_deg = self._latest.result
         if target_deg is not None and abs(reading.value - target_deg) > ASTRAY_BANDS * self._band_deg:
             raise InstrumentFault(
                 self.name, f"the axis stands at {reading.value:.5f}°, it was sent to {target_deg:.5f}°",
@@ -79,7 +75,7 @@ class Head:
     async def angle(self) -> Reading:
         """The encoder's angle now (°)."""
         # An axis that is not known to stand may move between two takes.
-        return await self._agreed_angle(0.0 if self._standing_at_deg is not None else self._limits.rate.max)
+        return await self._agreed_angle(0.0 if self._latest.result is not None else self._limits.rate.max)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Move to `angle_deg` and settle; return the angle read back after a further `settle_s`.
@@ -88,26 +84,25 @@ class Head:
         the angle already, so that every visit is approached alike. Raises BeyondLimit before anything is sent;
         Refused or InstrumentFault from the controller; NotSettled when the axis does not come to stand in its band.
         """
-        begin_deg = angle_deg + _SIDES[approach] * self._options.approach_distance
+        begin_deg = begin_of(angle_deg, approach, self._options.approach_distance)
         self._check_angle("the angle", angle_deg)
         self._check_angle(f"the angle where the approach to {angle_deg:g}° begins,", begin_deg)
-        order = self._new_order()
+        order = self._latest.begin()
         await self._make_ready(order)
         start_deg = (await self._axis.angle()).value
-        if (start_deg - begin_deg) * _SIDES[approach] < 0:
-            await self._go(order, begin_deg, hold_s=0.0)
-        await self._go(order, angle_deg, hold_s=self._options.settle.hold)
+        for leg_deg, hold_s in legs(start_deg, begin_deg, angle_deg, self._options.settle.hold):
+            await self._go(order, leg_deg, hold_s=hold_s)
         await asyncio.sleep(settle_s)
         reading = await self._agreed_angle(0.0)
-        self._check_wanted(order)
+        order.check()
         if abs(reading.value - angle_deg) > self._band_deg:
             raise self._not_settled(angle_deg, reading, f"left its band within {settle_s:g} s")
-        self._standing_at_deg = angle_deg
+        self._latest.done(order, angle_deg)
         return reading
 
     async def stop(self) -> None:
         """Decelerates and holds; returns when the axis no longer moves."""
-        self._new_order()
+        self._latest.begin()
         await self._axis.abort()
         await self._come_to_rest()
 
@@ -116,7 +111,7 @@ class Head:
 
         Proved by the status. Raises NoAnswer when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
         """
-        self._new_order()
+        self._latest.begin()
         async with safe_in_time(self.name, self._safe_within_s):
             await self._axis.reopen()
             self._axis.abort_at_once()
@@ -141,7 +136,7 @@ class Head:
                 f"{own.max_deg:g}°", remedy="No move was sent. Correct the sequence, or the limits in the controller.",
             )  # fmt: skip
 
-    async def _make_ready(self, order: int) -> None:
+    async def _make_ready(self, order: Order) -> None:
         """Enables the axis if need be, and tells it how to move.
 
         Raises InstrumentFault when it has a fault or has not been homed.
@@ -153,44 +148,40 @@ class Head:
                 self.name, "the axis has not been homed, so its angles mean nothing", received=state.words,
                 remedy="Home it at the controller, where you can see it move.",
             )  # fmt: skip
-        self._check_wanted(order)
+        order.check()
         if not state.enabled:
             await self._axis.enable()
         await self._axis.prepare(self._options.rate)
 
-    async def _go(self, order: int, target_deg: float, *, hold_s: float) -> None:
+    async def _go(self, order: Order, target_deg: float, *, hold_s: float) -> None:
         """Send the axis to an angle once, and return when it has been there for `hold_s`."""
         options = self._options
         start_deg = (await self._axis.angle()).value
         travel_s = abs(target_deg - start_deg) / options.rate + options.rate / options.acceleration
         deadline = Deadline(travel_s + options.settle.give_up)
-        self._check_wanted(order)
+        order.check()
         await self._axis.start_move(target_deg, options.rate, answer_s=travel_s + ANSWER_S)
         await self._stand(order, target_deg, hold_s, deadline)
 
-    async def _stand(self, order: int, target_deg: float, hold_s: float, deadline: Deadline) -> None:
+    async def _stand(self, order: Order, target_deg: float, hold_s: float, deadline: Deadline) -> None:
         """Returns when the axis has stood within its band of the target for `hold_s`."""
-        since_s: float | None = None
+        hold = Hold(hold_s)
         while True:
             state, reading = await self._axis.state(), await self._axis.angle()
             await self._axis.check_faults()
-            self._check_wanted(order)
+            order.check()
             if not state.enabled:
                 raise InstrumentFault(
                     self.name, f"the axis was disabled on its way to {target_deg:g}°", received=state.words,
                     remedy="Look for who disabled it, then run again.",
                 )  # fmt: skip
             at_rest = state.in_position and not state.moving
-            if not at_rest or abs(reading.value - target_deg) > self._band_deg:
-                since_s = None
-            elif since_s is None:
-                since_s = reading.at_s
-            if since_s is not None and reading.at_s - since_s >= hold_s:
+            off_deg = abs(reading.value - target_deg)
+            if hold.is_over(reading.at_s, stands=at_rest and off_deg <= self._band_deg):
                 return
             if deadline.passed:
                 raise self._not_settled(target_deg, reading, "is at rest" if at_rest else "is not at rest")
-            left_s = abs(reading.value - target_deg) / self._options.rate
-            await asyncio.sleep(pause_s(self._options.poll, left_s))
+            await asyncio.sleep(pause_s(self._options.poll, off_deg / self._options.rate))
 
     async def _come_to_rest(self) -> None:
         """Returns when the axis no longer moves; raises NotSettled."""
@@ -199,16 +190,6 @@ class Head:
             if deadline.passed:
                 raise NotSettled(self.name, "the axis still moves after a stop", remedy="Press the emergency stop.")
             await asyncio.sleep(self._options.poll)
-
-    def _new_order(self) -> int:
-        """Invalidates the running order."""
-        self._order += 1
-        self._standing_at_deg = None
-        return self._order
-
-    def _check_wanted(self, order: int) -> None:
-        if order != self._order:
-            raise Refused(self.name, "the move was ended by another command")
 
     def _not_settled(self, target_deg: float, reading: Reading, state: str) -> NotSettled:
         off_arcsec = (reading.value - target_deg) * ARCSEC_PER_DEG

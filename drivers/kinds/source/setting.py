@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from drivers.protocols import scpi
 
@@ -20,19 +20,15 @@ class Setting(NamedTuple):
         """The level while the output is on, else 0."""
         return self.level_a if self.output else 0.0
 
+    def switched_off(self) -> Setting:
+        """The same with the output off."""
+        return self._replace(output=False)
+
     def __str__(self) -> str:
         return (
             f"{self.level_a:g} A in the {self.range_a:g} A range, compliance {self.compliance_v:g} V, "
             f"output {'on' if self.output else 'off'}"
         )
-
-
-class SourceState(Protocol):
-    """One look at a source: what it is set to, beside what else its dialect tells."""
-
-    @property
-    def setting(self) -> Setting:
-        """What it is set to."""
 
 
 class Commands(NamedTuple):
@@ -48,6 +44,11 @@ class Commands(NamedTuple):
     def zero(self) -> str:
         """Goes to 0 A."""
         return f"{self.level} 0"
+
+    @property
+    def cut_off(self) -> str:
+        """Goes to 0 A and switches the output off."""
+        return f"{self.zero};{self.off}"
 
     def step_off(self, has: Setting) -> str:
         """The next command on the way to 0 A with the output off, "" when it is there."""

@@ -9,8 +9,9 @@ from contextlib import suppress
 from typing import Self
 
 from drivers.capabilities import Approach
-from drivers.errors import DriverError, InstrumentFault, NotSettled, Refused
-from drivers.kinds.axes import pause_s
+from drivers.errors import DriverError, InstrumentFault, NotSettled
+from drivers.kinds.approach import ARCSEC_PER_DEG, ASTRAY_BANDS, Hold, begin_of, legs, pause_s
+from drivers.kinds.latest import Latest, Order
 from drivers.kinds.table.axis import READ_BACK, Drive, Mode, State, TableAxis
 from drivers.kinds.table.bounds import Bounds
 from drivers.kinds.table.description import TableLimits, TableOptions, safe_state
@@ -18,12 +19,9 @@ from drivers.timing.awake import Deadline
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
 
-ARCSEC_PER_DEG = 3600
 MODE_CHANGE_S = 0.5  # at rest before another mode, as drivers of others do
 RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # in which a sine grows, slowly enough to add little to its peak acceleration
-ASTRAY_BANDS = 10  # this many bands off is no scatter: somebody or something has interfered
 RATE_RIPPLE = 1e-3  # of the rate: what a rate read at one instant may be off while its mean is right
-_SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
 
 
 class Table:
@@ -42,8 +40,7 @@ class Table:
         self._bounds = Bounds(name, limits)
         self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
-        self._order = 0  # counts motions and stops, so that a motion knows when it is no longer wanted
-        self._steady: tuple[Mode, float] | None = None  # what it does since a motion was done: a mode, its ° or °/s
+        self._latest: Latest[tuple[Mode, float]] = Latest(name, "motion")  # what it then does: a mode, its ° or °/s
 
     async def __aenter__(self) -> Self:
         """Connects and identifies."""
@@ -88,19 +85,18 @@ class Table:
         the angle already, so that every visit is approached alike. Raises BeyondLimit before anything is sent;
         Refused or InstrumentFault from the controller; NotSettled when the axis does not come to stand in its band.
         """
-        begin_deg = angle_deg + _SIDES[approach] * self._options.approach_distance
+        begin_deg = begin_of(angle_deg, approach, self._options.approach_distance)
         self._bounds.check_angle("the angle", angle_deg)
         self._bounds.check_angle(f"the angle where the approach to {angle_deg:g}° begins,", begin_deg)
-        order = self._new_order()
+        order = self._latest.begin()
         state = await self._enter(order, Mode.POSITION, self._options.acceleration)
-        if (state.angle_deg - begin_deg) * _SIDES[approach] < 0:
-            await self._go(order, begin_deg, hold_s=0.0)
-        await self._go(order, angle_deg, hold_s=self._options.settle.hold)
+        for leg_deg, hold_s in legs(state.angle_deg, begin_deg, angle_deg, self._options.settle.hold):
+            await self._go(order, leg_deg, hold_s=hold_s)
         await asyncio.sleep(settle_s)
         state = await self._watch(order, Mode.POSITION)
         if abs(state.angle_deg - angle_deg) > self._band_deg:
             raise self._not_settled(f"the table left {angle_deg:g}° within {settle_s:g} s", state)
-        self._steady = (Mode.POSITION, angle_deg)
+        self._latest.done(order, (Mode.POSITION, angle_deg))
         return self._angle(state)
 
     async def rotate_at(self, rate_dps: float, *, acceleration_dps2: float | None) -> None:
@@ -111,15 +107,15 @@ class Table:
         """
         acceleration_dps2 = self._options.acceleration if acceleration_dps2 is None else acceleration_dps2
         self._bounds.check_turning(rate_dps, acceleration_dps2)
-        order = self._new_order()
+        order = self._latest.begin()
         state = await self._enter(order, Mode.RATE, acceleration_dps2)
-        self._check_wanted(order)
+        order.check()
         await self._axis.turn(rate_dps)
         await self._until(
             order, Mode.RATE, lambda state: abs(state.rate_dps - rate_dps) <= self._rate_band_dps(rate_dps),
             abs(rate_dps - state.rate_dps) / acceleration_dps2, f"the rate of {rate_dps:g} °/s is not reached",
         )  # fmt: skip
-        self._steady = (Mode.RATE, rate_dps)
+        self._latest.done(order, (Mode.RATE, rate_dps))
 
     async def oscillate(self, amplitude_deg: float, frequency_hz: float) -> None:
         """Swings as a sine by ± `amplitude_deg` about the angle where it stands, after a stop if need be.
@@ -129,7 +125,7 @@ class Table:
         """
         self._bounds.check_sine(amplitude_deg, frequency_hz)
         run_up_s = max(RUN_UP_S, RUN_UP_PERIODS / frequency_hz)
-        order = self._new_order()
+        order = self._latest.begin()
         state = await self._enter(order, Mode.POSITION, self._options.acceleration)
         for end_deg in (state.angle_deg - amplitude_deg, state.angle_deg + amplitude_deg):
             self._bounds.check_angle("the end of the swing", end_deg)
@@ -140,11 +136,11 @@ class Table:
             order, Mode.SYNTHESIS, lambda state: state.swinging, run_up_s,
             f"the sine of ±{amplitude_deg:g}° at {frequency_hz:g} Hz is not reached",
         )  # fmt: skip
-        self._steady = (Mode.SYNTHESIS, amplitude_deg)
+        self._latest.done(order, (Mode.SYNTHESIS, amplitude_deg))
 
     async def stop(self) -> None:
         """Brings the rate to zero and holds it; returns when the table is at rest."""
-        self._new_order()
+        self._latest.begin()
         await self._axis.stop()
         await self._axis.check_fault(await self._come_to_rest())
 
@@ -154,13 +150,13 @@ class Table:
         Proved by reading back; a table whose drive has tripped is not driven any more. Raises NoAnswer when it
         cannot be proved; CannotConnect, WrongIdentity after a lost wire.
         """
-        self._new_order()
+        self._latest.begin()
         async with safe_in_time(self.name, self._safe_within_s):
             await self._axis.reopen()
             self._axis.stop_at_once()
             await self._come_to_rest()
 
-    async def _enter(self, order: int, mode: Mode, acceleration_dps2: float) -> State:
+    async def _enter(self, order: Order, mode: Mode, acceleration_dps2: float) -> State:
         """Energised, under control, in `mode` and at rest in it (in RATE perhaps turning); what the axis then does."""
         state = await self._axis.make_ready()
         rate_dps = self._options.rate if mode is Mode.POSITION else self._fastest_dps
@@ -168,25 +164,25 @@ class Table:
         await self._axis.prepare(Mode.OFF, self._fastest_dps, self._options.acceleration)
         if state.mode is mode and (mode is Mode.RATE or abs(state.rate_dps) <= self._options.rate_band):
             return state
-        self._check_wanted(order)
+        order.check()
         if state.mode is not Mode.OFF:
             await self._axis.stop()
         await self._come_to_rest()
         await asyncio.sleep(MODE_CHANGE_S)
         state = await self._axis.look()
-        self._check_wanted(order)
+        order.check()
         # A mode goes for its last demand as soon as it is entered.
         await self._axis.demand_here(mode, state.angle_deg)
         return await self._follow(order, mode)
 
-    async def _follow(self, order: int, mode: Mode) -> State:
+    async def _follow(self, order: Order, mode: Mode) -> State:
         """Make the servo follow the demand of a mode; what the axis does when it tells that mode, or at last."""
-        self._check_wanted(order)
+        order.check()
         await self._axis.enter(mode)
-        await READ_BACK.until(self._axis.look, lambda state: order != self._order or state.mode is mode or state.stale)
+        await READ_BACK.until(self._axis.look, lambda state: order.ended or state.mode is mode or state.stale)
         return await self._watch(order, mode)
 
-    async def _go(self, order: int, target_deg: float, *, hold_s: float) -> None:
+    async def _go(self, order: Order, target_deg: float, *, hold_s: float) -> None:
         """Move to an angle, and return when the axis has been there for `hold_s`.
 
         A controller that takes the shorter way goes a long one in legs.
@@ -198,26 +194,21 @@ class Table:
             await self._leg(order, begin_deg + way_deg * leg / legs, way_deg / legs, 0.0)
         await self._leg(order, target_deg, way_deg / max(legs, 1), hold_s)
 
-    async def _leg(self, order: int, target_deg: float, way_deg: float, hold_s: float) -> None:
+    async def _leg(self, order: Order, target_deg: float, way_deg: float, hold_s: float) -> None:
         """Send the axis to an angle once, and return when it has been there for `hold_s`."""
-        since_s: float | None = None
+        hold = Hold(hold_s)
 
         def stands(state: State) -> bool:
-            nonlocal since_s
             near = abs(state.angle_deg - target_deg) <= self._band_deg
-            if not near or abs(state.rate_dps) > self._options.rate_band:
-                since_s = None
-            elif since_s is None:
-                since_s = _now_s()
-            return since_s is not None and _now_s() - since_s >= hold_s
+            return hold.is_over(_now_s(), stands=near and abs(state.rate_dps) <= self._options.rate_band)
 
-        self._check_wanted(order)
+        order.check()
         await self._axis.go(target_deg)
         travel_s = abs(way_deg) / self._options.rate + self._options.rate / self._options.acceleration
         await self._until(order, Mode.POSITION, stands, travel_s, f"the table is not at {target_deg:g}°", hold_s)
 
     async def _until(
-        self, order: int, mode: Mode, arrived: Callable[[State], bool], expected_s: float, problem: str,
+        self, order: Order, mode: Mode, arrived: Callable[[State], bool], expected_s: float, problem: str,
         hold_s: float = 0.0,
     ) -> None:  # fmt: skip
         """Returns when the axis has arrived and held; NotSettled when it takes `give_up` longer than expected."""
@@ -228,10 +219,10 @@ class Table:
                 raise self._not_settled(problem, state)
             await asyncio.sleep(pause_s(self._options.poll, near_s - _now_s()))
 
-    async def _watch(self, order: int, mode: Mode) -> State:
+    async def _watch(self, order: Order, mode: Mode) -> State:
         """Poll a motion; raises Refused if it has been superseded, InstrumentFault if it cannot continue."""
         state = await self._axis.look()
-        self._check_wanted(order)
+        order.check()
         await self._axis.check_fault(state)
         if problem := _lost_control(state, mode):
             raise InstrumentFault(
@@ -257,9 +248,9 @@ class Table:
 
     def _departure(self, state: State) -> str:
         """How the state of the table differs from the command; "" if it does not."""
-        if self._steady is None:
+        if self._latest.result is None:
             return ""
-        mode, value = self._steady
+        mode, value = self._latest.result
         if problem := _lost_control(state, mode):
             return problem
         match mode:
@@ -279,16 +270,6 @@ class Table:
 
     def _rate_band_dps(self, rate_dps: float) -> float:
         return self._options.rate_band + RATE_RIPPLE * abs(rate_dps)
-
-    def _new_order(self) -> int:
-        """Invalidates the running order."""
-        self._order += 1
-        self._steady = None
-        return self._order
-
-    def _check_wanted(self, order: int) -> None:
-        if order != self._order:
-            raise Refused(self.name, "the motion was ended by another command")
 
     def _not_settled(self, problem: str, state: State) -> NotSettled:
         return NotSettled(

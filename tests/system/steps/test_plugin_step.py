@@ -29,10 +29,11 @@ async def shake(settings, bench):
     for _ in range(settings.times):
         await asyncio.sleep(settings.pause)
     bench.notice("shaken")
-    return {"shaken": settings.times}
+    return {"shaken": settings.times, "on": bench.role}
 
 
 SHAKE = StepDescription("shake", "Shakes the unit", "toy_plugin:shake", Shake, takes_s=lambda s: s.times * s.pause)
+ROCK = SHAKE._replace(name="rock", capability="positioner")
 '''
 
 
@@ -43,7 +44,9 @@ def plugin(tmp_path, monkeypatch):
     info.mkdir(parents=True)
     (folder / "toy_plugin.py").write_text(MODULE, "utf-8")
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy-plugin\nVersion: 1.0\n", "utf-8")
-    (info / "entry_points.txt").write_text("[inertial_test_bench.steps]\nshake = toy_plugin:SHAKE\n", "utf-8")
+    (info / "entry_points.txt").write_text(
+        "[inertial_test_bench.steps]\nshake = toy_plugin:SHAKE\nrock = toy_plugin:ROCK\n", "utf-8"
+    )
     monkeypatch.syspath_prepend(str(folder))
     known_steps.cache_clear()
     yield
@@ -52,13 +55,13 @@ def plugin(tmp_path, monkeypatch):
 
 def test_a_plugin_s_step_is_done_in_a_run_and_recorded(tmp_path, plugin):
     path = tmp_path / "s.yaml"
-    path.write_text(steps("{custom: shake, with: {times: 3, pause: 2 s}}") + TAIL, "utf-8")
+    path.write_text(steps("{custom: rock, role: head, with: {times: 3, pause: 2 s}}") + TAIL, "utf-8")
     result = run_short(tmp_path / "runs", sequence=str(path))
     assert result.outcome.how == "completed"
     with RunReader(result.path) as reader:
         (begin,) = [event.at_s for event in reader.events("step_begins") if event.step == "steps/custom"]
         (end,) = [event for event in reader.events("step_ended") if event.step == "steps/custom"]
-    assert end.data == {"shaken": 3}
+    assert end.data == {"shaken": 3, "on": "head"}
     assert end.at_s - begin == pytest.approx(6.0)
 
 

@@ -10,10 +10,16 @@ import pytest
 from pydantic import ValidationError
 
 from bench.errors import InputError
+from bench.figures import numbers, words
+from bench.figures.languages import catalogue_of, language, tr
+from bench.figures.numbers import scale_shown
 from bench.methods.tumble.method import TEMPERATURE_TUMBLE
 from bench.offline.case import reduce_case, reductions
+from bench.offline.outcome import lacking, outcome
+from bench.report import flag_words
+from bench.report.flag_words import flag_in_words
 from bench.sequence.checks.rules import every_rule, judge
-from bench.sequence.method import OUTPUT_UNITS, SHIPPED, MethodWords, known_methods
+from bench.sequence.method import OUTPUT_UNITS, SHIPPED, MethodWords, known_methods, texts_of
 from drivers.description import known_drivers
 from drivers.quantity.units import parse_unit
 from drivers.shipped import DRIVERS
@@ -60,8 +66,9 @@ class Settings(StrictModel):
 
 
 NOISE = MethodDescription(
-    "noise", "Noise", "my_noise:reduce", Settings, {"density": "µg/Hz^0.5"},
-    rules="my_noise_parts:RULES", words="my_noise_parts:WORDS", offline="my_noise_parts:REDUCTIONS",
+    "noise", "Noise", "my_noise:reduce", Settings, {"density": "µg/Hz^0.5", "K0/change": "V"},
+    shown={"density": "ng/Hz^0.5", "K0/change": "mV"}, rules="my_noise_parts:RULES", words="my_noise_parts:WORDS",
+    translations="my_noise_parts:TRANSLATIONS", offline="my_noise_parts:REDUCTIONS",
 )
 """
 PARTS = """\
@@ -82,12 +89,22 @@ def too_deep(plan, bench):
 def reduced(case):
     rest = case.record("rest", "U_V")
     depth = case.settings(CaseSettings).depth
-    return {"depth": depth, "mean": rest.numbers("U_V").mean(), "flags": [], "notes": [], "doubts": []}
+    flags = ["shallow"] if depth < 2 else []
+    mean, parts = rest.numbers("U_V").mean(), [None] if depth > 8 else [1]
+    return {"depth": depth, "mean": mean, "parts": parts, "flags": flags, "notes": [], "doubts": []}
 
 
 RULES = (Rule("too-deep", "warning", "a depth finds something", too_deep),)
-WORDS = {"UNITS": {"deaf": "It hears nothing."}}
-REDUCTIONS = {("NOISE", ""): Reduction(reduced, ("rest",))}
+WORDS = {
+    "UNITS": {"deaf": "It hears nothing.", "{n} Hz deaf": "It hears nothing at {n} Hz.", "no_sweep": "Not mine."},
+    "REASONS": {"loud": "it is loud"},
+    "CONDITIONS": {"band_hz": "over {value} Hz"},
+    "NOTES": ("the fan ran at {speed} turns",),
+    "SOURCES": ("fan",),
+}
+CHINESE = {"It hears nothing at {n} Hz.": "在 {n} Hz 听不到。", "fan": "风扇", "hum": "嗡声", "Dwell": "Mine"}
+TRANSLATIONS = {"zh": CHINESE}
+REDUCTIONS = {("NOISE", ""): Reduction(reduced, ("rest",), parts=("parts",), lacking="^shallow$")}
 """
 
 
@@ -115,6 +132,14 @@ def test_what_is_in_the_tables_is_there_under_its_name():
     assert [known_methods()[name].name for name in SHIPPED] == list(SHIPPED)
 
 
+def forget():
+    """What was looked up among other methods is looked up again."""
+    for cached in (known_methods, reductions, texts_of, scale_shown, numbers._units_shown, catalogue_of):
+        cached.cache_clear()
+    for looked_up in (flag_words._UNITS, words.REASONS, words.CONDITIONS):
+        vars(looked_up).pop("_all", None)
+
+
 @pytest.fixture
 def plugin(tmp_path, monkeypatch):
     """An installed distribution with a method of its own."""
@@ -125,11 +150,9 @@ def plugin(tmp_path, monkeypatch):
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: my-noise\nVersion: 1\n")
     (information / "entry_points.txt").write_text("[inertial_test_bench.methods]\nnoise = my_noise:NOISE\n")
     monkeypatch.syspath_prepend(tmp_path)
-    for cached in (known_methods, reductions):
-        cached.cache_clear()
+    forget()
     yield
-    for cached in (known_methods, reductions):
-        cached.cache_clear()
+    forget()
     for module in ("my_noise", "my_noise_parts"):
         sys.modules.pop(module, None)
 
@@ -154,10 +177,40 @@ def test_a_plug_in_brings_rules_that_only_its_method_loads(plugin, tmp_path):
 
 
 def test_a_plug_in_brings_the_words_of_its_flags(plugin):
-    words = MethodWords("UNITS", {"generic": "A word."})
-    assert (words["generic"], words["deaf"]) == ("A word.", "It hears nothing.")
-    assert "rest_missing" in words
-    assert "nothing_known" not in words
+    own = MethodWords("UNITS", {"generic": "A word."})
+    assert (own["generic"], own["deaf"]) == ("A word.", "It hears nothing.")
+    assert "rest_missing" in own
+    assert "nothing_known" not in own
+
+
+def test_its_words_are_in_a_report_in_both_languages(plugin):
+    assert flag_in_words("30 Hz deaf") == "It hears nothing at 30 Hz."
+    assert flag_in_words("a: the fan ran at 3 turns") == "a: the fan ran at 3 turns"
+    assert words.where({"band_hz": 20.0}, {}) == "over 20 Hz"
+    assert words.REASONS["loud"] == "it is loud"
+    with language("zh"):
+        assert flag_in_words("30 Hz deaf") == "在 30 Hz 听不到。"
+        assert words.source_in_words("fan: hum") == "风扇：嗡声"
+
+
+def test_words_of_the_program_are_not_replaced_by_those_of_a_plug_in(plugin):
+    assert flag_in_words("no_sweep") == "There is no reading of a sweep, so that nothing can be determined."
+    with language("zh"):
+        assert tr("Dwell") == "温度点"
+
+
+def test_a_plug_in_says_in_which_unit_its_quantities_are_shown(plugin):
+    assert scale_shown("density", "µg/Hz^0.5") == (1000.0, "ng/Hz^0.5")
+    assert scale_shown("K0/change", "V") == (1000.0, "mV")
+    assert scale_shown("K0/change", "g") == (1e6, "µg")
+    assert scale_shown("of nobody", "V") == (1.0, "V")
+
+
+@pytest.mark.parametrize("method", known_methods().values(), ids=lambda method: method.name)
+def test_shown_units_are_of_the_kind_of_their_quantities(method):
+    for quantity, symbol in method.shown.items():
+        own = parse_unit(method.quantities.get(quantity, "g"))  # of a result that has no limits
+        assert parse_unit(symbol or "1").dimension == own.dimension, quantity
 
 
 def test_a_plug_in_reduces_cases_of_its_own(plugin, tmp_path):
@@ -169,3 +222,14 @@ def test_a_plug_in_reduces_cases_of_its_own(plugin, tmp_path):
     (tmp_path / "case.json").write_text(json.dumps({**case, "settings": {"dept": 3}}))
     with pytest.raises(InputError, match="did you mean 'depth'"):
         reduce_case(tmp_path / "case.json")
+
+
+@pytest.mark.parametrize(
+    ("depth", "expected"), [(3, ("REDUCED", [])), (1, ("INCOMPLETE", ["shallow"])), (9, ("INCOMPLETE", ["nothing"]))]
+)
+def test_it_says_itself_which_of_its_cases_lack_something(plugin, tmp_path, depth, expected):
+    (tmp_path / "rest.csv").write_text("U_V\n1.0\n2.0\n")
+    case = {"schema": "itb-case/1", "method": "NOISE", "settings": {"depth": depth}, "records": {"rest": "rest.csv"}}
+    (tmp_path / "case.json").write_text(json.dumps(case))
+    found = reduce_case(tmp_path / "case.json")
+    assert (outcome(found), lacking(found)) == expected

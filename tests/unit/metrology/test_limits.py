@@ -10,6 +10,7 @@ from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
 from bench.figures.words import bands_in_words, limits_in_words
+from bench.methods.tumble.method import TEMPERATURE_TUMBLE
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, Subject, UnitResult
 from bench.metrology.results.limits import Judgement, Limits, judge
@@ -263,8 +264,9 @@ def test_the_schema_takes_the_keys_that_the_loader_takes(keys, good):
     ],
 )
 def test_limits_are_told_as_they_are_declared_in_the_unit_of_the_value(quantity, limits, words, bands):
-    assert limits_in_words(quantity, limits) == words
-    assert bands_in_words(quantity, limits) == bands
+    unit = TEMPERATURE_TUMBLE.quantities[quantity]
+    assert limits_in_words(quantity, unit, limits) == words
+    assert bands_in_words(quantity, unit, limits) == bands
 
 
 @pytest.mark.parametrize(
@@ -279,7 +281,7 @@ def test_limits_are_told_as_they_are_declared_in_the_unit_of_the_value(quantity,
 def test_why_a_value_was_not_accepted_stands_beside_it(value, u, remark):
     limits = Limits(-5e-3, 5e-3, guard_k=2)
     unit = UnitResult("a", "QF-1", (finding(value, u).judged(limits),), (), (), ())
-    (row,) = verdict_rows(unit, {"K0": limits})
+    (row,) = verdict_rows(unit, {"K0": limits}, {"K0": "g"})
     assert (row.limits, row.bands, row.remark) == ("-5000 to 5000", "guard band 2 u", remark)
     (row,) = over_run_rows(unit)
     assert (row.bands, row.remark) == ("guard band 2 u", remark)

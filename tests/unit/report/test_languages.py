@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from string import Formatter
 from typing import get_args
 
@@ -13,19 +14,37 @@ from bench.config.document import read_document
 from bench.config.fixture import Compass, Direction
 from bench.figures import languages, svg, words
 from bench.figures.languages import LANGUAGES, catalogue_of, language, tr
-from bench.methods.imu import words as imu_words
-from bench.methods.rate_table import words as table_words
 from bench.reduce.stored_run import open_run
 from bench.report import flag_words, note_words
 from bench.report.tables import VARIABLES, WORST
 from bench.report.write import write_report
-from bench.sequence.method import known_methods
+from bench.sequence.method import known_methods, texts_of
+from drivers.installed import loaded
 from tests.support.runs import ROOT, run_short
 
 OTHERS = LANGUAGES[1:]
 HOSTILE = "{text.__class__}<b>"
 VERDICTS = ("PASS", "FAIL", "INVALID", "INCOMPLETE", "ERROR", "ABORTED", "NOT JUDGED", "not judged")
 CHINESE = re.compile("[\u4e00-\u9fff]")
+
+GENERIC_WORDS = (
+    {
+        "REASONS": words.REASONS._generic,
+        "READINGS": flag_words._READINGS._generic,
+        "QUANTITIES": flag_words._QUANTITIES._generic,
+        "VARIABLES": VARIABLES._generic,
+        "NOTES": note_words.NOTES,
+        "SOURCES": words.SOURCES,
+    },
+)
+KINDS = (
+    *GENERIC_WORDS[0], "UNITS", "PARTS", "NAMES", "FINDINGS", "FORMS", "WHERE", "CONDITIONS",
+)  # fmt: skip
+
+
+def words_of_methods():
+    targets = {method.words for method in known_methods().values() if method.words}
+    return [loaded(target) for target in sorted(targets)]
 
 
 class Missing(dict):
@@ -82,19 +101,22 @@ def texts_in_tables():
         words.ENDINGS,
         words.REASONS,
         words.CONTENTS,
+        words.CONDITIONS,
         flag_words._READINGS,
         flag_words._UNITS,
         flag_words._QUANTITIES,
-        flag_words._LEFT_OUT,
-        flag_words._FREQUENCIES,
+        flag_words._PARTS,
+        note_words.WHERE,
+        VARIABLES,
+        WORST,
     )
-    for table in (*tables, flag_words._PARTS, WORST, VARIABLES):
+    for table in tables:
         yield from table.values()
     yield from (
-        *note_words.NOTES,
-        *note_words.FORMS,
-        *note_words.WHERE.values(),
-        *words.SOURCES,
+        *texts_of("NOTES", note_words.NOTES),
+        *texts_of("FORMS", ()),
+        *texts_of("FINDINGS", ()),
+        *texts_of("SOURCES", words.SOURCES),
         *get_args(Direction),
         *get_args(Compass),
     )
@@ -109,11 +131,19 @@ def test_a_flag_of_a_reading_and_one_of_a_part_have_no_name_in_common():
     """Both follow a step and a colon: one name would have the words of the other."""
     tables = (flag_words._READINGS, flag_words._PARTS)
     assert not set.intersection(*map(set, tables))
-    parts = (table_words.PARTS, imu_words.PARTS)
-    assert not set.intersection(*map(set, parts))
-    for own in (table_words, imu_words):
-        assert own.READINGS.items() <= flag_words._READINGS.items()
-        assert own.PARTS.items() <= flag_words._PARTS.items()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_two_methods_have_words_for_one_flag(kind):
+    """Each would get those of the first."""
+    of_methods = [each[kind] for each in (*GENERIC_WORDS, *words_of_methods()) if kind in each]
+    keys = [key for of_one in of_methods for key in of_one]
+    assert keys
+    assert [key for key, times in Counter(keys).items() if times > 1] == []
+
+
+def test_every_kind_of_words_of_a_method_is_looked_up():
+    assert {kind for each in words_of_methods() for kind in each} <= {*KINDS, "CONTENTS"}
 
 
 @pytest.mark.parametrize("name", OTHERS)

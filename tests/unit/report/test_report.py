@@ -249,7 +249,7 @@ def test_a_dwell_that_was_left_out_and_a_limit_that_nothing_could_be_held_agains
     run = run_short(tmp_path, sequence="smoke", settings=("positions=[0°, 90°, 180°, 180.01°]",))
     page = page_of(run.path)
     assert ("div", {"class": "verdict INCOMPLETE"}) in page.tags
-    assert "Dwell 0 is left out: no usable reading near 270°." in page.parts["note"]
+    assert "Dwell 0 is left out: no usable reading near these angles in °: 270." in page.parts["note"]
     assert re.search("K0 not determined µg -5000 to 5000 not judged", page.parts["verdicts"])
     assert "There are too few data for a figure" in page.text
 
@@ -375,7 +375,7 @@ def test_a_report_that_cannot_be_written_takes_no_results_away(tmp_path, monkeyp
 @pytest.mark.parametrize(
     ("flag", "words"),
     [
-        ("dwell 3 incomplete: 90, 270", "Dwell 3 is left out: no usable reading near 90°, 270°."),
+        ("dwell 3 incomplete: 90, 270", "Dwell 3 is left out: no usable reading near these angles in °: 90, 270."),
         (
             "dwell 3 incomplete: ill_conditioned",
             "Dwell 3 is left out: its readings do not determine the four unknowns.",

@@ -9,11 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bench.figures.languages import tr
-from bench.figures.numbers import SHOWN, shown
+from bench.figures.numbers import scale_shown, shown
 from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
 from bench.figures.words import where
+from bench.methods.imu.method import CHANGES, IMU_START_UP
 from bench.methods.imu.shown import AXES, STYLES
 from bench.methods.imu.start_up.run import NOT_DETERMINED, StartUpDetail, Watched
 from bench.metrology.results.coverage import COVERAGE
@@ -60,7 +61,7 @@ def _errors(found: Found) -> Sheet:
     """What compensation leaves right after power-on, and when the unit is warm."""
     wanted = {f"{quantity}/{when}": shown for quantity in TITLES for when in WHEN}
     heads = (
-        (f"{quantity}, {tr(told)}", SHOWN[f"{quantity}/{when}"][1])
+        (f"{quantity}, {tr(told)}", IMU_START_UP.shown[f"{quantity}/{when}"])
         for quantity in TITLES
         for when, told in WHEN.items()
     )
@@ -120,7 +121,7 @@ def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:
 
 
 def _panel(axes: Axes, quantity: str, watched: Sequence[Watched]) -> None:
-    factor, symbol = (1e6, "ppm") if quantity in ("K1", "KG") else SHOWN[quantity]
+    factor, symbol = scale_shown(f"{quantity}/warm", CHANGES[quantity])
     limit = watched[0].limit * factor
     axes.axhspan(-limit, limit, color="#e7f0e4", linewidth=0)
     for edge in (-limit, limit):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.figures.numbers import shown
-from bench.methods.imu.method import ImuStartUpSettings
+from bench.methods.imu.method import IMU_START_UP, ImuStartUpSettings
 from bench.methods.imu.reduction.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
 from bench.methods.imu.start_up import run as imu_start_up
 from bench.methods.imu.start_up.readings import PowerOn
@@ -208,7 +208,8 @@ def test_a_time_that_may_be_anything_is_told_to_be_practically_not_determined(sd
     unit = result([scattered(each, rng, sd_dps) for each in watched()], gyro_zero_dps=1e-5)
     (found,) = (each for each in unit.findings if "/x/D0/settling" in each.id)
     assert ("practically_not_determined" in found.flags) == is_open
-    (row,) = verdict_rows(dataclasses.replace(unit, findings=(found,)), {found.quantity: Limits(high=1e5)})
+    alone, limits = dataclasses.replace(unit, findings=(found,)), {found.quantity: Limits(high=1e5)}
+    (row,) = verdict_rows(alone, limits, IMU_START_UP.quantities)
     assert ("practically not determined" in row.remark) == is_open
     sheet = next(each for each in start_up_plots(unit, "a") if "D0" in [head for head, _ in each.heads])
     assert ("Practically not determined: D0 axis x" in sheet.caption) == is_open

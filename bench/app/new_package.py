@@ -1,0 +1,66 @@
+"""A package of its own to start from, copied from a template that works as it is, under another name."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from bench.errors import InputError
+from bench.files import folder_made_whole
+from drivers.schema.fields import Name
+from drivers.schema.wording import in_plain_words
+
+_TOY = "toy_"
+_LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
+
+
+def expect_free(name: str, kind: str, known: Collection[str]) -> None:
+    """Raises InputError for a name that is none, or that one of `known`, of this kind, or a module has."""
+    try:
+        TypeAdapter(Name).validate_python(name)
+    except ValidationError as error:
+        raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
+    if name in known:
+        raise InputError(f"NAME: there is a {kind} '{name}' already; choose another name")
+    module = find_spec(name)
+    if module is not None and module.origin is not None:  # a folder that happens to lie here has none
+        raise InputError(f"NAME: there is a Python module '{name}' already; choose another name")
+
+
+def write_package(template: Path, name: str, out: Path) -> list[Path]:
+    """Write the package `OUT/NAME`; InputError where it cannot be written."""
+    folder = out / name
+    try:
+        with folder_made_whole(folder) as draft:
+            made = [path.relative_to(draft) for path in _copied(template, draft, name)]
+        return [folder / path for path in made]
+    except FileExistsError:
+        raise InputError(f"{folder}: is there already; choose another name, or remove it first") from None
+    except OSError as problem:
+        raise InputError(f"{folder}: cannot be written ({problem})") from None
+
+
+def _copied(template: Path, folder: Path, name: str) -> Iterator[Path]:
+    (toy,) = (path.name for path in template.iterdir() if path.name.startswith(_TOY))
+    for source in sorted(template.rglob("*")):
+        parts = source.relative_to(template).parts
+        if source.is_dir() or any(part in _LEFT_OUT for part in parts):
+            continue
+        path = folder.joinpath(*(part.replace(toy, name) for part in parts))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(_renamed(source.read_text("utf-8"), toy, name), "utf-8")
+        yield path
+
+
+def _renamed(text: str, toy: str, name: str) -> str:
+    """The text with the names of the toy in it replaced: of the package, of the distribution and of classes."""
+    for spell in (str, lambda words: words.replace("_", "-"), _camel):
+        text = text.replace(spell(toy), spell(name))
+    return text
+
+
+def _camel(name: str) -> str:
+    return "".join(word.capitalize() for word in name.split("_"))

@@ -1,0 +1,163 @@
+"""An output that is set over SCPI, by one command after the other until it is as wanted, and watched from then on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
+
+from drivers.description import Setup
+from drivers.errors import InstrumentFault, Refused
+from drivers.kinds.latest import Latest, Order
+from drivers.timing.readback import ReadBack
+from drivers.transport.dialogue import safe_in_time
+from drivers.transport.scpi import ScpiLink
+from drivers.values import Identity
+
+READ_BACK = ReadBack()
+
+
+class OutputSetting(Protocol):
+    """What an output is set to; its `str` is for a person."""
+
+    @property
+    def output(self) -> bool:
+        """Whether it is on."""
+
+    def switched_off(self) -> Self:
+        """The same with the output off."""
+
+
+SettingT = TypeVar("SettingT", bound=OutputSetting)
+SettingT_co = TypeVar("SettingT_co", bound=OutputSetting, covariant=True)
+
+
+class OutputState(Protocol[SettingT_co]):
+    """One look at an instrument: what its output is set to, beside what else its dialect tells."""
+
+    @property
+    def setting(self) -> SettingT_co:
+        """What it is set to."""
+
+
+StateT = TypeVar("StateT", bound=OutputState[Any])
+
+
+class Fault(NamedTuple):
+    """Something wrong with an output: in words, with what the instrument said and what to do.
+
+    `always` is for what matters with the output off as well.
+    """
+
+    problem: str
+    received: str
+    remedy: str
+    always: bool = False
+
+
+@dataclass(frozen=True)
+class Dialect(Generic[StateT, SettingT]):
+    """How one make is spoken to: what makes its output safe at once, one question for its state, and the next command.
+
+    `read_back` is how long a setting may be told as it was before.
+    """
+
+    cut_off: str
+    state_query: bytes
+    read_state: Callable[[bytes], StateT]
+    next_step: Callable[[StateT, SettingT], str]
+    faults: Callable[[StateT], Sequence[Fault]] = lambda _state: ()
+    read_back: ReadBack = READ_BACK
+
+
+class ScpiOutput(Generic[StateT, SettingT]):
+    """The part of a Source that all kinds share.
+
+    `_kind` is what a person calls it, `_stuck` where he looks when a setting is not carried out.
+
+    Every command is sent once and what it did is read back. Every poll compares the settings with the last ones sent:
+    a second master is a fault, not a discussion.
+
+    Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
+    """
+
+    _kind: ClassVar[str]
+    _stuck: ClassVar[str]
+
+    def __init__(self, setup: Setup[Any, Any, Any], dialect: Dialect[StateT, SettingT], *, end: bytes = b"\n") -> None:
+        self.name, self._dialect = setup.name, dialect
+        self._link = ScpiLink(setup, end=end)
+        self._latest: Latest[SettingT] = Latest(setup.name, "setting")  # its result was read back
+
+    async def __aenter__(self) -> Self:
+        """Connects and identifies; raises CannotConnect or WrongIdentity."""
+        await self._link.open()
+        return self
+
+    async def __aexit__(self, *exc: object) -> None:
+        """Closes the wire; the output stays as it is."""
+        self._link.close()
+
+    async def identify(self) -> Identity:
+        """Who is there, by *IDN?; raises WrongIdentity."""
+        return await self._link.identify()
+
+    async def make_safe(self) -> None:
+        """Switches the output off within 5 s, a source after it has gone to 0 A, proved by reading back.
+
+        Raises NoAnswer or Refused when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
+        """
+        order = self._latest.begin()
+        async with safe_in_time(self.name):
+            await self._link.reopen()
+            self._link.cut_in(self._dialect.cut_off)
+            await self._switch_off(order, await self._state())
+
+    async def _switch_off(self, order: Order, now: StateT) -> None:
+        await self._reach(order, now, now.setting.switched_off())
+
+    async def _reach(self, order: Order, now: StateT, wanted: SettingT) -> StateT:
+        """Sends one command after the other until the instrument says that it is set as wanted; that state."""
+        sent = ""
+        while step := self._dialect.next_step(now, wanted):
+            order.check(sent)
+            if step == sent:
+                raise Refused(
+                    self.name, "a setting was not carried out", sent=sent, received=str(now.setting),
+                    remedy=self._stuck,
+                )  # fmt: skip
+            await self._link.write(step)
+            sent, now = step, await self._state_after(order, step, wanted)
+        self._latest.done(order, now.setting)
+        return now
+
+    async def _state_after(self, order: Order, step: str, wanted: SettingT) -> StateT:
+        """The state once it shows that a step was executed, or at the time limit.
+
+        At once if there is nothing to wait for.
+        """
+        return await self._dialect.read_back.until(
+            self._state, lambda state: order.ended or self._dialect.next_step(state, wanted) != step
+        )
+
+    async def _state(self) -> StateT:
+        return await self._link.ask(self._dialect.state_query, self._dialect.read_state)
+
+    def _check_faults(self, state: StateT, *, output: bool = True) -> None:
+        """Raises InstrumentFault for what is wrong, without `output` only for what always is."""
+        found = [fault for fault in self._dialect.faults(state) if output or fault.always]
+        if found:
+            raise InstrumentFault(
+                self.name, ", ".join(fault.problem for fault in found), received=found[0].received,
+                remedy=" ".join(fault.remedy for fault in found),
+            )  # fmt: skip
+
+    def _compare(self, state: StateT) -> None:
+        """Raises when a fault is there that matters now, or when the setting is not the one that was made."""
+        made = self._latest.result
+        self._check_faults(state, output=made is not None and made.output)
+        if made is not None and self._dialect.next_step(state, made):
+            raise InstrumentFault(
+                self.name, f"the {self._kind} was set to {made}", received=str(state.setting),
+                remedy="Look for a trip, a power failure, or who else sets it.",
+            )  # fmt: skip

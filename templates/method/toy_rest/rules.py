@@ -1,0 +1,48 @@
+"""Rules on a sequence that asks for the method: enough readings, and no move between them."""
+
+from collections.abc import Iterator
+
+from bench.config.models import BenchFile
+from bench.sequence.checks.parts import acquired_under
+from bench.sequence.checks.remarks import Found, Rule
+from bench.sequence.plan.plan import Plan
+from bench.sequence.steps.stimulus import Move
+
+from toy_rest.method import DESCRIPTION, ToyRestSettings
+
+
+def too_few_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """Fewer acquisitions than the setting `fewest`."""
+    for index, entry in enumerate(plan.sequence.results):
+        if entry.method != DESCRIPTION.name:
+            continue
+        fewest = ToyRestSettings.model_validate(entry.settings).fewest
+        count = len(acquired_under(plan, entry.data))
+        if count < fewest:
+            yield (
+                ("results", index, "data"),
+                f"'{entry.data}' has {count} readings; below {fewest}, the setting fewest, no drift is stated",
+                "Acquire more often, or for a shorter time each",
+            )
+
+
+def moved_at_rest(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A move between the first acquisition and the last."""
+    for entry in plan.sequence.results:
+        if entry.method != DESCRIPTION.name:
+            continue
+        steps, acquired = list(plan), set(acquired_under(plan, entry.data))
+        read = [number for number, each in enumerate(steps) if each.id in acquired]
+        for each in steps[read[0] : read[-1]] if read else ():
+            if isinstance(each.step, Move):
+                yield (
+                    (*each.place, "move"),
+                    f"'{each.step.role}' moves between readings under '{entry.data}', which are to be at rest",
+                    "Move before the first reading",
+                )
+
+
+RULES = (
+    Rule("toy_rest-too-few", "error", "a drift at rest has enough readings", too_few_readings),
+    Rule("toy_rest-moved", "error", "nothing moves between readings at rest", moved_at_rest),
+)
