@@ -27,6 +27,10 @@ contracts: $(VENV)/.dev
 pytest: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --dist worksteal -m 'not slow'
 
+# What to run after each change: a minute or so.
+test-quick: $(VENV)/.dev lint
+	$(BIN)/pytest -q -n 2 --dist worksteal -m 'not slow and not lengthy' tests/unit tests/wire
+
 # The other tests: truth over seeds, real stacks on loopback, whole benches. CI runs them after `make test`.
 slow: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --dist worksteal -m slow --durations 20

@@ -8,6 +8,8 @@ import pytest
 from bench.metrology.extremes import scatter_sd
 from bench.metrology.largest import largest_of
 
+pytestmark = pytest.mark.lengthy
+
 AT = np.linspace(-1, 1, 90)
 COURSES = {
     "a hump": [8 * (1 - AT**2), 7 * (1 - AT**2)],

@@ -58,6 +58,7 @@ def parts_of(rows, *names):
     return [list(part) for _, part in itertools.groupby(rows, key=lambda row: [row[name] for name in names])]
 
 
+@pytest.mark.lengthy
 def test_parquet_holds_the_same_and_its_counters_as_differences(run, tables, tmp_path):
     paths = exported(run, "parquet", tmp_path)
     assert [path.name for path in paths] == ["readings.parquet", "acquisitions.parquet", "journal.parquet"]

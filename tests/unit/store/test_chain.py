@@ -318,6 +318,7 @@ def test_what_lies_beside_an_interrupted_run_is_remarked(interrupted):
     assert record.remarks == (*before.remarks, "not covered by the chain: notes.txt")
 
 
+@pytest.mark.lengthy
 def test_damaged_data_are_refused_or_what_is_made_of_them_says_so(sealed, tmp_path, bench_here):
     alter(sealed, "UPDATE reading SET value = 1 WHERE seq = 100")
     for command in (["reduce"], ["report"], ["export", "--out", tmp_path / "out"], ["status"], ["runs", "verify"]):
