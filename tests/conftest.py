@@ -85,21 +85,34 @@ def _state_of_nobody(tmp_path_factory):
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("itb-state-"))
 
 
-def _all_of_something(values: Iterable[object]) -> bool:
-    """As all(), but that it refuses nothing, of which everything is true."""
-    some = False
+_OF_SOMETHING: dict[str, bool] = {}  # lines on which the present test has called all(), and whether it got anything
+
+
+def _noted_all(values: Iterable[object]) -> bool:
+    """As all(); notes where it is of nothing, of which everything is true."""
+    caller = sys._getframe(1)
+    line = f"{caller.f_code.co_filename}:{caller.f_lineno}"
+    _OF_SOMETHING.setdefault(line, False)
     for value in values:
+        _OF_SOMETHING[line] = True
         if not value:
             return False
-        some = True
-    assert some, "all of nothing is always true: assert first what there must be"
     return True
 
 
 def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class) -> None:
-    """Let all() of every module of tests fail where it gets nothing."""
+    """Let every module of tests note its calls of all()."""
     if isinstance(collector, pytest.Module):
-        vars(collector.obj).setdefault("all", _all_of_something)
+        vars(collector.obj).setdefault("all", _noted_all)
+
+
+@pytest.fixture(autouse=True)
+def _all_is_of_something():
+    """Fails a test in which all() was never of anything on one of its lines, also over all examples of a property."""
+    _OF_SOMETHING.clear()
+    yield
+    nothing = [line for line, some in _OF_SOMETHING.items() if not some]
+    assert not nothing, f"all() of nothing is always true; assert before what there must be: {nothing}"
 
 
 _LEFT_TASKS: list[str] = []  # of the loops that the present test has run
