@@ -1,7 +1,7 @@
-"""What is true of a simulated run: computed by the simulators from the record of the run.
+"""Truth of a simulated run, computed by the simulators from the record of the run.
 
-It uses times, temperatures and attitudes of the record, but no code of a reduction, whose errors
-would otherwise be in the truth too. An import contract holds that.
+It uses times, temperatures and attitudes of the record, but no code of a reduction, whose errors would otherwise be in
+the truth too. An import contract ensures that.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from simulators.world import World
 
 
 def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
-    """The content of truth.json, which no reduction reads; raises StoreError for a record that cannot be read."""
+    """Return the content of truth.json, which no reduction reads. Raises StoreError for an unreadable record."""
     world = laboratory.world
     truth = truth_record(world, _dwells(stored), _legs(stored), laboratory.voltmeters, _readings(stored))
     truth |= ladders_record(world, _ladders(stored))
@@ -35,7 +35,7 @@ def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
 
 
 def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
-    """What methods know themselves of the truth of their data, by method and label; nothing where none does."""
+    """Return the truth that methods compute themselves, by method and label; empty without such methods."""
     found: dict[str, dict[str, Any]] = {}
     for entry in stored.sequence.results:
         target = known_methods()[entry.method].truth
@@ -45,7 +45,7 @@ def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
 
 
 class _Measured(NamedTuple):
-    """An acquisition of one unit: the label and the place of the unit, and by which names the record has its inputs."""
+    """An acquisition of one unit; `temperature` and `source` are the names of its inputs in the record."""
 
     label: str
     place: str
@@ -54,12 +54,12 @@ class _Measured(NamedTuple):
     acquired: Acquisition
 
     def key(self, step: str) -> str:
-        """The key of a step, or of a group of steps, in the truth."""
+        """Return the key of a step, or of a group of steps, in the truth."""
         return f"{self.label}/{self.place}@{step}"
 
 
 def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[_Measured]:
-    """What methods that count so measured, in the order of the record."""
+    """Yield the acquisitions of methods with this kind of counting, in the order of the record."""
     for data in stored.counted_at(counted_at):
         for unit in data.units:
             for acquired in data.acquisitions:
@@ -69,7 +69,7 @@ def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[_Measured]:
 def _by(
     stored: StoredRun, counted_at: CountsAt, belongs_to: Callable[[Acquisition], str]
 ) -> dict[str, list[_Measured]]:
-    """The same by what acquisitions of a unit belong to, under the keys that this has in the truth."""
+    """Return the same acquisitions by what those of a unit belong to, with its keys in the truth."""
     found: dict[str, list[_Measured]] = {}
     for each in _each(stored, counted_at):
         found.setdefault(each.key(belongs_to(each.acquired)), []).append(each)
@@ -77,7 +77,7 @@ def _by(
 
 
 def orientation(acquisition: Acquisition) -> Lies:
-    """How the bench knows that a unit lay: the angles of the table, and the mount."""
+    """Return the orientation of a unit as the bench knows it: angles of the table, and mount."""
     mount = acquisition.mount
     angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
@@ -88,7 +88,7 @@ def _middle_s(acquisition: Acquisition) -> float:
 
 
 def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
-    """The dwells of a run as the truth wants to know them: when, how warm, at which angles."""
+    """Return the dwells of a run for the truth: times, temperatures and angles."""
     dwells = _by(stored, "dwells", lambda acquired: acquired.group.partition("/")[2])
     return [_dwell(key, members[0], [each.acquired for each in members]) for key, members in dwells.items()]
 
@@ -105,13 +105,13 @@ def _dwell(key: str, first: _Measured, members: Sequence[Acquisition]) -> DwellA
 
 
 def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
-    """The windows of a run, each of each inertial unit."""
+    """Yield the windows of a run for each inertial unit."""
     for each in _each(stored, "windows"):
         yield WindowAsMeasured(each.key(each.acquired.step), each.place, _middle_s(each.acquired))
 
 
 def _readings(stored: StoredRun) -> list[LegAsMeasured]:
-    """The single readings of methods that count in records of their own: what each unit became stable at last."""
+    """Return the single readings of methods that count separately: the last stable reading of each unit."""
     return [
         _leg(each, each.acquired.end_s - (each.acquired.over_s or each.acquired.end_s - each.acquired.begin_s))
         for each in _each(stored, "records")
@@ -119,7 +119,7 @@ def _readings(stored: StoredRun) -> list[LegAsMeasured]:
 
 
 def _legs(stored: StoredRun) -> list[LegAsMeasured]:
-    """The legs of temperature ramps, an acquisition each."""
+    """Return the legs of temperature ramps, one acquisition each."""
     return [_leg(each, each.acquired.begin_s) for each in _each(stored, "ramps")]
 
 
@@ -129,7 +129,7 @@ def _leg(each: _Measured, begin_s: float) -> LegAsMeasured:
 
 
 def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
-    """The acquisitions at one input level each."""
+    """Return the acquisitions at one input level each."""
     return [
         LevelAsMeasured(
             each.key(level.step), each.place, level.begin_s, level.end_s, orientation(level),
@@ -140,7 +140,7 @@ def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
 
 
 def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
-    """The ladders of small steps, by the loop variable `position`; where they began is their position."""
+    """Return the ladders of small steps, by the loop variable `position`; their position is that of the start."""
     ladders = _by(stored, "steps", lambda acquired: f"position={acquired.loops.get('position', 0.0):g}")
     return [
         LadderAsMeasured(
