@@ -119,6 +119,10 @@ class BenchRecord:
         offset_c, gain = self.thermometer_u(name)
         return math.hypot(offset_c, gain * temperature_c)
 
+    def axis(self, role: str) -> AxisRecord:
+        """What is stated of an axis; one without errors where nothing is."""
+        return self.axes.get(role, AxisRecord())
+
     @property
     def head(self) -> AxisRecord:
         """The head, which is the outermost axis; one without errors if there is none."""

@@ -80,6 +80,7 @@ def test_a_script_that_does_not_fit_the_plan_is_refused_before_the_run(tmp_path,
     assert "answers.yaml:2:" in str(caught.value)
 
 
+@pytest.mark.leaves("a person who has not answered yet when the run ends")
 def test_a_question_that_nobody_answers_in_time_fails_its_step(tmp_path):
     ask = "{prompt: Is anybody there?, give_up_after: 5 min}"
     result = ran(tmp_path, ask, answers={"steps/prompt": {"after": "10 min"}})

@@ -13,7 +13,6 @@ from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
 from bench.methods.rate_table.reduction.steady_rate import Steady
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c
 from bench.metrology.acquisition import Counts
-from bench.metrology.bench_uncertainty import AxisRecord
 from bench.metrology.pooled_scatter import Scatter, alike
 from bench.metrology.pulse_counts import mean_rate
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -85,7 +84,7 @@ def range_blocks(
         middle_s = (acquisition.begin_s + acquisition.end_s) / 2
         warmth[middle_s] = samples.temperature
         if motion is not None and motion.rate_dps is not None:
-            u_dps = harmonics_u_dps(samples, data.bench.axes.get(motion.device, AxisRecord()).harmonics_u_deg)
+            u_dps = harmonics_u_dps(samples, data.bench.axis(motion.device).harmonics_u_deg)
             turning.append((middle_s, Turning(acquisition.step, motion.rate_dps, read, u_dps, samples.temperature_c)))
         elif motion is None and abs(read.rate_dps) < AT_REST_DPS:
             at_rest.append(RestReading(middle_s, acquisition.angle_deg, read.output, read.u_output, read.dof))

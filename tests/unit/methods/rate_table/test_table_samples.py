@@ -192,6 +192,7 @@ def test_the_play_is_taken_out_of_twice_the_frequency_too():
     assert abs(after - 1) < 2e-3 < abs(before - 1)
 
 
+@pytest.mark.lengthy
 def test_what_counts_with_play_are_off_is_in_the_uncertainty():
     """Where they turn round they stand still for a pulse: twice as far off as those of a counter without play."""
     ratios = []
@@ -203,6 +204,7 @@ def test_what_counts_with_play_are_off_is_in_the_uncertainty():
     assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.1
 
 
+@pytest.mark.lengthy
 @pytest.mark.parametrize(("amplitude", "frequency_hz"), [(1.2, 90.37), (3.0, 10.37)])
 def test_of_a_swing_of_few_pulses_the_uncertainty_holds_what_is_off(amplitude, frequency_hz):
     """The play is a third of it, or more than half."""
