@@ -13,7 +13,7 @@ from bench.errors import InputError
 from bench.methods.rate_table.reduction import plausibility as plausibility_table
 from bench.methods.rate_table.reduction.blocks import TableRecord
 from bench.methods.rate_table.reduction.lever_arm import AccelerometerSweep, accelerometer_response
-from bench.methods.rate_table.reduction.radius import (
+from bench.methods.rate_table.reduction.recorded_range import (
     BIAS,
     LinearityLimit,
     RangePoint,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.blocks import TableRecord
-from bench.methods.rate_table.reduction.radius import LinearityLimit, accelerometer_range, gyro_range
+from bench.methods.rate_table.reduction.recorded_range import LinearityLimit, accelerometer_range, gyro_range
 from bench.offline.case import reduce_case
 from tests.support.m3_cases import G_MPS2, joined, shuffled, turning_block, write_case
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.blocks import TableRecord
-from bench.methods.rate_table.reduction.radius import LinearityLimit, gyro_range
+from bench.methods.rate_table.reduction.recorded_range import LinearityLimit, gyro_range
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.coverage import coverage_factor
 from bench.metrology.results.finding import Subject

@@ -85,8 +85,7 @@ class RangeForm:
 
     def stable(self, turning: Turning) -> bool:
         """Whether the table did what it was told."""
-        off_dps = abs(turning.steady.rate_dps - turning.command_dps)
-        return bool(off_dps <= self.settings["rate_tolerance"] * abs(turning.command_dps))
+        return turning.on_rate(self.settings["rate_tolerance"])
 
     def noise(self, turning: Turning) -> BudgetLine:
         """Of one reading."""
