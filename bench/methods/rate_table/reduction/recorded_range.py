@@ -6,9 +6,8 @@ told is not judged, and a test with such a point, or with a block that is missin
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,42 +25,23 @@ BIAS = "bias"
 
 @dataclass(frozen=True, slots=True)
 class LinearityLimit:
-    """The largest error: a fraction of the reading, or of `full_scale` where that is given."""
+    """The largest error: a fraction of the true value, or of `full_scale` where that is given."""
 
     fraction: float
     full_scale: float | None = None
 
-    def limit(self, reading: float) -> float:
-        """The largest error of a `reading`, in its unit."""
-        return self.fraction * abs(self._basis(reading))
-
-    def relative(self, error: float, reading: float) -> float | None:
-        """The error of a `reading` over what the fraction is of, with its sign; None of a reading of 0."""
-        basis = self._basis(reading)
-        return error / basis if basis else None
-
-    def _basis(self, reading: float) -> float:
-        return reading if self.full_scale is None else self.full_scale
-
 
 @dataclass(frozen=True, slots=True)
 class RangePoint:
-    """One rate. `error` = measured - bias - true, in the unit of the sensor, as are `mean` (with bias) and `true`.
+    """One rate. `error` is None where the bias or the radius is not known.
 
-    `relative_error` is the error over what the limit is a fraction of: the true value, or the full scale.
-    `dof` are the effective degrees of freedom of `u_error`, None for unlimited. What depends on a bias or a radius that
-    is not known is None. `passed` is None where the point is not judged.
+    `relative_error` is the error over what the limit is a fraction of, with its sign; None over 0. `passed` is None
+    where the point is not judged.
     """
 
-    phase: str
-    mean: float
-    rate_dps: float
-    saturated: bool
+    turning: Turning
+    error: RangeError | None
     stable: bool = True
-    true: float | None = None
-    error: float | None = None
-    u_error: float | None = None
-    dof: int | None = None
     relative_error: float | None = None
     passed: bool | None = None
     marginal: bool = False
@@ -103,8 +83,7 @@ def gyro_range(
     points = []
     for turning in _of_kind(blocks, "run"):
         error = gyro_error(turning.steady, blocks.bias) if blocks.rest else None
-        point = replace(_point(turning, error), true=turning.steady.rate_dps, stable=turning.on_rate(rate_tolerance))
-        points.append(_judged(point, linearity))
+        points.append(_judged(RangePoint(turning, error, turning.on_rate(rate_tolerance)), linearity))
     return _test(blocks, points, excluded)
 
 
@@ -116,15 +95,14 @@ def accelerometer_range(
     `record.block` is "bias" (table at rest), "low1", "low2", ... (rates up to 1 g) or "run1", ...; `record.table` is
     the cumulative angle in degrees, `record.output` in g. The radius needs two low rates.
     """
-    phases = np.unique(record.block).tolist()
-    blocks, excluded = recorded_blocks(record, {BIAS, *_matching(phases, "low"), *_matching(phases, "run")}, clip_g)
+    blocks, excluded = recorded_blocks(record, {BIAS, *np.unique(record.block).tolist()} - {""}, clip_g)
     low = [turning.steady for turning in _of_kind(blocks, "low") if turning.steady.rate_dps]
     arm = Arm(blocks.bias, low, local_g_mps2) if blocks.rest and low else None
     if len(low) < LEAST_LOW_RATES:
         blocks.flags.append("too_few_low_rates")
     elif arm and arm.is_uncertain:
         blocks.flags.append("radius_not_determined")
-    points = [_point(turning, arm.error(turning.steady) if arm else None) for turning in _of_kind(blocks, "run")]
+    points = [RangePoint(each, arm.error(each.steady) if arm else None) for each in _of_kind(blocks, "run")]
     test = _test(blocks, [_judged(point, linearity) for point in points], excluded)
     return replace(test, radius_m=arm.radius_m, u_radius_m=arm.u_radius_m) if arm else test
 
@@ -162,23 +140,17 @@ def _of_kind(blocks: RangeBlocks, kind: str) -> list[Turning]:
     return [turning for turning in blocks.turning if _order(turning.step)[0] == kind]
 
 
-def _point(turning: Turning, error: RangeError | None) -> RangePoint:
-    """A point before it is judged."""
-    point = RangePoint(turning.step, turning.steady.output, turning.steady.rate_dps, turning.steady.saturated)
+def _judged(point: RangePoint, linearity: LinearityLimit) -> RangePoint:
+    error = point.error
     if error is None:
         return point
-    return replace(point, true=error.true, error=error.value, u_error=error.u, dof=error.dof)
-
-
-def _judged(point: RangePoint, linearity: LinearityLimit) -> RangePoint:
-    if point.error is None or point.u_error is None or point.true is None:
-        return point
-    relative = linearity.relative(point.error, point.true)
+    basis = error.true if linearity.full_scale is None else linearity.full_scale
+    point = replace(point, relative_error=error.value / basis if basis else None)
     if not point.stable:
-        return replace(point, relative_error=relative)
-    room = linearity.limit(point.true) - abs(point.error)
-    passed, marginal = room >= 0 and not point.saturated, abs(room) < coverage_factor(point.dof) * point.u_error
-    return replace(point, relative_error=relative, passed=passed, marginal=marginal)
+        return point
+    room = linearity.fraction * abs(basis) - abs(error.value)
+    passed = room >= 0 and not point.turning.steady.saturated
+    return replace(point, passed=passed, marginal=abs(room) < coverage_factor(error.dof) * error.u)
 
 
 def _test(blocks: RangeBlocks, points: list[RangePoint], excluded: dict[str, int]) -> RangeTest:
@@ -189,16 +161,12 @@ def _test(blocks: RangeBlocks, points: list[RangePoint], excluded: dict[str, int
         passed=None if invalid else all(point.passed for point in points),
         flags=(*blocks.flags, "invalid") if invalid else (),
         notes=tuple(
-            f"{point.phase} is marginal: its limit is within the expanded uncertainty of its error"
+            f"{point.turning.step} is marginal: its limit is within the expanded uncertainty of its error"
             for point in points
             if point.marginal
         ),
         excluded=excluded,
     )
-
-
-def _matching(phases: Iterable[str], kind: str) -> set[str]:
-    return {phase for phase in phases if re.fullmatch(rf"{kind}[0-9]+", phase)}
 
 
 def _order(phase: str) -> tuple[str, int]:
