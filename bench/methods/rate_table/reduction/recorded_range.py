@@ -118,13 +118,11 @@ def recorded_blocks(
     at_rest = replace(record, table=np.where(record.block == BIAS, 0.0, record.table))
     excluded: Counter[str] = Counter()
     found, resting, turning = RangeBlocks(), [], []
-    usable = set()
     blocks = cut_into_blocks(at_rest, excluded)
     for phase in sorted(blocks, key=_order):
         samples = recorded_samples(phase, blocks[phase], excluded, clip)
         if samples is None:
             continue
-        usable.add(phase)
         read = steady(samples, 1.0, clip)
         if phase == BIAS:
             resting.append(RestReading(0.0, 0.0, read.output, read.u_output, read.dof))
@@ -132,6 +130,7 @@ def recorded_blocks(
             command_dps = (commands_dps or {}).get(phase, read.rate_dps)
             turning.append((0.0, Turning(phase, command_dps, read, 0.0, samples.temperature_c)))
     found.settle(resting, turning)
+    usable = {each.step for each in found.turning} | ({BIAS} if resting else set())
     found.flags += [f"{phase} invalid" for phase in sorted(wanted, key=_order) if phase not in usable]
     return found, dict(excluded)
 

@@ -51,9 +51,7 @@ def temperature_models(
     wanted = choose_degree(temperature_c, value, min(HIGHEST_DEGREE, max(allowed, 1))) if degree is None else degree
     model = fitted(min(wanted, allowed)) if allowed >= lowest else None
     line = fitted(1) if allowed >= 1 else None
-    if model is None:
-        return TemperatureModels(None, line, None, tuple(flags))
-    loop = hysteresis(
+    loop = None if model is None else hysteresis(
         value, temperature_c, set_c, slope=model.slope,
         rising=np.array([dwell.rising for dwell in dwells]), cycle=np.array([dwell.cycle for dwell in dwells]),
     )  # fmt: skip
