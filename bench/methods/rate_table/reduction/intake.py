@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.rate_table.reduction.samples import TableSamples, summed
+from bench.methods.rate_table.reduction.samples import TableSamples, summed_up
 from bench.methods.rate_table.reduction.sampling import at_once, averaged_over
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature
 from bench.methods.rate_table.reduction.turning_readings import TurningReadings
@@ -75,7 +75,7 @@ def _sent(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, pro
     if len(latch) < LEAST_LATCHES:
         problems = list(dict.fromkeys([*problems, "too_few_codes"]))
     time_s = np.asarray(_since_first(codes.tick[of_codes], codes.tick_bits) * codes.tick_period_s, np.float64)
-    total = summed(codes.values[of_codes], latch, time_s)
+    total = summed_up(codes.values[of_codes], latch, time_s)
     sampled = averaged_over(_interval_s(time_s, latch)) if codes.averaged else at_once
     return _samples(
         acquisition, unit, encoder, (latch, of_encoder, time_s), total, problems,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.methods.rate_table.reduction.blocks import Block, coarseness
-from bench.methods.rate_table.reduction.samples import TURN_DEG, TableSamples, is_saturated, summed
+from bench.methods.rate_table.reduction.samples import TURN_DEG, TableSamples, is_saturated, summed_up
 from bench.methods.rate_table.reduction.sampling import at_once
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature
 from bench.metrology.least_squares import Array, GatedFit, NotDetermined, reject_outliers
@@ -65,7 +65,7 @@ def _samples(phase: str, block: Block, kept: NDArray[np.bool_], rate: tuple[floa
         motion=None,
         temperature=MeanTemperature.of(np.empty(0)),
         time_s=time_s - time_s[0],
-        total=summed(np.append(0.0, block.output[kept]), latch, time_s),
+        total=summed_up(np.append(0.0, block.output[kept]), latch, time_s),
         angle_deg=rate[0] * (time_s - time_s[0]),
         latch=latch,
         interval_s=interval_s,

@@ -107,7 +107,7 @@ class TableSamples:
         return self.temperature.value_c
 
 
-def summed(values: Array, latch: Integers, time_s: Array) -> Array:
+def summed_up(values: Array, latch: Integers, time_s: Array) -> Array:
     """What samples (n,) of these numbers sum up to; those that did not come lie on a line between their neighbours."""
     if not len(latch):
         return values
@@ -173,7 +173,7 @@ def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[
     table_dps = _between_parts(samples.angle_deg, samples, edges)
 
     def cumulative(values: Array) -> Array:
-        return np.cumsum(values) if samples.sampled is None else summed(values, samples.latch, samples.time_s)
+        return np.cumsum(values) if samples.sampled is None else summed_up(values, samples.latch, samples.time_s)
 
     waves = [
         _between_parts(cumulative(wave(order * angle)), samples, edges)
