@@ -13,7 +13,7 @@ from bench.errors import InputError
 from bench.methods.rate_table.reduction import plausibility as plausibility_table
 from bench.methods.rate_table.reduction.blocks import TableRecord
 from bench.methods.rate_table.reduction.lever_arm import AccelerometerSweep, accelerometer_response
-from bench.methods.rate_table.reduction.radius import (
+from bench.methods.rate_table.reduction.recorded_range import (
     BIAS,
     LinearityLimit,
     RangePoint,
@@ -136,7 +136,7 @@ def _acc_range(case: Case) -> dict[str, Any]:
             *plausibility_table.clock(record),
             *plausibility_table.accelerometer_range(record, found.radius_m, found.bias, settings.clip_g),
             *plausibility_table.of_range(
-                max((abs(point.true) for point in found.points if point.true is not None), default=0.0),
+                max((abs(point.error.true) for point in found.points if point.error), default=0.0),
                 settings.range_g,
                 "range_g",
             ),
@@ -179,28 +179,28 @@ def _range_result(
 
 def _gyro_point(point: RangePoint) -> dict[str, Any]:
     return {
-        "phase": point.phase,
-        "mean_dps": point.mean,
-        "table_dps": point.rate_dps,
-        "error_dps": point.error,
+        "phase": point.turning.step,
+        "mean_dps": point.turning.steady.output,
+        "table_dps": point.turning.steady.rate_dps,
+        "error_dps": point.error.value if point.error else None,
         "rel_error": point.relative_error,
         "passed": point.passed,
         "marginal": point.marginal,
-        "saturated": point.saturated,
+        "saturated": point.turning.steady.saturated,
         "stable": point.stable,
     }
 
 
 def _accelerometer_point(point: RangePoint, bias_g: float | None) -> dict[str, Any]:
     return {
-        "phase": point.phase,
-        "a_meas_g": None if bias_g is None else point.mean - bias_g,
-        "a_true_g": point.true,
-        "rate_dps": point.rate_dps,
+        "phase": point.turning.step,
+        "a_meas_g": None if bias_g is None else point.turning.steady.output - bias_g,
+        "a_true_g": point.error.true if point.error else None,
+        "rate_dps": point.turning.steady.rate_dps,
         "rel_error": point.relative_error,
         "passed": point.passed,
         "marginal": point.marginal,
-        "saturated": point.saturated,
+        "saturated": point.turning.steady.saturated,
     }
 
 

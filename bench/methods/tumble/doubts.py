@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from bench.methods.tumble.reduction.static import Dwell
+from bench.methods.tumble.reduction.dwells import SolvedDwell
 from bench.metrology import plausibility
 from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
@@ -18,7 +18,7 @@ NAMED = 5  # dwells
 
 
 def tumble(
-    position_deg: Array, output_v: Array, measured_c: Array, set_c: Array, dwells: Iterable[Dwell]
+    position_deg: Array, output_v: Array, measured_c: Array, set_c: Array, dwells: Iterable[SolvedDwell]
 ) -> Iterator[Doubt]:
     """Doubts about a case of M4 static; an implausible misalignment or K2 indicates signs or exchanged rows."""
     if plausibility.on_grid(output_v) and not plausibility.on_grid(position_deg):

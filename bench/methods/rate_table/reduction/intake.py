@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.rate_table.reduction.samples import TableSamples
+from bench.methods.rate_table.reduction.samples import TableSamples, summed_up
 from bench.methods.rate_table.reduction.sampling import averaged_over, instantaneous
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature
 from bench.methods.rate_table.reduction.turning_readings import TurningReadings
@@ -75,20 +75,12 @@ def _sent(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, pro
     if len(latch) < LEAST_LATCHES:
         problems = list(dict.fromkeys([*problems, "too_few_codes"]))
     time_s = np.asarray(_since_first(codes.tick[of_codes], codes.tick_bits) * codes.tick_period_s, np.float64)
-    total = _summed(codes.values[of_codes], latch, time_s)
+    total = summed_up(codes.values[of_codes], latch, time_s)
     sampled = averaged_over(_interval_s(time_s, latch)) if codes.averaged else instantaneous
     return _samples(
         acquisition, unit, encoder, (latch, of_encoder, time_s), total, problems,
         step_of_codes=codes.step, sampled=sampled, hidden_u=mean.quantisation_u,
     )  # fmt: skip
-
-
-def _summed(values: Array, latch: Integers, time_s: Array) -> Array:
-    """Cumulative sum of samples (n,) with these numbers; missing ones are interpolated linearly."""
-    if not len(latch):
-        return values
-    filled = np.cumsum(np.interp(np.arange(latch[0], latch[-1] + 1), latch, values))[latch - latch[0]]
-    return np.concatenate(([0.0], np.cumsum(np.diff(filled) / np.diff(latch) * np.diff(time_s))))
 
 
 def _beside(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, problems: list[str]) -> TableSamples:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.rate_table.reduction.radius import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
+from bench.methods.rate_table.reduction.radius import LEAST_LOW_RATES, Arm, gyro_error
 from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeFindings, noise_of
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning, range_blocks
 from bench.metrology.orientation import turned_axes
@@ -45,19 +45,19 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
     findings, points = [rest], []
     read: list[CurvePoint] = []
     for number, turning in enumerate(blocks.turning):
-        error = turning.steady.output - blocks.bias.output - turning.steady.rate_dps
+        error = gyro_error(turning.steady, blocks.bias)
         lines = [
             form.noise(turning),
             form.of_rest(blocks, 1.0),
-            BudgetLine(RESOLUTION, "B", turning.steady.u_rate_dps),
+            BudgetLine(RESOLUTION, "B", error.by_rate),
             BudgetLine(HARMONICS, "B", turning.u_harmonics_dps, None, "table.harmonics"),
-            *form.of_the_voltmeter(turning.steady.rate_dps),
-            *form.of_the_clock(turning.steady.rate_dps),
+            *form.of_the_voltmeter(error.true),
+            *form.of_the_clock(error.true),
         ]
         at = {"point": number, "rate_dps": turning.command_dps}
-        findings += form.errors(turning, at, turning.steady.rate_dps, error, lines)
-        points.append(form.curve_point(turning, turning.steady.rate_dps, error, lines))
-        read += form.for_the_curve(turning, turning.steady.rate_dps, error, lines)
+        findings += form.errors(turning, at, error.true, error.value, lines)
+        points.append(form.curve_point(turning, error.true, error.value, lines))
+        read += form.for_the_curve(turning, error.true, error.value, lines)
     findings.append(form.saturated(blocks))
     return form.with_curve(blocks, findings, "rate", points, read, ("scale_error", "asymmetry", "cubic"))
 
@@ -84,28 +84,27 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     findings.append(radius)
     if _unlike(radius, usable[0], unit, data):
         blocks.flags.append("radius_unlike_bench_file")
-    if arm.u_radius_m >= LARGEST_U_RADIUS * abs(arm.radius_m):
+    if arm.is_uncertain:
         blocks.flags.append("radius_not_determined")
         blocks.left_out.append("radius")
         return form.result(blocks, findings, None)
     points = []
     for number, turning in enumerate(runs):
-        true_g, error_g = arm.acceleration_g(turning.steady), arm.error_g(turning.steady)
-        _, by_bias, by_radius, by_rate = arm.u_parts_g(turning.steady)
+        error = arm.error(turning.steady)
         lines = [
             form.noise(turning),
-            form.of_rest(blocks, by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
-            BudgetLine(BY_RADIUS, "A", by_radius, None, form.subject.id("radius")),
-            BudgetLine(RESOLUTION, "B", by_rate),
-            BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
-            form.warmer(abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
-            *form.of_the_voltmeter(error_g),
+            form.of_rest(blocks, error.by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
+            BudgetLine(BY_RADIUS, "A", error.by_radius, None, form.subject.id("radius")),
+            BudgetLine(RESOLUTION, "B", error.by_rate),
+            BudgetLine(HARMONICS, "B", abs(2 * error.true / turning.steady.rate_dps) * turning.u_harmonics_dps),
+            form.warmer(abs(error.true) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
+            *form.of_the_voltmeter(error.value),
             BudgetLine("stretch of the arm: contained", "alias", 0.0),
         ]
-        at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": true_g}
-        findings += form.errors(turning, at, true_g, error_g, lines)
-        points.append(form.curve_point(turning, true_g, error_g, lines))
-        read += form.for_the_curve(turning, true_g, error_g, lines)
+        at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": error.true}
+        findings += form.errors(turning, at, error.true, error.value, lines)
+        points.append(form.curve_point(turning, error.true, error.value, lines))
+        read += form.for_the_curve(turning, error.true, error.value, lines)
     findings.append(form.saturated(blocks))
     return form.with_curve(blocks, findings, "acceleration", points, read, ("scale_error", "quadratic"))
 

@@ -84,9 +84,8 @@ class RangeFindings:
         return self.data.subject(self.unit)
 
     def stable(self, turning: Turning) -> bool:
-        """True if the table reached its commanded rate."""
-        off_dps = abs(turning.steady.rate_dps - turning.command_dps)
-        return bool(off_dps <= self.settings["rate_tolerance"] * abs(turning.command_dps))
+        """True if the table turned as commanded."""
+        return turning.on_rate(self.settings["rate_tolerance"])
 
     def noise(self, turning: Turning) -> BudgetLine:
         """Line for the noise of one reading."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bench.methods.rate_table.reduction.bias_at_rest import Rest, RestReading, fit_rest
 from bench.methods.rate_table.reduction.intake import table_samples
-from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
-from bench.methods.rate_table.reduction.steady_rate import Steady
+from bench.methods.rate_table.reduction.samples import Steady, harmonics_u_dps, steady
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c
 from bench.metrology.acquisition import Counts
 from bench.metrology.pooled_scatter import Scatter, alike
@@ -35,6 +34,10 @@ class Turning:
     u_harmonics_dps: float
     temperature_c: float
 
+    def on_rate(self, tolerance: float) -> bool:
+        """True if the table turned at the commanded rate within the tolerance."""
+        return bool(abs(self.steady.rate_dps - self.command_dps) <= tolerance * abs(self.command_dps))
+
 
 @dataclass(slots=True)
 class RangeBlocks:
@@ -52,6 +55,17 @@ class RangeBlocks:
         if self.rest is None:
             raise ValueError("nothing was read at rest")
         return Steady(self.rest.value, self.rest.u, 0.0, 0.0, saturated=False, dof=self.rest.dof)
+
+    def settle(
+        self, at_rest: Sequence[RestReading], turning: Sequence[tuple[float, Turning]], *, axis_wobbles: bool = False
+    ) -> None:
+        """Takes the bias from readings at rest, and its change until their times from those at a rate.
+
+        Each of the latter is as uncertain as all together tell, where they scatter alike.
+        """
+        if at_rest:
+            self.rest = fit_rest(at_rest, axis_wobbles=axis_wobbles)
+        self.turning = _of_one_scatter([_without_drift(at_s, each, self.rest) for at_s, each in turning])
 
     def leave_out(self, step: str, problems: Sequence[str]) -> None:
         """Leave out an unusable acquisition."""
@@ -92,12 +106,11 @@ def range_blocks(
         else:
             found.leave_out(acquisition.step, ["not_at_rest"])
     if at_rest:
-        found.rest = fit_rest(at_rest, axis_wobbles=feels_gravity)
         drift_c = DriftInRun(data, unit.temperature).error_c(np.array(list(warmth)))
         all_c = temperatures_c(list(warmth), list(warmth.values()), drift_c)
         as_warm_c = dict(zip(warmth, all_c.tolist(), strict=True))
         turning = [(at_s, replace(each, temperature_c=as_warm_c[at_s])) for at_s, each in turning]
-        found.turning = _of_one_scatter(list(_without_drift(turning, found.rest)))
+        found.settle(at_rest, turning, axis_wobbles=feels_gravity)
     else:
         found.flags.append("rest_missing")
         found.left_out += [each.step.partition("/")[2] for _, each in turning]
@@ -108,10 +121,9 @@ def _is_silent(counts: Counts) -> bool:
     return "dead_band" in mean_rate(counts).problems
 
 
-def _without_drift(turning: Sequence[tuple[float, Turning]], rest: Rest) -> Iterator[Turning]:
-    for at_s, each in turning:
-        output = each.steady.output - rest.change(at_s)
-        yield replace(each, steady=replace(each.steady, output=output))
+def _without_drift(at_s: float, turning: Turning, rest: Rest | None) -> Turning:
+    change = rest.change(at_s) if rest is not None else 0.0
+    return replace(turning, steady=replace(turning.steady, output=turning.steady.output - change))
 
 
 def _of_one_scatter(turning: list[Turning]) -> list[Turning]:

@@ -16,8 +16,20 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 
 @dataclass(frozen=True, slots=True)
-class Dwell:
-    """One temperature of one unit: the readings used, and their solution.
+class SolvedDwell:
+    """The tumble at one visit of a set point; `temperature_c` is the mean of what the thermometer said."""
+
+    number: int
+    cycle: int
+    rising: bool
+    set_c: float
+    temperature_c: float
+    tumble: Tumble
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell(SolvedDwell):
+    """One temperature of one unit in a run: the readings used, and their solution.
 
     `readings` (n,) of the output, in its unit, were taken at the head's angles `head_rad` (n,). `gain` is the
     sensitivity of the coefficients to the readings, a row (n,) for each in the order of `values`; `turn` (n,) is the
@@ -26,14 +38,8 @@ class Dwell:
     It is `interrupted` if the unit was without power between two of its readings.
     """
 
-    number: int
     group: str
-    cycle: int
-    rising: bool
-    set_c: float
-    temperature_c: float
     middle_s: float
-    tumble: Tumble
     readings: Array
     head_rad: Array
     gain: Array

@@ -10,7 +10,7 @@ import numpy as np
 
 from bench.methods.tumble.reduction.coefficient_findings import CONTAINED, Origin, coefficient_findings
 from bench.methods.tumble.reduction.dwells import Dwell
-from bench.methods.tumble.reduction.solution import hysteresis
+from bench.methods.tumble.reduction.temperature_models import TemperatureModels
 from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.acquisition import Array
 from bench.metrology.extremes import interval_of_largest
@@ -22,34 +22,26 @@ from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
 
 @dataclass(frozen=True, slots=True)
 class TumbleOverTemperature:
-    """`models` are those of the highest degree, `lines` the straight ones; None if the temperatures permit none.
+    """`models` has those of each quantity over temperature.
 
     `per_c` is the effect of a thermometer error of 1 °C at the dwells (n,), None without a model. Coefficients refer to
     `reference_c`.
     """
 
     of: TumbleUnit
-    models: Mapping[str, PolynomialFit | None]
-    lines: Mapping[str, PolynomialFit | None]
+    models: Mapping[str, TemperatureModels]
     per_c: Mapping[str, Array | None]
     reference_c: float
 
     def findings(self, quantity: str) -> Iterator[Finding]:
         """Slope, hysteresis and residual of the model; of the scale factor relative to its value at the centre."""
-        model, line, per_c = self.models[quantity], self.lines[quantity], self.per_c[quantity]
+        found, per_c = self.models[quantity], self.per_c[quantity]
+        model, line, loop = found.model, found.line, found.loop
         if model is None or line is None or per_c is None:
             return
         relative = 1.0 if quantity == "K0" else 1 / float(line.value(line.centre))
         yield self._coefficient(quantity, line, per_c, relative)
         yield from self._about_reference(quantity, model, per_c)
-        loop = hysteresis(
-            self.of.values(quantity),
-            self.of.temperatures_c,
-            np.array([dwell.set_c for dwell in self.of.dwells]),
-            rising=np.array([dwell.rising for dwell in self.of.dwells]),
-            cycle=np.array([dwell.cycle for dwell in self.of.dwells]),
-            slope=model.slope,
-        )
         if loop is not None:
             dwells = (self.of.dwells[loop.rising], self.of.dwells[loop.falling])
             name = "largest difference between rising and falling temperature"
@@ -68,8 +60,8 @@ class TumbleOverTemperature:
         )  # fmt: skip
 
     def tilt(self) -> Iterator[Finding]:
-        """Tilt error of the unit as a tilt meter, with a constant and with the model of K0."""
-        model = self.models["K0"]
+        """Tilt error of the unit due to its bias, with a constant and with the model of K0."""
+        model = self.models["K0"].model
         if model is None:
             return iter(())
         bias_g = self.of.values("K0")
@@ -85,7 +77,7 @@ class TumbleOverTemperature:
         """
         if not self.of.dwells:
             return None
-        first, last, model = self.of.dwells[0], self.of.dwells[-1], self.models["K0"]
+        first, last, model = self.of.dwells[0], self.of.dwells[-1], self.models["K0"].model
         if first is last or first.set_c != last.set_c:
             return None
         middle_c, apart_c = (first.temperature_c + last.temperature_c) / 2, last.temperature_c - first.temperature_c

@@ -76,6 +76,22 @@ def test_noise_shows_in_the_uncertainty_and_the_steps_of_counting_do_once():
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=0.25)
 
 
+@pytest.mark.parametrize("latches", [21, 30, 40])
+def test_few_latches_have_an_uncertainty_too(latches):
+    """Of white noise: each latch is a part of its own, where they are fewer than the parts of a long block."""
+    rng, errors, stated = np.random.default_rng(5), [], []
+    for _ in range(300):
+        time_s = np.arange(latches) / 1000
+        noise = np.cumsum(rng.standard_normal(latches)) * 20.0
+        charge = 20_000 * time_s + noise - noise[0]
+        samples = table_samples(acquired(charge, 200.0 * time_s, motion=Motion("table", 200.0)), UNIT)
+        found = steady(samples, 0.01)
+        errors.append(found.output - 200)
+        stated.append(found.u_output)
+        assert found.dof < latches
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=0.25)
+
+
 def seen_by_the_encoder(even_deg):
     """What truly turned, a little unevenly, and what an encoder with errors over a turn says; of even angles."""
     at = np.radians(even_deg)

@@ -1,8 +1,4 @@
-"""Static temperature characteristic: tumbles at soaked temperatures (equations 6.2 and 6.6).
-
-Each dwell gives one bias and one scale factor; over all dwells these give temperature models and the hysteresis between
-rising and falling temperature.
-"""
+"""From the readings of a recorded case to its dwells: which of them count (equations 6.2 and 6.6)."""
 
 from __future__ import annotations
 
@@ -13,19 +9,16 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.methods.tumble.reduction.dwells import SolvedDwell
 from bench.methods.tumble.reduction.solution import (
     FOUR_POINTS_DEG,
-    Hysteresis,
-    Tumble,
-    hysteresis,
+    IncompleteTumble,
     missing_positions_deg,
     solve_tumble,
     turn_between_deg,
 )
-from bench.metrology.least_squares import Array, PolynomialFit, choose_degree, fit_polynomial
+from bench.metrology.least_squares import Array
 from bench.metrology.temperature_checks import broken_at_rest
-
-HIGHEST_DEGREE = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,55 +44,20 @@ class TumbleRecord:
         return TumbleRecord(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
 
 
-@dataclass(frozen=True, slots=True)
-class Dwell:
-    """Tumble at one visit of a set point, in V; `temperature_c` is the mean of the thermometer."""
+def recorded_dwells(record: TumbleRecord) -> tuple[tuple[SolvedDwell, ...], list[str], dict[str, int]]:
+    """The tumbles by cycle and number; flags of dwells that are left out, and how many rows were, by reason.
 
-    cycle: int
-    leg: str
-    number: int
-    set_c: float
-    temperature_c: float
-    tumble: Tumble
-
-
-@dataclass(frozen=True, slots=True)
-class Characteristic:
-    """One quantity over temperature; a part is None if there are too few temperatures for it."""
-
-    polynomial: PolynomialFit | None
-    line: PolynomialFit | None
-    hysteresis: Hysteresis | None
-
-
-@dataclass(frozen=True, slots=True)
-class StaticCharacteristic:
-    """Dwells by cycle and number; `bias` (c0) in V, `scale` (K1) in V/g; `excluded` counts rows by reason."""
-
-    dwells: tuple[Dwell, ...]
-    bias: Characteristic
-    scale: Characteristic
-    flags: tuple[str, ...]
-    excluded: dict[str, int]
-
-
-def reduce_static(record: TumbleRecord, degree: int | None = None) -> StaticCharacteristic:
-    """Reduce a record to tumbles and their temperature models.
-
-    A dwell is solved from all its good readings: at four positions least squares go through the mean of each. A dwell
-    with a position without a good reading is left out and flagged. `degree` is that of the temperature models; a degree
-    that the temperatures do not permit is reduced and flagged, None chooses it by the data among 1 to 4.
+    A dwell is solved for the four constants that the format has, from all its good readings: at four positions least
+    squares go through the mean of each. A dwell with a position that has no good reading is left out.
     """
     flags: list[str] = []
     excluded: Counter[str] = Counter()
     dwells = tuple(_dwells(record, flags, excluded))
-    bias = _characteristic("K0", np.array([d.tumble.c0 for d in dwells]), dwells, degree, flags)
-    scale = _characteristic("K1", np.array([d.tumble.k1 for d in dwells]), dwells, degree, flags)
-    return StaticCharacteristic(dwells, bias, scale, tuple(flags), dict(excluded))
+    return dwells, flags, dict(excluded)
 
 
-def _dwells(record: TumbleRecord, flags: list[str], excluded: Counter[str]) -> Iterator[Dwell]:
-    """Complete dwells; missing data are added to `flags` and `excluded`."""
+def _dwells(record: TumbleRecord, flags: list[str], excluded: Counter[str]) -> Iterator[SolvedDwell]:
+    """The dwells that are complete; what is missing goes to `flags` and `excluded`."""
     keys = np.stack([record.cycle, record.dwell, record.leg == "down", record.set_c], axis=-1)
     placed = np.isfinite(keys).all(axis=-1) & np.isfinite(record.position_deg) & np.isin(record.leg, ("up", "down"))
     _count(excluded, "missing", ~placed)
@@ -118,14 +76,13 @@ def _dwells(record: TumbleRecord, flags: list[str], excluded: Counter[str]) -> I
         elif 2 * len(good.cycle) < len(_first_of_each(scheduled)):
             flags.append(f"dwell {number:.0f} invalid")
         else:
-            yield Dwell(
-                cycle=int(cycle),
-                leg="down" if falling else "up",
-                number=int(number),
-                set_c=float(set_c),
-                temperature_c=float(np.mean(good.measured_c)),
-                tumble=solve_tumble(np.radians(good.position_deg), good.output_v),
-            )
+            try:
+                tumble = solve_tumble(np.radians(good.position_deg), good.output_v)
+            except IncompleteTumble:
+                flags.append(f"dwell {number:.0f} incomplete: ill_conditioned")
+                continue
+            temperature_c = float(np.mean(good.measured_c))
+            yield SolvedDwell(int(number), int(cycle), not falling, float(set_c), temperature_c, tumble)
 
 
 def _names(angle_deg: Array) -> dict[float, str]:
@@ -161,26 +118,3 @@ def _first_of_each(dwell: TumbleRecord) -> NDArray[np.int_]:
 
 def _count(excluded: Counter[str], reason: str, rows: NDArray[np.bool_]) -> None:
     excluded[reason] += int(np.sum(rows))
-
-
-def _characteristic(
-    name: str, value: Array, dwells: tuple[Dwell, ...], degree: int | None, flags: list[str]
-) -> Characteristic:
-    """Models and hysteresis of one quantity (n,), one value per dwell."""
-    temperature_c = np.array([dwell.temperature_c for dwell in dwells])
-    set_c = np.array([dwell.set_c for dwell in dwells])
-    allowed = len(np.unique(set_c)) - 1
-    if allowed < (1 if degree is None else degree):
-        flags.append(f"{name}:too_few_temperatures")
-    if degree is None:
-        degree = choose_degree(temperature_c, value, min(HIGHEST_DEGREE, max(allowed, 1)))
-    if allowed < 0:
-        return Characteristic(None, None, None)
-    polynomial = fit_polynomial(temperature_c, value, min(degree, allowed))
-    line = fit_polynomial(temperature_c, value, 1) if allowed >= 1 else None
-    loop = hysteresis(
-        value, temperature_c, set_c, slope=polynomial.slope,
-        rising=np.array([dwell.leg == "up" for dwell in dwells]),
-        cycle=np.array([dwell.cycle for dwell in dwells]),
-    )  # fmt: skip
-    return Characteristic(polynomial, line, loop)
