@@ -1,4 +1,4 @@
-"""What the flags of units and readings mean, in sentences."""
+"""Sentences for the flags of units and readings."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ _PARTS = MethodWords("PARTS", {})
 
 
 def reading_in_words(problem: str) -> str:
-    """What makes a reading unusable, in words; what is not known here as it stands."""
+    """Text of the reason why a reading is unusable; an unknown one is returned unchanged."""
     return tr(_READINGS[problem]) if problem in _READINGS else problem
 
 
 def flag_in_words(flag: Flag) -> str:
-    """A flag of a unit as a sentence; one that is not known here as it stands."""
+    """Sentence for a flag of a unit; an unknown one is returned unchanged."""
     code, at, of = flag.code, flag.at, flag.of
     if code == SAMPLES and flag.values["why"] in _READINGS:
         return _of_samples(flag)

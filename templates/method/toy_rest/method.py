@@ -1,6 +1,6 @@
-"""The method as a sequence sees it: settings, results and their units, and where its parts are.
+"""Description of the method: settings, results and their units, and the modules of its parts.
 
-This module is read by `bench check` as well: it imports no arithmetic and nothing that draws.
+`bench check` reads this module too: it imports neither numpy nor matplotlib.
 """
 
 from typing import Annotated

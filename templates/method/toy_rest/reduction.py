@@ -1,4 +1,4 @@
-"""From readings at rest to the mean output and its drift, with uncertainties; README.md has the equations.
+"""Reduction of readings at rest to the mean output and its drift, with uncertainties; README.md has the equations.
 
 Arithmetic alone: numbers in, plain records out.
 """
@@ -24,7 +24,7 @@ S_PER_H = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """The line through readings (n,) over `time_h`, which is 0 in their middle; equations 1 to 4."""
+    """Line through readings (n,) over `time_h`, which is 0 in their middle; equations 1 to 4."""
 
     time_h: Array
     output: Array
@@ -37,17 +37,17 @@ class Rest:
 
     @property
     def mean_u(self) -> float:
-        """Standard uncertainty of the mean by the scatter of the readings (equation 3)."""
+        """Standard uncertainty of the mean from the scatter of the readings (equation 3)."""
         return float(self.sd / np.sqrt(len(self.output)))
 
     @property
     def slope_u_per_h(self) -> float:
-        """The same of the slope (equation 3)."""
+        """The same for the slope (equation 3)."""
         return float(self.sd / np.sqrt(np.sum(self.time_h**2)))
 
 
 def line_of(time_s: Array, output: Array) -> Rest:
-    """The line through four readings or more."""
+    """Fit the line through four readings or more."""
     time_h = (time_s - np.mean(time_s)) / S_PER_H
     ones = np.ones_like(time_h)
     line = least_squares(np.stack([ones, time_h], axis=-1), output)
@@ -61,7 +61,7 @@ def line_of(time_s: Array, output: Array) -> Rest:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The mean output, its drift and its scatter of every unit."""
+    """Reduce a run to the mean output, its drift and its scatter of every unit."""
     return [_reduced(data, unit, settings["fewest"]) for unit in data.units]
 
 
@@ -73,13 +73,13 @@ def _reduced(data: RunData, unit: UnitUnderTest, fewest: int) -> UnitResult:
         return UnitResult(unit.place, unit.serial, (), (), ("all",), (*flags, Flag(TOO_FEW)))
     middle_s = np.array([(each.begin_s + each.end_s) / 2 for each in used])
     rest = line_of(middle_s, np.array([outputs[each.step].value for each in used]))
-    alone_u = float(np.sqrt(np.mean([outputs[each.step].alone_u ** 2 for each in used])))
+    single_u = float(np.sqrt(np.mean([outputs[each.step].single_u ** 2 for each in used])))
     count, subject, size = len(used), data.subject(unit), abs(rest.mean)
     at = {"over_h": float(np.ptp(rest.time_h)), "readings": count}
     steps = tuple(each.step for each in used)
     own = BudgetLine("readings: scatter about the line", "A", rest.mean_u, rest.dof)
-    if alone_u > rest.sd:  # readings that are alike by chance; else their scatter contains their resolution
-        own = BudgetLine("readings: resolution of each", "B", alone_u / np.sqrt(count))
+    if single_u > rest.sd:  # if readings agree by chance; otherwise their scatter contains their resolution
+        own = BudgetLine("readings: resolution of each", "B", single_u / np.sqrt(count))
     of_instrument = instrument_lines(unit, data.bench, rest.mean, 1.0)
     per_mean = float(np.sqrt(count / np.sum(rest.time_h**2))) / size  # from u of the mean to that of the drift
     few = BudgetLine("readings: few readings", "A", rest.sd / size / np.sqrt(2 * rest.dof), rest.dof)

@@ -1,7 +1,7 @@
-"""Method M0 on line: a channel over the temperature of its converter at several input levels (equations 2).
+"""Method M0 on a run: a channel over the temperature of its converter at several input levels (equations 2).
 
-Every level has a line of its own, D = D_ref + k (T - T_ref). Levels are compared with each other where a run has more
-than one; the slopes of all of them together tell the converter's two temperature coefficients.
+Every level has a line of its own, D = D_ref + k (T - T_ref). If a run has several levels they are compared; their
+slopes together determine the two temperature coefficients of the converter.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ LEFT_OUT = (
     "missing", "thermometer", "impossible_rate", "saturated", "stuck", "outlier", "ambiguous_gap",
     "accelerometer_temperature", "too_few_voltages", "too_few_codes", "irregular_clock",
 )  # fmt: skip
-ZERO_SHARE = 0.01  # of the rate at 1 g, that a channel fed with nothing may have
+ZERO_SHARE = 0.01  # of the rate at 1 g: maximum rate of a channel with zero input
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelDetail:
-    """What a report draws: the levels in the order of the run, and how they compare; `span_s` is that of the run."""
+    """Data for the report: levels in run order and their comparisons; `span_s` is that of the run."""
 
     levels: tuple[Level, ...]
     compared: tuple[Compared, ...]
@@ -53,7 +53,7 @@ class ChannelDetail:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The findings and models of every unit; `settings` are those of the method's description."""
+    """Reduce a run to findings and models of every unit; `settings` are those of the method's description."""
     return [_reduced(data, unit, settings) for unit in data.units]
 
 
@@ -94,7 +94,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
 
 
 def _with_drift(findings: Sequence[Finding], levels: Sequence[Level], limit: float) -> Iterator[Finding]:
-    """The findings; those of a level whose input drifted beyond its limit, and of all levels together, are marked."""
+    """Findings with a flag on those of levels whose input drifted beyond its limit, and of all levels together."""
     drifted = {level.name for level in levels if has_drifted(level, limit)}
     for finding in findings:
         of = {finding.at["run"], finding.at.get("reference")} if "run" in finding.at else drifted
@@ -102,7 +102,7 @@ def _with_drift(findings: Sequence[Finding], levels: Sequence[Level], limit: flo
 
 
 def _lost_its_thermostat(level: Level) -> bool:
-    """Whether the accelerometer was away from its temperature for so much of the run that this should have ended."""
+    """True if the accelerometer was off its temperature for so much of the run that this should have ended."""
     away = level.run.excluded.get("accelerometer_temperature", 0)
     return away > ABORT_SHARE * (away + level.run.gates_used)
 
@@ -123,7 +123,7 @@ def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[Flag]
 
 
 def _flags_of_comparison(compared: Compared, settings: Mapping[str, Any]) -> Iterator[Flag]:
-    """Why there is no decision, and why a slope deviates where the other basis finds that it does not."""
+    """Flags for the reason of a missing decision, and for a deviation on the deciding basis only."""
     name, found, threshold = compared.level.name, compared.comparison, settings["threshold"]
     yield from (Flag(remark, at=name) for remark in found.remarks)
     if found.decision == "invalid":
@@ -154,14 +154,14 @@ def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) ->
 
 
 def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Iterator[Flag]:
-    """That the data contradict what is stated of the accelerometer's own drift with temperature."""
+    """Flags if the data contradict the stated drift of the accelerometer with its temperature."""
     drift = own_drift(levels)
     if drift is not None and drift.beyond(stated_u):
         yield Flag("accelerometer_drift", of=GRAVITY_REFERENCE)
 
 
 def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[Flag]:
-    """Points at which the source gave nothing, and the channel counted as if something fed it."""
+    """Flags of points with the source at zero at which the channel counted as if it had an input."""
     per_g = [abs(each.run.rate / each.data.level.level_g) for each in of_levels.levels if each.is_source]
     for point in of_levels.zero_points:
         yield from (Flag(problem, at=point.step) for problem in point.problems)
