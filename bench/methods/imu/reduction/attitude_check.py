@@ -37,8 +37,8 @@ def exchanged_headings(gyro_output: Array, pulse_per_deg: Array, latitude_deg: f
     """Attitudes with another heading than scheduled, and those whose heading the gyros cannot determine.
 
     The vertical accelerometer reads the same at every heading; the two horizontal gyros sense north. `gyro_output`
-    (24, 3) are readings at rest, `pulse_per_deg` (3,) the gyros' scale factors; NaN is missing. The four headings of a kind
-    share their mean, so exchanged ones are found, a single wrong one may not be.
+    (24, 3) are readings at rest, `pulse_per_deg` (3,) the gyros' scale factors; NaN is missing. The four headings
+    of a kind share their mean, so exchanged ones are found, a single wrong one may not be.
     """
     horizontal = pulse_per_deg * EARTH_RATE_DPS * np.cos(np.radians(latitude_deg))
     exchanged: list[int] = []
