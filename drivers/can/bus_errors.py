@@ -30,7 +30,7 @@ def error_classes(block: FrameBlock) -> NDArray[np.uint32]:
 
 
 def in_words(classes: Iterable[int]) -> str:
-    """Classes of error frames for a person."""
+    """Names of error-frame classes for a message."""
     together = 0
     for each in classes:
         together |= each

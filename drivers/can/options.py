@@ -1,4 +1,4 @@
-"""Bench file keys of all devices that send CAN frames by themselves, described by a DBC."""
+"""Bench file keys of devices that send CAN frames unsolicited, described by a DBC."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class DbcOptions(StrictModel):
 
 
 class PositionOptions(StrictModel):
-    """The signals of a table's encoder, which is latched with what else the node sends; so both have one clock."""
+    """Signals of a table's encoder that is latched with the other data of the node; both have one clock."""
 
     position: SignalName = Field(description="the counts of the encoder; they wrap")
     sequence: SignalName = Field(description="the number of the latch, or of the sample, that they belong to")
@@ -39,7 +39,7 @@ class PositionOptions(StrictModel):
 
 
 class ClockUncertainty(StrictModel):
-    """What a certificate states of the clock of a node, expanded."""
+    """Expanded uncertainty of a node's clock, from its certificate."""
 
     time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of its clock, such as 1 ppm")
     encoder_skew: Seconds = Field(
@@ -48,7 +48,7 @@ class ClockUncertainty(StrictModel):
 
 
 def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str | int, ...], str | None]:
-    """The signals of encoders at their places in the options."""
+    """Encoder signals, by their place in the options."""
     return {
         ("positions", device, key): getattr(encoder, key)
         for device, encoder in positions.items()
@@ -57,7 +57,7 @@ def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str 
 
 
 def on_the_wire(dbc: Path, periods_s: Mapping[str, float], positions: Mapping[str, PositionOptions]) -> OnTheWire:
-    """The load of the frames with these signals, each sent once in its period, and the bits of positions."""
+    """Bus load of the frames with these signals, each sent once in its period, and the bits of positions."""
     text = text_of(dbc)
     bits, lengths = frames_bits(text), lengths_bits(text)
     of_messages = {signal.partition(".")[0]: period_s for signal, period_s in periods_s.items()}
@@ -67,7 +67,7 @@ def on_the_wire(dbc: Path, periods_s: Mapping[str, float], positions: Mapping[st
 
 
 def text_of(dbc: Path) -> str:
-    """The text of a DBC file, whatever its encoding; UnfitFileError for what is no file of that size."""
+    """Read the text of a DBC file in any encoding; raises UnfitFileError."""
     return read_bounded(dbc, DBC_LIMIT_BYTES).decode("utf-8", errors="replace")
 
 
@@ -82,7 +82,7 @@ def temperatures(options: DbcOptions) -> Mapping[str, str]:
 
 
 def unknown_signals(dbc: Path, named: Mapping[tuple[str | int, ...], str | None]) -> Iterator[InitErrorDetails]:
-    """What names at their places the DBC does not have."""
+    """Signals in the options that the DBC does not contain, by place."""
     known = signals_of(dbc)
     for place, name in named.items():
         if name is not None and name not in known:

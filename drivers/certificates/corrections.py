@@ -1,6 +1,6 @@
-"""Corrections from certificates that are added to readings, as stated in bench files.
+"""Corrections from certificates that are added to readings, as stated in the bench file.
 
-A table holds corrections at readings, straight lines between them; beyond its ends the end values hold.
+A table holds corrections at readings and is interpolated linearly; beyond its ends the end values apply.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _currents(rows: tuple[CurrentCorrection, ...]) -> tuple[CurrentCorrection, .
 
 
 def _rising(rows: list[tuple[float, float]]) -> None:
-    """Readings and what they are corrected: both rise from row to row."""
+    """Check that readings and corrected readings rise from row to row."""
     for (before, low), (after, high) in pairwise(rows):
         if after <= before:
             raise telling(f"the rows rise, and {after:g} stands after {before:g}")
@@ -70,25 +70,25 @@ AngleTable = Annotated[tuple[AngleCorrection, ...], AfterValidator(_angles)]
 
 
 class AxisCorrections(StrictModel):
-    """What a certificate states of an axis besides its uncertainty."""
+    """Corrections of an axis, from its certificate."""
 
     angle: AngleTable = Field((), description="rows of one turn, by rising angle; all turns are corrected alike")
 
 
 class ClockCorrections(StrictModel):
-    """What a certificate states of a counter's clock besides its uncertainty."""
+    """Corrections of a counter's clock, from its certificate."""
 
     time_base: Annotated[Ratio, InUnit("")] = Field(0.0, description="relative correction of times, such as 0.4 ppm")
 
 
 class VoltageCorrections(StrictModel):
-    """What a certificate states of a voltmeter in its range besides its uncertainty."""
+    """Corrections of a voltmeter in its range, from its certificate."""
 
     gain: Annotated[Ratio, InUnit("")] = Field(0.0, description="of the reading, what must be added, such as -3 ppm")
     offset: Annotated[float, InUnit("V")] = Field(0.0, description="what must be added, whatever it reads")
 
 
 class CurrentCorrections(StrictModel):
-    """What a certificate states of a current source, or an ammeter, in its range besides its uncertainty."""
+    """Corrections of a current source or an ammeter in its range, from its certificate."""
 
     current: CurrentTable = Field((), description="rows, by rising current")

@@ -1,4 +1,4 @@
-"""What descriptions of heads and tables share: settling, maximum rate, certificate."""
+"""Common parts of descriptions of heads and tables: settling, maximum rate, certificate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from drivers.schema.fields import Arcseconds, DegreesPerSecond, InUnit, Positive
 
 
 class SettleOptions(StrictModel):
-    """When the axis stands."""
+    """Settling criterion of an axis."""
 
     band: Annotated[float, InUnit("arcsec", above=0)] = Field(description="how far from the target it may be")
     hold: PositiveSeconds = Field(description="how long it must have been no farther away")
@@ -20,13 +20,13 @@ class SettleOptions(StrictModel):
 
 
 class RateRange(StrictModel):
-    """The fastest turning, either way: `max`."""
+    """Maximum rate in either direction: `max`."""
 
     max: DegreesPerSecond
 
 
 class AxisUncertainty(StrictModel):
-    """What a certificate states of the axis, expanded."""
+    """Expanded uncertainty of the axis, from its certificate."""
 
     zero: Arcseconds = Field(0.0, description="of the angle 0°")
     harmonics: tuple[Arcseconds, ...] = Field((), description="1, 2, … of the error over a turn")

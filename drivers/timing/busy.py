@@ -1,4 +1,4 @@
-"""How long a device in order may give no reading, where nothing else is derived for it."""
+"""Default time for which a working device may give no reading."""
 
 from __future__ import annotations
 

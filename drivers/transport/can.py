@@ -1,4 +1,4 @@
-"""CAN adapters and logs as frame links: our own reader for slcan, python-can for every other and for files."""
+"""CAN adapters and logs as frame links: slcan by our own reader, all others and files by python-can."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ANSWER_S = 1.0
 
 
 async def open_can(device: str, address: Address) -> FrameLink:
-    """Opens the adapter, or the log, at `address`; raises CannotConnect."""
+    """Open the adapter, or the log, at `address`; raises CannotConnect."""
     if address.scheme == "slcan":
         return await open_slcan(device, address, lambda factory: open_serial(device, address, factory))
     if address.is_recording:
@@ -42,7 +42,7 @@ async def open_can(device: str, address: Address) -> FrameLink:
 async def open_slcan(
     device: str, address: Address, join: Callable[[Callable[[], Slcan]], Awaitable[Slcan]]
 ) -> FrameLink:
-    """Opens a serial-line adapter: closes its channel, sets the bit rate, opens it; raises CannotConnect, LinkLost."""
+    """Open a serial-line adapter: close its channel, set the bit rate, reopen it; raises CannotConnect, LinkLost."""
     bitrate = address.option("bitrate", 500_000)
     if bitrate not in slcan.BITRATES:
         raise CannotConnect(device, f"{address}: slcan knows the bit rates {', '.join(map(str, slcan.BITRATES))}")
@@ -64,7 +64,7 @@ class Slcan(TextFrames):
         super().__init__(device, slcan.parse, "the CAN adapter", slcan.CLOSE + slcan.END)
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the adapter; while a command waits for its answer, nothing else is of interest."""
+        """Receive bytes of the adapter; while a command waits for its answer, everything else is ignored."""
         if self._answer is not None and not self._answer.done():
             agreed, self._rest = slcan.answer(self._rest + data)
             if agreed is not None:
@@ -73,7 +73,7 @@ class Slcan(TextFrames):
         super().data_received(data)
 
     async def command(self, text: bytes, *, may_refuse: bool = False) -> None:
-        """Sends a command to the adapter itself; raises CannotConnect unless it agrees in time."""
+        """Send a command to the adapter itself; raises CannotConnect unless it acknowledges in time."""
         if self._transport is None:
             raise LinkLost(self._device, self._lost)
         self._answer = asyncio.get_running_loop().create_future()
@@ -90,7 +90,7 @@ class Slcan(TextFrames):
 
 
 def frame_of(message: can.Message) -> tuple[int, int, bytes] | None:
-    """Identifier, length and data of a message of python-can as a FrameBlock has them; None where it has no data."""
+    """Identifier, length and data of a message of python-can for a FrameBlock; None if it has no data."""
     if message.is_remote_frame or message.is_fd:
         return None
     if message.is_error_frame:
@@ -102,7 +102,7 @@ def frame_of(message: can.Message) -> tuple[int, int, bytes] | None:
 
 
 def read_log(device: str, path: Path) -> FrameBlock:
-    """The frames of a log, ASC, BLF, candump's or any other that python-can reads; raises CannotConnect.
+    """Read the frames of a log, ASC, BLF, candump's or any other that python-can reads; raises CannotConnect.
 
     Their times are those of the file, in seconds.
     """
@@ -122,7 +122,7 @@ def read_log(device: str, path: Path) -> FrameBlock:
 
 
 def block_of(frames: Sequence[tuple[float, int, int, bytes]]) -> FrameBlock:
-    """Times, identifiers, lengths and data as a block."""
+    """Build a block from times, identifiers, lengths and data."""
     data = b"".join(payload.ljust(8, b"\0") for _, _, _, payload in frames)
     return FrameBlock(
         np.array([frame[1] for frame in frames], np.uint32), np.array([frame[0] for frame in frames], np.float64),
@@ -133,8 +133,8 @@ def block_of(frames: Sequence[tuple[float, int, int, bytes]]) -> FrameBlock:
 class PythonCan:
     """Any adapter that python-can knows (`can:socketcan/can0?bitrate=500000`) as a frame link.
 
-    With a file descriptor the running loop reads it; an adapter without one gets a reader thread, which is why such a
-    link belongs to real time only.
+    An adapter with a file descriptor is read by the running loop; one without gets a reader thread, so it works in real
+    time only.
     """
 
     block_s = DURABLE_BLOCK_S
@@ -165,7 +165,7 @@ class PythonCan:
             self._thread.start()
 
     def take(self) -> FrameBlock:
-        """Every frame since the last call; LinkLost when there is none and none can come any more."""
+        """Frames since the last call; LinkLost if there is none and none can follow."""
         count = len(self._frames)
         if self._failure and not count:
             raise LinkLost(self._device, self._failure, remedy="Check the bus, its termination and the adapter.")
@@ -174,7 +174,7 @@ class PythonCan:
         return block_of([self._frames.popleft() for _ in range(count)])
 
     def close(self) -> None:
-        """Closes the adapter; closing twice is harmless."""
+        """Close the adapter; closing twice is harmless."""
         if self._closing.is_set():
             return
         self._closing.set()

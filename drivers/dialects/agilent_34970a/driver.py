@@ -1,4 +1,4 @@
-"""An Agilent 34970A or 34972A as thermometers: a scan of all sensors at every poll."""
+"""An Agilent 34970A or 34972A as thermometers: every poll scans all sensors."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _SCAN_S, _CHANNEL_S = 3.0, 0.6  # what a scan may take: its answer, and each sen
 class Agilent34970A:
     """One scanner. Every poll reads the scan list, then scans once.
 
-    A changed scan list, sensor or unit, or a running scan of another master, is a fault; it is not corrected silently.
-    A sensor that is open or overloaded has no reading then.
+    A changed scan list, sensor or unit, or a running scan of another master, is a fault and is not corrected silently.
+    An open or overloaded sensor has no reading.
 
     Concurrency: polls are queued.
     """
@@ -37,7 +37,7 @@ class Agilent34970A:
         self._turn, self._note, self._begun_s = asyncio.Lock(), setup.note, 0.0
 
     async def __aenter__(self) -> Self:
-        """Connects, identifies, sets the scan up; raises CannotConnect, WrongIdentity, Refused."""
+        """Connect, identify and set up the scan; raises CannotConnect, WrongIdentity, Refused."""
         await self._link.open()
         try:
             await self._set_up()
@@ -47,11 +47,11 @@ class Agilent34970A:
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the wire; the scan list stays as it is."""
+        """Close the connection; the scan list remains."""
         self._link.close()
 
     async def identify(self) -> Identity:
-        """Who is there, with the cards in its slots as fingerprint; raises WrongIdentity.
+        """Query the identity, with the cards in the slots as fingerprint; raises WrongIdentity.
 
         A 34970A does not report its serial number: it is then the one stated in the bench file, unverified.
         """
@@ -61,10 +61,10 @@ class Agilent34970A:
         return found._replace(serial=serial, fingerprint=f"cards {', '.join(cards)}")
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """One scan: the readings (°C) by name, each with its time, none where a sensor is open or overloaded.
+        """Scan once; readings (°C) by name, each with its time, None if a sensor is open or overloaded.
 
-        Raises InstrumentFault when the scanner is not set up as it was or somebody else scans, BadAnswer when the scan
-        has other channels.
+        Raises InstrumentFault if the setup has changed or another master scans, BadAnswer if the scan has other
+        channels.
         """
         async with self._turn:
             state, wanted = await self._state(), wire.state_when(self._sensors)
@@ -83,10 +83,10 @@ class Agilent34970A:
         }
 
     async def make_safe(self) -> None:
-        """Nothing to do: a thermometer energises nothing."""
+        """Do nothing: a thermometer energises nothing."""
 
     async def _set_up(self) -> None:
-        """Sets the scan up, message by message, and reads all of it back; raises Refused."""
+        """Set up the scan, message by message, and read it back; raises Refused."""
         messages = wire.set_up(self._sensors)
         for message in [wire.REMOTE, *messages] if self._on_serial_line else messages:
             await self._link.write(message)
@@ -114,7 +114,7 @@ class Agilent34970A:
         return await self._link.ask_once(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
 
     async def _scanned(self) -> list[wire.Sample]:
-        """The scan that was last, out of memory."""
+        """Read the last scan from memory."""
         return await self._link.ask(wire.SCANNED, self._read_scan)
 
     async def _state(self) -> wire.State:

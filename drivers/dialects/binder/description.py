@@ -21,7 +21,7 @@ from drivers.schema.wording import telling
 
 
 class BinderOptions(StairOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     controller: Kind = Field(description="which one it is: mb1 or mb2")
     range: TemperatureRange = Field(

@@ -39,7 +39,7 @@ class ChannelOptions(StrictModel):
 
 
 class CounterOptions(DbcOptions):
-    """Where in the frames the counters are; names are Message.Signal of the DBC."""
+    """Positions of the counters in the frames; names are Message.Signal of the DBC."""
 
     period: PositiveSeconds = Field(description="from latch to latch")
     max_rate: Hertz = Field(description="of the pulses; bounds the gap over which a counter stays unambiguous")
@@ -67,7 +67,7 @@ class CounterOptions(DbcOptions):
         return self
 
     def _scattered(self) -> Iterator[InitErrorDetails]:
-        """What belongs together and is not in one frame, and counters that do not come round alike."""
+        """Problems: signals that must share a frame and do not, and counters with different ranges."""
         groups: dict[tuple[str, ...], tuple[str, dict[str, str | None]]] = {
             ("latch",): (self.latch.sequence, {"tick": self.latch.tick, "boot_count": self.latch.boot_count})
         }
@@ -92,7 +92,7 @@ class CounterOptions(DbcOptions):
                 yield problem_at(("channels", channel, "negative"), problem)
 
     def _ambiguous(self) -> Iterator[InitErrorDetails]:
-        """Counters that may wrap around between two latches, so that their difference is ambiguous."""
+        """Counters that may wrap between two latches, so that their difference is ambiguous."""
         bits_of, pulses = lengths_bits(text_of(self.dbc)), self.period * self.max_rate
         for channel, signals in self.channels.items():
             for key in ("positive", "negative"):

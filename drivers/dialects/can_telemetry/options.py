@@ -61,12 +61,12 @@ class SampleOptions(StrictModel):
 
     @property
     def signals(self) -> Mapping[str, str | None]:
-        """Its signals by their keys here."""
+        """Signals by their keys in the options."""
         return {key: getattr(self, key) for key in ("value", "tick", "sequence", "status")}
 
     @property
     def output(self) -> Sampled:
-        """The output of the unit on this channel."""
+        """Output of the unit on this channel."""
         averaged = self.sample == "mean"
         return Sampled(self.period, self.tick_period, self.unit or CODE, averaged, self.stuck_after)
 
@@ -78,7 +78,7 @@ class SampledPositionOptions(PositionOptions):
 
 
 class TelemetryOptions(DbcOptions):
-    """Where in the frames the samples are; names are Message.Signal of the DBC."""
+    """Positions of the samples in the frames; names are Message.Signal of the DBC."""
 
     channels: Annotated[dict[str, SampleOptions], NOT_EMPTY]
     positions: dict[str, SampledPositionOptions] = Field(
@@ -105,7 +105,7 @@ class TelemetryOptions(DbcOptions):
         return self
 
     def _misfits(self, channel: str) -> Iterator[InitErrorDetails]:
-        """What does not go together in a channel."""
+        """Inconsistencies of a channel."""
         sample, units, bits = self.channels[channel], signals_of(self.dbc), lengths_bits(text_of(self.dbc))
         message = sample.value.partition(".")[0]
         for key, name in sample.signals.items():
@@ -125,7 +125,7 @@ class TelemetryOptions(DbcOptions):
 
 
 def _alike(said: str, wanted: str) -> bool:
-    """Whether the unit in a DBC is the same in another spelling."""
+    """Return whether the unit in a DBC is the same in another spelling."""
     try:
         return parse_unit(said) == parse_unit(wanted)
     except QuantityError:

@@ -13,7 +13,7 @@ from drivers.schema.fields import Flag, WholeNumber
 
 
 class CtsOptions(ChamberOptions):
-    """How the chamber is spoken to. Its line is 19200 baud with odd parity: `?baud=19200&parity=O`."""
+    """Protocol settings of the chamber. Its line is 19200 baud with odd parity: `?baud=19200&parity=O`."""
 
     address: Annotated[WholeNumber, Field(ge=ADDRESSES[0], le=ADDRESSES[-1])] = Field(
         1, description="its address; 1 is 81 hexadecimal on the wire"

@@ -1,4 +1,4 @@
-"""A P300: what is asked and set for a chamber."""
+"""A P300: queries and settings of a chamber."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CONTROL: Mapping[str, Control] = {
 
 
 class P300(Connected):
-    """A Controller; it has one set point and no ramp.
+    """A Controller with one set point and no ramp.
 
     It reports its kind and firmware version, but no serial number.
     """
@@ -49,11 +49,11 @@ class P300(Connected):
         super().__init__(self._line)
 
     def _identity(self) -> Identity:
-        """Kind and version as it answers, the serial number as the bench file states it."""
+        """Kind and version as reported, serial number as stated in the bench file."""
         return self._who.identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Temperatures, then the state of the chamber.
+        """Read temperatures, then the state of the chamber.
 
         BadAnswer if the two answers disagree about the process value.
         """
@@ -71,9 +71,10 @@ class P300(Connected):
         return Look(temperatures.process_value_c, set_point_c, set_point_c, control, await self._in_words(monitor))
 
     async def command(self, temperature_c: float) -> None:
-        """Sends the set point and reads it back.
+        """Send the set point and read it back.
 
-        While a program runs it may be refused, and what is read is the program's: then `take_control` sends it again.
+        While a program runs it may be refused, or the program's set point is read back: then `take_control` sends it
+        again.
         """
         self._commanded_c = temperature_c
         command = wire.set_point(temperature_c)
@@ -92,14 +93,14 @@ class P300(Connected):
                 raise
 
     def kept(self, temperature_c: float) -> float:
-        """To a tenth of a degree."""
+        """Set point as stored: rounded to a tenth of a degree."""
         return wire.kept(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Nothing: it has no ramp; the driver sends one set point after the other."""
+        """Do nothing: the controller has no ramp; the driver sends a series of set points."""
 
     async def take_control(self) -> None:
-        """Switches it on and to constant operation, which ends a program, and sends the set point again.
+        """Switch on constant operation, which ends a program, and send the set point again.
 
         InstrumentFault while there is an alarm.
         """
@@ -170,7 +171,7 @@ class P300(Connected):
 
 
 class EspecP300(Chamber):
-    """A ThermalChamber that the driver ramps by many set points."""
+    """A ThermalChamber ramped by a series of set points."""
 
     def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
         super().__init__(setup.name, P300(setup), setup.limits, setup.safe, setup.options)

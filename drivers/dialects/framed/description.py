@@ -19,7 +19,7 @@ from drivers.schema.wording import problem_at
 
 
 class FramedOptions(StrictModel):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     profile: Annotated[DocumentFile[FrameProfile], ModelBeside(FrameProfile)] = Field(
         description="describes its frames"
@@ -30,7 +30,7 @@ class FramedOptions(StrictModel):
 
 
 class FramedHeadOptions(HeadOptions, FramedOptions):
-    """How the axis is moved."""
+    """Motion settings of the axis."""
 
     @model_validator(mode="after")
     def _angles_do_not_wrap(self) -> Self:
@@ -41,7 +41,7 @@ class FramedHeadOptions(HeadOptions, FramedOptions):
 
 
 class FramedTableOptions(TableOptions, FramedOptions):
-    """How the axis is moved."""
+    """Motion settings of the axis."""
 
     @model_validator(mode="after")
     def _it_turns(self) -> Self:

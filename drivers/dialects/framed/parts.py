@@ -1,4 +1,4 @@
-"""What the frames of a profile are made of: constants, numbers with their units, codes and bits."""
+"""Parts of the frames of a profile: constants, numbers with units, codes and bits."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ Offset = Annotated[WholeNumber, Field(ge=0, le=255)]
 
 
 class LineSettings(StrictModel):
-    """A serial line, in the words of its address."""
+    """Settings of a serial line, with the keys of its address."""
 
     baud: Annotated[WholeNumber, Field(ge=300, le=4_000_000)] | None = Field(None, description="bits in a second")
     bytesize: Literal[7, 8] = Field(8, description="data bits of a byte")
@@ -58,16 +58,16 @@ class LineSettings(StrictModel):
 
     @property
     def bits_per_byte(self) -> int:
-        """How many bits a byte is on the line."""
+        """Number of bits per byte on the line."""
         return 1 + self.bytesize + (self.parity != "N") + self.stopbits
 
     def options(self) -> dict[str, str]:
-        """As an address says it."""
+        """Options of an address."""
         return {key: str(value) for key, value in self.model_dump(exclude_none=True).items()}
 
 
 class ChecksumSettings(StrictModel):
-    """The checksum of every frame, at its end but for the trailer."""
+    """The checksum of every frame, at its end, before the trailer."""
 
     kind: ChecksumKind = Field(description="how it is worked out")
     from_: Offset = Field(0, alias="from", description="the first byte that it covers; the last is that before it")
@@ -87,7 +87,7 @@ class ChecksumSettings(StrictModel):
         return self
 
     def of(self, order: ByteOrder) -> Checksum:
-        """As the codec computes it."""
+        """Checksum for the codec."""
         return Checksum(
             self.kind, self.from_, self.byte_order or order, self.polynomial or 0, self.initial, self.reflected,
             self.xor_out,
@@ -95,50 +95,50 @@ class ChecksumSettings(StrictModel):
 
 
 class Place(StrictModel):
-    """Something at a place of a frame, whose first byte is 0."""
+    """A field at a place of a frame, whose first byte is 0."""
 
     at: Offset = Field(description="the byte where it begins")
 
     @property
     def count(self) -> int:
-        """How many bytes it fills."""
+        """Number of bytes."""
         return 1
 
     @property
     def shares(self) -> bool:
-        """Whether others may share the byte."""
+        """True if other fields may share the byte."""
         return False
 
 
 class Constant(Place):
-    """Bytes that are always the same."""
+    """Constant bytes."""
 
     bytes: HexBytes = Field(description="in hexadecimal")
 
     @property
     def count(self) -> int:
-        """How many bytes it fills."""
+        """Number of bytes."""
         return len(self.bytes)
 
 
 class Count(Place):
-    """A whole number without a unit."""
+    """An integer without a unit."""
 
     type: CountType = Field("u8", description="how it is written")
     byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
 
     @property
     def count(self) -> int:
-        """How many bytes it fills."""
+        """Number of bytes."""
         return self.form("little").end - self.at
 
     def form(self, order: ByteOrder) -> NumberFormat:
-        """How it is written."""
+        """Number format for the codec."""
         return NumberFormat(self.at, self.type, self.byte_order or order)
 
 
 class Code(Count):
-    """A number for the servo mode; an unlisted one is another mode."""
+    """A code of the servo mode; an unlisted one is another mode."""
 
     off: WholeNumber = Field(description="it holds")
     position: WholeNumber = Field(description="an angle")
@@ -169,11 +169,11 @@ class Number(Place):
 
     @property
     def count(self) -> int:
-        """How many bytes it fills."""
+        """Number of bytes."""
         return self.form("little").end - self.at
 
     def form(self, order: ByteOrder) -> NumberFormat:
-        """How it is written."""
+        """Number format for the codec."""
         return NumberFormat(self.at, self.type, self.byte_order or order, self.scale, self.offset)
 
 
@@ -220,11 +220,11 @@ class Bit(Place):
 
     @property
     def shares(self) -> bool:
-        """Bits share a byte."""
+        """True: bits share a byte."""
         return True
 
     def read(self, frame: bytes) -> bool:
-        """Whether the state is there."""
+        """Return whether the state bit is active."""
         return frame[self.at] >> self.bit & 1 == self.is_
 
 
@@ -241,11 +241,11 @@ class Fault(Place):
 
     @property
     def shares(self) -> bool:
-        """Bits share a byte."""
+        """True for a bit: bits share a byte."""
         return self.bit is not None
 
     def told(self, frame: bytes) -> str:
-        """The fault in words; "" while there is none."""
+        """Description of the fault; "" while there is none."""
         byte = frame[self.at]
         if self.bit is not None:
             return self.means if byte >> self.bit & 1 else ""

@@ -1,4 +1,4 @@
-"""The file that describes the frames of a table or a head: their layout, and the meaning of their numbers."""
+"""Profile file of the frames of a table or a head: layout, and meaning of numbers."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FrameShape(StrictModel):
     counter: Count | None = Field(None, description="goes up by one from frame to frame")
 
     def parts(self) -> Iterator[tuple[Where, Place]]:
-        """Its parts, with their places in the file."""
+        """Parts of the frame, with their places in the file."""
         for name in type(self).model_fields:
             found = getattr(self, name)
             if isinstance(found, Place):
@@ -58,7 +58,7 @@ class FrameShape(StrictModel):
 
 
 class MoveFrame(FrameShape):
-    """Goes to an angle."""
+    """Move to an angle."""
 
     angle: AngleNumber
     rate: RateNumber | None = Field(None, description="how fast; without it that is set at the controller")
@@ -66,21 +66,21 @@ class MoveFrame(FrameShape):
 
 
 class RateFrame(FrameShape):
-    """Turns on and on."""
+    """Rotate at a rate."""
 
     rate: RateNumber
     acceleration: AccelerationNumber | None = None
 
 
 class SineFrame(FrameShape):
-    """Swings about the present angle."""
+    """Oscillate about the present angle."""
 
     amplitude: AmplitudeNumber
     frequency: FrequencyNumber
 
 
 class Commands(StrictModel):
-    """Commands to the controller. The driver never sends `home`, `clear_fault` and `disable`; others may."""
+    """Commands to the controller. The driver never sends `home`, `clear_fault` and `disable`; other programs may."""
 
     stop: FrameShape = Field(description="slows down and holds")
     move: MoveFrame
@@ -93,7 +93,7 @@ class Commands(StrictModel):
 
 
 class States(StrictModel):
-    """Bits with the state of the axis."""
+    """State bits of the axis."""
 
     moving: Bit = Field(description="it is on its way: going, turning, swinging or slowing down")
     enabled: Bit | None = Field(None, description="the motor is energised; without it, it always is")
@@ -120,13 +120,13 @@ class StatusFrame(FrameShape):
 
 
 class Cycle(StrictModel):
-    """The controller sends its status by itself."""
+    """Cyclic transmission of the status by the controller."""
 
     period: Annotated[float, InUnit("s", above=0, at_most=1)] = Field(description="from one status to the next")
 
 
 class ControllerLimits(StrictModel):
-    """What the axis and its controller bear; those of the bench file hold as well."""
+    """Limits of the axis and its controller; those of the bench file apply as well."""
 
     angle: AngleRange | None = Field(None, description="of moves, as encoded in their frame")
     rate: RateRange | None = Field(None, description="of moves and of turning")
@@ -167,23 +167,23 @@ class FrameProfile(StrictModel):
         return self
 
     def number(self, number: Number | Count | Code) -> NumberFormat:
-        """How a number is written."""
+        """Number format of a part."""
         return number.form(self.byte_order)
 
     def shape(self, name: str) -> FrameShape:
-        """A frame by its place in the file: `status`, `request` or the name of a command."""
+        """Frame by its place in the file: `status`, `request` or the name of a command."""
         return self._shapes[name]
 
     def format(self, name: str) -> FrameFormat:
-        """How it is written."""
+        """Frame format for the codec."""
         return self._formats[name]
 
     def command_names(self) -> list[str]:
-        """The commands that it has."""
+        """Names of the available commands."""
         return [name for name in Commands.model_fields if getattr(self.commands, name) is not None]
 
     def fingerprint(self) -> str:
-        """The features that distinguish its frames from others, as far as the profile describes them."""
+        """Features that distinguish its frames from others, as far as the profile describes them."""
         status = self.format("status")
         fixed = ", ".join(f"{data.hex(' ').upper()} at {at}" for at, data in status.fixed)
         return f"frames of {status.length} bytes with {fixed}, {self.checksum.kind}"
@@ -243,7 +243,7 @@ class FrameProfile(StrictModel):
 
 
 def _settle(holders: dict[int, str], where: Where, part: Place, end: int) -> Iterator[InitErrorDetails]:
-    """Puts a part into the bytes that it fills; bits may share theirs with other bits."""
+    """Assign a part to its bytes; bits may share theirs with other bits."""
     name = ".".join(map(str, where[1:]))
     mark = "bits" if part.shares else name
     for place in range(part.at, part.at + part.count):

@@ -18,7 +18,7 @@ KNOWN_RANGE = range_of(RANGES_A, "A", "one of 2 nA to 20 mA in decades, or 100 m
 
 
 class KeithleyOptions(StrictModel):
-    """How the source is used.
+    """Use of the source.
 
     `terminator` ends lines in both directions and must be the one in the instrument's communication menu: on RS-232 it
     acts on a CR, with or without an LF after it; over TCP (6221) `lf` is usual.

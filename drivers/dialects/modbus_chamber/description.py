@@ -14,7 +14,7 @@ from drivers.schema.wording import problem_at
 
 
 class ModbusChamberOptions(StairOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     profile: Annotated[DocumentFile[ChamberProfile], ModelBeside(ChamberProfile)] = Field(
         description="describes the controller"

@@ -1,4 +1,4 @@
-"""The file that describes a chamber's controller: where its values are and what its numbers mean."""
+"""Profile file of a chamber's controller: addresses and meaning of its registers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LAST_ADDRESS = 0xFFFF
 
 
 def _address(raw: object) -> int:
-    """A register's number, also as the manuals of controllers print it: 0x11A9."""
+    """Validate a register address, also in the form of manuals: 0x11A9."""
     number = raw
     if isinstance(raw, str) and raw.lower().startswith("0x"):
         try:
@@ -55,7 +55,7 @@ class CodeRegister(StrictModel):
 
     @property
     def count(self) -> int:
-        """How many registers it fills."""
+        """Number of registers."""
         return 1
 
 
@@ -68,32 +68,32 @@ class ValueRegister(CodeRegister):
 
     @property
     def count(self) -> int:
-        """How many registers it fills."""
+        """Number of registers."""
         return ValueFormat(self.type).count
 
 
 class WrittenRegister(ValueRegister):
-    """The same, and written."""
+    """A register that is written as well as read."""
 
     write: WriteFunction = Field(6, description="the function that writes it; two registers always take 16")
 
 
 class Expectation(CodeRegister):
-    """A register that tells whether this is the controller that the profile describes, set as it must be."""
+    """A register whose value identifies the controller, or a setting that it must have."""
 
     is_: Word = Field(alias="is", description="what it must hold")
     means: Meaning = Field(description="its meaning, such as 'the display unit is °C'")
 
 
 class LimitRegisters(StrictModel):
-    """Where the controller keeps the lowest and the highest set point."""
+    """Registers of the lowest and the highest set point."""
 
     min: ValueRegister
     max: ValueRegister
 
 
 class ModeRegister(CodeRegister):
-    """The register that tells what decides the temperature; a number that is not listed is something else."""
+    """The register of the control mode; an unlisted number is another mode."""
 
     follows: Annotated[list[Word], NOT_EMPTY] = Field(description="while the set point decides")
     off: list[Word] = Field([], description="while nothing does")
@@ -114,7 +114,7 @@ class ModeRegister(CodeRegister):
 
 
 class Switch(CodeRegister):
-    """A register that has to hold a number before something else has an effect."""
+    """A register that must hold a number before another setting takes effect."""
 
     value: Word = Field(description="what it has to hold")
     write: WriteFunction = Field(6, description="the function that writes it")
@@ -129,7 +129,7 @@ class RampRegisters(StrictModel):
 
 
 class AlarmRegister(CodeRegister):
-    """A register that tells of an alarm."""
+    """A register that reports an alarm."""
 
     quiet: Annotated[list[Word], NOT_EMPTY] = Field([0], description="while there is none")
     means: Meaning = Field(description="what it is, such as 'over-temperature'")
@@ -163,12 +163,12 @@ class ChamberProfile(StrictModel):
         return self
 
     def form(self, register: ValueRegister) -> ValueFormat:
-        """How a value is written."""
+        """Format of a value."""
         order = register.word_order or self.word_order or "high_first"
         return ValueFormat(register.type, register.scale, order)
 
     def registers(self) -> Iterator[tuple[tuple[str | int, ...], CodeRegister]]:
-        """Every register with its place in the file."""
+        """All registers with their places in the file."""
         found: dict[tuple[str | int, ...], CodeRegister | None] = {
             ("process_value",): self.process_value,
             ("set_point",): self.set_point,
@@ -197,7 +197,7 @@ class ChamberProfile(StrictModel):
                 yield problem_at((*place, "type"), f"{register.type} fills two registers: give word_order")
 
     def _shared(self) -> Iterator[InitErrorDetails]:
-        """A register that stands for two values; holding and input registers are numbered by themselves."""
+        """Registers used for two values; holding and input registers are numbered separately."""
         holders: dict[tuple[int, int], str] = {}
         for place, register in self.registers():
             name = ".".join(map(str, place))

@@ -1,4 +1,4 @@
-"""How an XPS is known: by the version of its firmware."""
+"""Recognition of an XPS by its firmware version."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STARTER: Blocks = {**HEAD_STARTER, "options": {"group": GROUP, **HEAD_STARTER["o
 
 
 async def ask(port: Port) -> Found:
-    """A controller; what its groups are called it is not asked."""
+    """Recognise a controller; its group names cannot be queried and are left open."""
     answer = await port.ask(wire.ASK_FIRMWARE.encode())
     if not answer.endswith(wire.END):
         raise ValueError("not the end of an answer")

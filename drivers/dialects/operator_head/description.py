@@ -19,7 +19,7 @@ SAME_DEG = 1e-6  # what decimals leave of a fraction of a degree
 
 
 class OperatorHeadOptions(StrictModel):
-    """How the head is turned, and which angles it can stand at."""
+    """Dial of the head, and angles at which it can be fixed."""
 
     index_step: Annotated[float, InUnit("°", above=0, at_most=180)] | None = Field(
         None,
@@ -41,12 +41,12 @@ class OperatorHeadOptions(StrictModel):
         return self
 
     def seats(self, angle_deg: float) -> bool:
-        """Whether the head can stand at an angle."""
+        """Return whether the head can be fixed at an angle."""
         return self.index_step is None or not abs(math.remainder(angle_deg, self.index_step)) > SAME_DEG
 
 
 class OperatorHeadLimits(StrictModel):
-    """What the bench allows the head."""
+    """Limits of the head on this bench."""
 
     angle: AngleRange
 

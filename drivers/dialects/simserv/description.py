@@ -10,7 +10,7 @@ from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberOp
 
 
 class SimservOptions(ChamberOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     set_point_reads: Reads = Field(
         "target",

@@ -13,7 +13,7 @@ from drivers.schema.fields import WholeNumber
 
 
 class F4Options(StairOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
     power_event: Annotated[WholeNumber, Field(ge=1, le=EVENT_OUTPUTS)] | None = Field(

@@ -1,4 +1,4 @@
-"""One control loop of an F4T: what is read and written for a chamber."""
+"""One control loop of an F4T: registers read and written for a chamber."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NARROWEST_C = 1.0  # set-point limits closer than this are words in the wrong or
 
 
 class F4TLoop(Connected):
-    """A Controller; it ramps by itself, and a person switches its loop to auto.
+    """A Controller that ramps by itself; its loop can be switched to auto only by a person.
 
     The controller reports no names: it is identified by its set-point limits.
     """
@@ -50,13 +50,13 @@ class F4TLoop(Connected):
         super().__init__(self._registers)
 
     def _identity(self) -> Identity:
-        """The names stated in the bench file; the fingerprint is what the controller reports."""
+        """Names stated in the bench file; the fingerprint is reported by the controller."""
         low_c, high_c = self.limits_c or (0.0, 0.0)
         fingerprint = f"display unit °C, set point {low_c:g} to {high_c:g} °C"
         return as_stated(self._pin, fingerprint, maker="Watlow", model="F4T")
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Set point in force, mode and process value; the set point itself only where it could be another."""
+        """Read active set point, mode and process value; the set point itself only if it may differ."""
         block = await (self._block() if self._block_reads else self._block_singly())
         target_c = commanded_c
         # While the set point in force rests at the command the set point is that one: it would leave at once.
@@ -67,21 +67,21 @@ class F4TLoop(Connected):
         return Look(block.process_value, block.set_point_in_force, target_c or 0.0, control, why)
 
     async def command(self, temperature_c: float) -> None:
-        """Writes the set point and reads it back."""
+        """Write the set point and read it back."""
         await self._set(LoopRegister.SET_POINT, self._form.words(temperature_c))
 
     def kept(self, temperature_c: float) -> float:
-        """The float32 nearest to it."""
+        """Set point as stored: the nearest float32."""
         return self._form.value(self._form.words(temperature_c))
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """The next set point is gone to at this rate."""
+        """Set the ramp rate of the next set point."""
         await self._set(LoopRegister.RAMP_SCALE, (RampScale.MINUTES,))
         await self._set(LoopRegister.RAMP_RATE, self._form.words(rate_c_per_min))
         await self._set(LoopRegister.RAMP_ACTION, (RampAction.SET_POINT,))
 
     async def take_control(self) -> None:
-        """Raises InstrumentFault: a loop that is not in auto needs the operator."""
+        """Raise InstrumentFault: only the operator can switch a loop to auto."""
         mode = (await self._registers.read(self._form.address(LoopRegister.CONTROL_MODE_IN_FORCE), 1))[0]
         raise InstrumentFault(
             self._link.device, f"control loop {self._form.loop} is not in auto", received=f"mode {mode_name(mode)}",
@@ -89,7 +89,7 @@ class F4TLoop(Connected):
         )  # fmt: skip
 
     async def _block(self) -> LoopBlock:
-        """By one request, so all of one instant."""
+        """Read the block in one request, so that its values are simultaneous."""
         address = self._form.address(BLOCK_FIRST)
         words = await self._registers.read(address, BLOCK_COUNT)
         try:
@@ -98,7 +98,7 @@ class F4TLoop(Connected):
             raise self._no_number(words, address, problem) from problem
 
     async def _block_singly(self) -> LoopBlock:
-        """By one request for each value, for a controller that refuses them together."""
+        """Read the block with one request for each value, for a controller that refuses the block."""
         in_force = await self._number(LoopRegister.SET_POINT_IN_FORCE)
         (mode,) = await self._registers.read(self._form.address(LoopRegister.CONTROL_MODE_IN_FORCE), 1)
         return LoopBlock(in_force, mode, await self._number(LoopRegister.PROCESS_VALUE))
@@ -155,7 +155,7 @@ class F4TLoop(Connected):
         )  # fmt: skip
 
     def _spelled(self, words: Words) -> str:
-        """Words as numbers for a person, and as they were on the wire."""
+        """Registers as numbers and in hexadecimal, for a message."""
         if len(words) == 1:
             return str(words[0])
         try:

@@ -13,7 +13,7 @@ from drivers.schema.fields import Flag, WholeNumber
 
 
 class F4TOptions(ChamberOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
     loop: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(1, description="the control loop of the chamber")

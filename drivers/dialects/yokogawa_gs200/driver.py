@@ -15,7 +15,7 @@ from drivers.kinds.source.output import Dialect, Fault
 
 
 def _faults(state: State) -> Sequence[Fault]:
-    """Volts at its output, where a coil expects a current, and the content of the condition register."""
+    """Faults: voltage mode instead of current, and the content of the condition register."""
     received = f"condition {int(state.condition)}"
     found = []
     if state.function != "CURR" and state.setting.output:
@@ -33,7 +33,7 @@ DIALECT = Dialect(wire.COMMANDS.cut_off, wire.STATE_QUERY, wire.read_state, wire
 
 
 class YokogawaGS200(ScpiSource[State]):
-    """One source; it measures neither current nor voltage, and reports a load that does not take the current."""
+    """One source; it measures neither current nor voltage, and detects a load that does not take the current."""
 
     def __init__(self, setup: Setup[GS200Options, SourceLimits, Nothing]) -> None:
         range_a = setup.options.range

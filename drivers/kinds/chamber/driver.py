@@ -1,4 +1,4 @@
-"""A thermal chamber of any make: the dialect talks, the driver checks, commands, reads back and watches."""
+"""A thermal chamber of any make: the dialect communicates; the driver checks, commands, reads back and monitors."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Chamber:
         self._following = FollowWatch(options.follow, limits.temperature)
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies; BeyondLimit when the safe temperature could not be commanded."""
+        """Connect and identify; BeyondLimit if the safe temperature could not be commanded."""
         async with self._turn:
             await self._controller.connect()
             try:
@@ -51,21 +51,21 @@ class Chamber:
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the connection; the chamber goes on as it is."""
+        """Close the connection; the chamber keeps its set point."""
         self._controller.close()
 
     async def identify(self) -> Identity:
-        """Who is there; raises WrongIdentity."""
+        """Query the identity; raises WrongIdentity."""
         async with self._turn:
             return await self._controller.identify()
 
     async def ramp_to(self, temperature_c: float, rate_c_per_min: float) -> None:
-        """Ramps the set point in force to `temperature_c` and returns when it is there.
+        """Ramp the active set point to `temperature_c` and return when it has arrived.
 
-        Cancelling leaves a controller that ramps by itself ramping, and any other where it was; `hold` stops it. Raises
-        BeyondLimit before anything is sent; Refused when the controller does not take a setting; NotSettled when it
-        takes longer than the distance needs, a tenth and two minutes more, or when another command replaces this one;
-        and what `state` raises.
+        After a cancellation a controller with its own ramp continues it, and any other keeps its set point; `hold`
+        stops it. Raises BeyondLimit before anything is sent; Refused if the controller rejects a setting; NotSettled
+        after the computed time plus a tenth and two minutes, or if another command replaces this one; and the errors of
+        `state`.
         """
         self._check_temperature(temperature_c)
         self._check_rate(rate_c_per_min)
@@ -93,9 +93,9 @@ class Chamber:
     async def state(self) -> ChamberState:
         """State of the chamber.
 
-        Raises InstrumentFault when the set point is not the one last commanded or does not control, once there was a
-        command; when the process value stands still while the set point moves; and when the air does not follow as the
-        bench file says (`follow`), or is far beyond its limits. BadAnswer for no number.
+        Raises InstrumentFault if, after a command, the set point is not the last one commanded or not active; if the
+        process value is frozen while the set point moves; and if the air does not follow as required by `follow`, or is
+        far beyond the limits. Raises BadAnswer for a value that is no number.
         """
         async with self._turn:
             look = await self._look()
@@ -105,12 +105,12 @@ class Chamber:
         return ChamberState(look.process_value_c, look.set_point_c, look.target_c, from_safe_c)
 
     async def hold(self) -> None:
-        """Makes the set point in force the set point, read back."""
+        """Stop the ramp: make the active set point the set point, read back."""
         async with self._turn:
             await self._command((await self._controller.look(self._commanded_c)).set_point_c)
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """The process value and the set point in force (°C); raises as `state`."""
+        """Process value and active set point (°C); raises as `state`."""
         state = await self.state()
         at_s = asyncio.get_running_loop().time()
         return {
@@ -119,10 +119,10 @@ class Chamber:
         }
 
     async def make_safe(self) -> None:
-        """Commands the safe temperature with the ramp as it is, read back, without waiting for it.
+        """Command the safe temperature with the present ramp rate, read back, without waiting for it.
 
-        Connects anew when the connection is lost. A controller that is switched off stays off; one that follows
-        something else is told to follow the set point. Raises a DriverError when that could not be proved.
+        Reconnects after a loss. A controller that is switched off stays off; one that follows a program is switched to
+        the set point. Raises a DriverError if that could not be proved.
         """
         try:
             async with patience(self._safe_within_s), self._turn:
@@ -139,7 +139,7 @@ class Chamber:
             ) from late  # fmt: skip
 
     async def _begin(self, temperature_c: float, rate_c_per_min: float) -> Climb:
-        """Send the ramp, then the first set point, and activate it."""
+        """Send the ramp rate, then the first set point, and activate it."""
         look = await self._controller.look(None)
         self._check_control(look, may_be_off=self._controller.can_start)
         start_c = look.set_point_c if look.control is Control.SET_POINT else look.process_value_c

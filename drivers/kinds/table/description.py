@@ -1,4 +1,4 @@
-"""Bench file keys of a rate table, whatever controller it has."""
+"""Bench file keys of a rate table with any controller."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DegreesPerSecondSquared = Annotated[float, InUnit("°/s²", above=0)]
 
 
 class TableOptions(StrictModel):
-    """How the axis is moved."""
+    """Motion settings of the axis."""
 
     rate: DegreesPerSecond = Field(description="of every move")
     acceleration: DegreesPerSecondSquared = Field(
@@ -42,7 +42,7 @@ class TableOptions(StrictModel):
 
 
 class AngleRange(Range):
-    """From `min` to `max`, both allowed; less than a turn apart, since the controller tells angles within one."""
+    """From `min` to `max`, inclusive; less than a turn apart, because the controller reports angles within one."""
 
     min: Degrees
     max: Degrees
@@ -55,25 +55,25 @@ class AngleRange(Range):
 
 
 class AccelerationRange(StrictModel):
-    """The fastest change of rate: `max`."""
+    """Maximum rate of change of the rate: `max`."""
 
     max: DegreesPerSecondSquared
 
 
 class FrequencyRange(StrictModel):
-    """The fastest sine: `max`."""
+    """Maximum frequency of a sine: `max`."""
 
     max: Hertz
 
 
 class TorqueRange(StrictModel):
-    """The most that the motor is asked for: `max`."""
+    """Maximum torque demanded of the motor: `max`."""
 
     max: Annotated[float, InUnit("N·m", above=0)]
 
 
 class TableLimits(StrictModel):
-    """What the bench allows the axis; the controller's own limits hold as well."""
+    """Limits of the axis on this bench; the controller's own limits apply as well."""
 
     angle: AngleRange | None = Field(None, description="without it the axis has no ends")
     rate: RateRange
@@ -83,12 +83,12 @@ class TableLimits(StrictModel):
 
 
 def busy_s(options: TableOptions, limits: TableLimits) -> float:
-    """The longest move or change of rate; and a dialogue."""
+    """Duration of the longest move or change of rate; plus a dialogue."""
     way_deg = TURN_DEG if limits.angle is None else limits.angle.max - limits.angle.min
     motion_s = (way_deg + 2 * options.approach_distance) / options.rate + 2 * limits.rate.max / options.acceleration
     return BUSY_S + motion_s + options.settle.hold + options.settle.give_up
 
 
 def safe_state(options: TableOptions, limits: TableLimits, _safe: object) -> SafeState:
-    """At rest, from the fastest rate that the bench file allows."""
+    """At rest, from the maximum rate of the bench file."""
     return at_rest(limits.rate.max, options.acceleration)
