@@ -16,9 +16,9 @@ TERMINALS = "/dev/pts/"
 
 @asynccontextmanager
 async def serve_pty(path: Path, factory: Callable[[], asyncio.Protocol]) -> AsyncIterator[Path]:
-    """Makes `path` a link to a new pseudo-terminal that `factory()` answers; gone at exit.
+    """Link `path` to a new pseudo-terminal answered by `factory()`; removed at exit.
 
-    A link that an earlier run left there is replaced; FileExistsError when anything else is there.
+    A link left by an earlier run is replaced; FileExistsError if the path is anything else.
     """
     near, far = os.openpty()
     try:

@@ -1,4 +1,4 @@
-"""A socketcand server on a simulated bus: greets, opens its bus, and sends what a node sends, in texts of their own."""
+"""A socketcand server on a simulated bus: greets, opens its bus, and sends the frames of a node as texts."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ class SimulatedServer(asyncio.Protocol):
         self._sending: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client is there."""
+        """Greet the client."""
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
             transport.write(HI)
 
     def data_received(self, data: bytes) -> None:
-        """Requests from the client, in any portions."""
+        """Receive requests of the client, in any portions."""
         self._rest += data
         while (text := _TEXT.search(self._rest)) is not None and self._transport is not None:
             self._rest = self._rest[text.end() :]
             self._obey(text[0], self._transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client is gone."""
+        """Stop sending."""
         self._transport = None
         if self._sending is not None:
             self._sending.cancel()

@@ -1,6 +1,6 @@
-"""The method as a sequence sees it: settings, results and their units, and where its parts are.
+"""The method as declared to a sequence: settings, results with units, and references to its parts.
 
-This module is read by `bench check` as well: it imports no arithmetic and nothing that draws.
+`bench check` imports this module: it must import neither arithmetic nor plotting.
 """
 
 from typing import Annotated

@@ -1,6 +1,6 @@
-"""From readings at rest to the mean output and its drift, with uncertainties; README.md has the equations.
+"""Reduction of readings at rest to mean output and drift, with uncertainties; README.md has the equations.
 
-Arithmetic alone: numbers in, plain records out.
+Arithmetic only: numbers in, plain records out.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ S_PER_H = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """The line through readings (n,) over `time_h`, which is 0 in their middle; equations 1 to 4."""
+    """Straight line through readings (n,) over `time_h`, which is 0 in their middle; equations 1 to 4."""
 
     time_h: Array
     output: Array
@@ -36,17 +36,17 @@ class Rest:
 
     @property
     def mean_u(self) -> float:
-        """Standard uncertainty of the mean by the scatter of the readings (equation 3)."""
+        """Standard uncertainty of the mean from the scatter of the readings (equation 3)."""
         return float(self.sd / np.sqrt(len(self.output)))
 
     @property
     def slope_u_per_h(self) -> float:
-        """The same of the slope (equation 3)."""
+        """Standard uncertainty of the slope (equation 3)."""
         return float(self.sd / np.sqrt(np.sum(self.time_h**2)))
 
 
 def line_of(time_s: Array, output: Array) -> Rest:
-    """The line through four readings or more."""
+    """Fit the line through four readings or more."""
     time_h = (time_s - np.mean(time_s)) / S_PER_H
     ones = np.ones_like(time_h)
     line = least_squares(np.stack([ones, time_h], axis=-1), output)
@@ -60,7 +60,7 @@ def line_of(time_s: Array, output: Array) -> Rest:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The mean output, its drift and its scatter of every unit."""
+    """Compute mean output, drift and scatter of every unit."""
     return [_reduced(data, unit, settings["fewest"]) for unit in data.units]
 
 

@@ -1,4 +1,4 @@
-"""What a report shows of a unit beside the tables that all methods have: the readings, as a table and drawn."""
+"""Report of a unit beside the tables of all methods: the readings, as a table and a plot."""
 
 from collections.abc import Iterator
 
@@ -16,14 +16,14 @@ MIN_PER_H, PPM = 60, 1e6
 
 
 def rest_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """The plot and the table of a unit; `name` begins their ids in the page."""
+    """Plot and table of a unit; `name` is the prefix of their ids in the page."""
     if isinstance(unit.detail, Rest):
         yield _plot(unit.detail, f"{name}-rest")
         yield _table(unit.detail, next(found.unit for found in unit.findings if found.quantity == "rest_mean"))
 
 
 def spans(data: RunData) -> Iterator[Span]:
-    """The time of the run in which the readings are, for the drawing of its course."""
+    """Time of the run that contains the readings, for the plot of its time history."""
     if data.acquisitions:
         yield Span(tr("at rest"), data.acquisitions[0].begin_s, data.acquisitions[-1].end_s)
 

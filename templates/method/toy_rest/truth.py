@@ -1,4 +1,4 @@
-"""What is true of simulated data, for truth.json: computed by the simulators, with no line of the reduction."""
+"""True values of simulated data, for truth.json: computed by the simulators, without code of the reduction."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ from simulators.world import World
 
 
 def truth(data: RunData, world: World) -> Mapping[str, Any]:
-    """The mean and the relative drift of the noiseless output of each unit, by its place."""
+    """Mean and relative drift of the noiseless output of each unit, by its place."""
     return {unit.place: _of(unit, data, world) for unit in data.units if unit.place in world.units}
 
 

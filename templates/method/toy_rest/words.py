@@ -1,6 +1,6 @@
 """Words of the method in a report, and their translations.
 
-Flags begin with the name of the method: words of shipped methods come first where a flag has the same name.
+Flags begin with the name of the method, because for equal names the words of shipped methods take precedence.
 """
 
 UNITS = {

@@ -1,4 +1,4 @@
-"""Bench file keys of the counter, and what the bench has to know of its frames."""
+"""Bench file keys of the counter, and the description of its frames."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BITS_OF_A_FRAME = 135  # on the bus, of eight bytes, with the most stuffed bits
 
 
 class ToyCounterOptions(StrictModel):
-    """How the counter is set up."""
+    """Setup of the counter."""
 
     period: PositiveSeconds = Field(description="from latch to latch")
     max_rate: Hertz = Field(description="of the pulses; bounds the gap over which a count stays unambiguous")
