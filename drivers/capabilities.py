@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 from drivers.values import Approach as Approach
 
-if TYPE_CHECKING:  # checking a sequence needs the names here, and not numpy
+if TYPE_CHECKING:  # the check of a sequence needs the names here, and not numpy
     from drivers.can.frame_block import FrameBlock
     from drivers.values import ChamberState, Heard, Identity, Reading, SourceReading
 
@@ -175,5 +175,5 @@ CAPABILITIES: Mapping[str, type] = {
 }
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
 READING = "reading"  # a named reading of any device, in any unit
-OUTPUT = "output"  # of the units: pulse counters, voltmeters or telemetry, as the places of the bench say
-MEASURES_OUTPUTS = ("pulse_counter", "voltmeter", "telemetry", OUTPUT)  # what a role is that outputs come from
+OUTPUT = "output"  # of the units: pulse counters, voltmeters or telemetry, as given by the places of the bench
+MEASURES_OUTPUTS = ("pulse_counter", "voltmeter", "telemetry", OUTPUT)  # capabilities of roles with outputs of units

@@ -24,7 +24,7 @@ from drivers.schema.fields import Spelled, StrictModel
 from drivers.shipped import DRIVERS
 from drivers.timing.busy import BUSY_S
 
-if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
+if TYPE_CHECKING:  # the check of a bench file must not import what only an opened device needs
     from drivers.discovery.recognition import Recognition
     from drivers.transport.address import Address
     from drivers.transport.wires import Wires
@@ -43,10 +43,10 @@ class Nothing(StrictModel):
 class IdentityPin(StrictModel):
     """The identity stated in the bench file; missing parts are not compared."""
 
-    maker: Spelled | None = Field(None, description="as it answers")
-    model: Spelled | None = Field(None, description="as it answers")
+    maker: Spelled | None = Field(None, description="as reported")
+    model: Spelled | None = Field(None, description="as reported")
     serial: Spelled | None = Field(None, description="serial number; not compared if the instrument does not report it")
-    firmware: Spelled | None = Field(None, description="version, as it answers")
+    firmware: Spelled | None = Field(None, description="version, as reported")
 
 
 class DriverDescription(NamedTuple):

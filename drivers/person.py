@@ -56,7 +56,9 @@ class _Nobody:
 
     async def ask(self, errand: Errand) -> Typed:
         raise CannotConnect(
-            errand.device, f"no operator is available: {errand.text}", remedy="Only a run asks people for anything."
+            errand.device,
+            f"no operator is available: {errand.text}",
+            remedy="Operators are prompted only during a run.",
         )
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-DIALOGUE_S = 5.0  # to open a line anew, identify, command, and read back
-LONGEST_S = 30.0  # no bench file may give a device longer
+DIALOGUE_S = 5.0  # for reconnecting, identifying, commanding, and reading back
+LONGEST_S = 30.0  # limit for the bench file
 
 
 class SafeState(NamedTuple):

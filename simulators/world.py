@@ -136,7 +136,7 @@ class World:
             catch_up()
         return now
 
-    # What instruments do to the world
+    # Stimuli changed by instruments
 
     def axis_of(self, role: str | None) -> Axis:
         """Axis driven by a controller; without a role that of the head."""

@@ -95,14 +95,14 @@ class Dbc:
     """The messages of one DBC text."""
 
     def __init__(self, text: str) -> None:
-        from cantools.database.can import Database  # 125 ms: only where frames are decoded
+        from cantools.database.can import Database  # import takes 125 ms: only where frames are decoded
 
         database = Database()
         try:
             database.add_dbc_string(text)
         except Exception as problem:  # cantools raises errors of many kinds from its parser
             raise DbcError(f"not a usable DBC: {problem}") from problem
-        messages = [message for message in database.messages if message.length <= 8]  # those of classical CAN
+        messages = [message for message in database.messages if message.length <= 8]  # identifiers of classical CAN
         self.messages = {message.name: _message(message) for message in messages}
 
     def message(self, name: str) -> Message:
@@ -132,7 +132,7 @@ def dbc_in(path: Path) -> Dbc:
     return _parsed(text_of(path))
 
 
-@lru_cache(maxsize=8)  # of the few nodes of a bench, for each label of a run
+@lru_cache(maxsize=8)  # cache for the few nodes of a bench, needed for each label of a run
 def _parsed(text: str) -> Dbc:
     return Dbc(text)
 
@@ -145,7 +145,7 @@ def _message(message: CantoolsMessage) -> Message:
             continue
         big_endian = signal.byte_order == "big_endian"
         shift = signal.start
-        if big_endian:  # the DBC's start is the most significant bit, numbered byte by byte
+        if big_endian:  # for big-endian signals the DBC's start is the most significant bit, numbered byte by byte
             shift = 64 - (8 * (signal.start // 8) + 7 - signal.start % 8) - signal.length
         signals[signal.name] = Signal(
             signal.name, shift, signal.length, big_endian, signal.is_signed, float(signal.scale), float(signal.offset),

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-# How a DBC spells what we write otherwise. It is ASCII, or has a degree sign in an encoding of its own, which is
+# Unit spellings of a DBC that differ from ours. It is ASCII, or has a degree sign in an encoding of its own, which is
 # replaced when the file is read.
 UNITS = {"degC": "°C", "DegC": "°C", "deg C": "°C", "\N{REPLACEMENT CHARACTER}C": "°C"}
 _MESSAGE = re.compile(r"^\s*BO_\s+\d+\s+(\w+)\s*:", re.ASCII)
 _FRAME = re.compile(r"^\s*BO_\s+(\d{1,10})\s+(\w+)\s*:\s*(\d{1,2})\b", re.ASCII)
 _SIGNAL = re.compile(r'^\s*SG_\s+(\w+)\s*:([^"]*)"([^"]*)"', re.ASCII)
-EXTENDED = 1 << 31  # in the id of a message whose identifier has 29 bits
+EXTENDED = 1 << 31  # set in the id of a message with a 29-bit identifier
 _LENGTH = re.compile(r"\|(\d{1,2})@", re.ASCII)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from drivers.can.dbc import Dbc, Field
 from drivers.can.sequence_numbers import MOST_LATE, Integers, ascending, shortest
 
-MOST_AHEAD = 8  # numbers that a frame may be ahead of the next known one
+MOST_AHEAD = 8  # numbers by which a frame may be ahead of the next known one
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXTENDED = 1 << 31  # set in the id of a frame with a 29-bit identifier, as SocketCAN does
-ERROR = 1 << 29  # set in that of an error frame, whose other bits are its classes, as SocketCAN does
+ERROR = 1 << 29  # set in the id of an error frame, whose other bits are its classes, as SocketCAN does
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,7 @@ def cycles_of(block: FrameBlock, begins: NDArray[np.intp]) -> Cycles:
     first, length = int(begins[0]), int(steps[: max(len(steps) - 1, 1)].min())
     kinds = _kinds(block, first, first + length)
     places = {kind: place for place, kind in enumerate(kinds)}
-    tail = int(begins[-1]) if steps[-1] < length else len(block)  # where a cycle begins that lacks its end
+    tail = int(begins[-1]) if steps[-1] < length else len(block)  # start of an incomplete last cycle
     between = _between(begins, steps, length)
     alike = (
         len(places) == length

@@ -55,7 +55,7 @@ class Unbroken:
     tick: Field
     others: Sequence[_Numbers]
     is_whole: bool = field(default=True, init=False)
-    _in_step: bool = field(default=True, init=False)  # so far all others have followed the leading one at once
+    _in_step: bool = field(default=True, init=False)  # True while all others have followed the leading message at once
     _last_tick: int | None = field(default=None, init=False)
     _least_ticks: int = field(default=1 << 62, init=False)
     _most_ticks: int = field(default=0, init=False)
@@ -124,6 +124,6 @@ class Unbroken:
         if not other.count or not leading.count:
             return max(other.count, leading.count) <= 1
         mask = self._common(other)
-        ahead = (leading.first - other.first) & mask  # of the first latch, where its other frames came before it
+        ahead = (leading.first - other.first) & mask  # numbers of the first latch whose other frames arrived before it
         behind = (leading.last - other.last + 1 & mask) - 1
         return ahead in (0, 1) and behind in (-1, 0, 1) and other.count - leading.count == ahead - behind

@@ -19,31 +19,34 @@ from drivers.schema.wording import problem_at
 
 FRAME_SCHEMES = frozenset({"slcan", "can", "socketcand", "log"})
 DBC_LIMIT_BYTES = 2**20
-IDLE_BLOCK_S = 10.0  # how long frames are collected while there is no acquisition
+IDLE_BLOCK_S = 10.0  # interval at which frames are collected outside an acquisition
 
-SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
+SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal of the DBC")]
 
 
 class DbcOptions(StrictModel):
     """Options of a device whose frames a DBC describes."""
 
-    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="describes the frames")
+    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="DBC file of the frames")
 
 
 class PositionOptions(StrictModel):
     """Signals of a table's encoder that is latched with the other data of the node; both have one clock."""
 
-    position: SignalName = Field(description="the counts of the encoder; they wrap")
-    sequence: SignalName = Field(description="the number of the latch, or of the sample, that they belong to")
+    position: SignalName = Field(description="counts of the encoder, which wrap")
+    sequence: SignalName = Field(description="sequence number of their latch or sample")
     resolution: Annotated[float, InUnit("arcsec", above=0)] = Field(description="one count")
 
 
 class ClockUncertainty(StrictModel):
     """Expanded uncertainty of a node's clock, from its certificate."""
 
-    time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of its clock, such as 1 ppm")
+    time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(
+        0.0, description="relative uncertainty of its clock, such as 1 ppm"
+    )
     encoder_skew: Seconds = Field(
-        0.0, description="of the time between the latch of an encoder and that of the pulses, or the end of the sample"
+        0.0,
+        description="uncertainty of the delay of an encoder latch after that of the pulses, or the end of the sample",
     )
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-CODE = "code"  # the unit of samples that are not decoded
-WITH_THE_COUNTS = ""  # in place of the channel that an encoder is latched with
+CODE = "code"  # unit of samples that are not decoded
+WITH_THE_COUNTS = ""  # instead of the channel with which an encoder is latched
 
 
 @dataclass(frozen=True, slots=True)

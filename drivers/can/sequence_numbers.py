@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
-MOST_LATE = 64  # numbers that a frame may come behind the newest; one further back is of a sender that began anew
-CLOCK_SLACK = 0.5  # of the usual time from one number to the next
+MOST_LATE = 64  # numbers by which a frame may be behind the newest; one further back is from a restarted sender
+CLOCK_SLACK = 0.5  # tolerance, relative to the usual interval between numbers
 
 
 def shortest(steps: Integers, bits: int) -> Integers:
@@ -29,7 +29,7 @@ def unwrapped_by_clock(raw: Integers, bits: int, ticks: Integers, tick_bits: int
     """
     steps, clock = shortest(np.diff(raw), bits), shortest(np.diff(ticks), tick_bits)
     if not len(steps) or ((steps == 1).all() and 0 < clock.max() < 2 * clock.min()):
-        return raw[:1] + np.arange(len(raw))  # it cannot have gone round between any two
+        return raw[:1] + np.arange(len(raw))  # the number cannot have wrapped between any two
     forward = (steps > 0) & (clock != 0)
     if not forward.any():
         return unwrapped(raw, bits)
@@ -57,7 +57,7 @@ def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
     fresh = ascending(numbers)
     steps, clock = np.diff(numbers[fresh]), np.diff(ticks[fresh]) % (1 << tick_bits)
     each = float(np.median(clock[clock > 0] / steps[clock > 0])) if clock.any() else 0.0
-    rounding = steps  # that time is a whole number of ticks only in the mean
+    rounding = steps  # that interval is a whole number of ticks only on average
     jumps = (steps > 1) & (np.abs(clock - steps * each) >= CLOCK_SLACK * each + rounding)
     last = np.maximum.accumulate(np.where(fresh, np.arange(len(numbers)), 0))
     behind, anew = numbers[last] - numbers, ~fresh

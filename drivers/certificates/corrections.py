@@ -20,28 +20,28 @@ ARCSEC_PER_DEG = 3600.0
 class AngleCorrection(StrictModel):
     """A row of the table of an axis."""
 
-    at: Degrees = Field(description="the angle that is read")
-    add: Annotated[float, InUnit("arcsec")] = Field(description="what must be added to it")
+    at: Degrees = Field(description="indicated angle")
+    add: Annotated[float, InUnit("arcsec")] = Field(description="correction to be added to it")
 
 
 class TemperatureCorrection(StrictModel):
     """A row of the table of a thermometer."""
 
-    at: Celsius = Field(description="the temperature that is read")
-    add: Annotated[float, InUnit("°C")] = Field(description="what must be added to it")
+    at: Celsius = Field(description="indicated temperature")
+    add: Annotated[float, InUnit("°C")] = Field(description="correction to be added to it")
 
 
 class CurrentCorrection(StrictModel):
     """A row of the table of a current source, or of an ammeter."""
 
-    at: Annotated[float, InUnit("A")] = Field(description="the current that it is set to, or reads")
-    add: Annotated[float, InUnit("A")] = Field(description="the correction to add to obtain the true current")
+    at: Annotated[float, InUnit("A")] = Field(description="set or indicated current")
+    add: Annotated[float, InUnit("A")] = Field(description="correction to be added to obtain the true current")
 
 
 def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
     _rising([(row.at, row.at + row.add / ARCSEC_PER_DEG) for row in rows])
     if rows and rows[-1].at - rows[0].at > TURN_DEG:
-        raise telling(f"the rows are those of one turn, and go from {rows[0].at:g}° to {rows[-1].at:g}°")
+        raise telling(f"the rows must lie within one turn, and go from {rows[0].at:g}° to {rows[-1].at:g}°")
     return rows
 
 
@@ -61,7 +61,7 @@ def _rising(rows: list[tuple[float, float]]) -> None:
         if after <= before:
             raise telling(f"the rows rise, and {after:g} stands after {before:g}")
         if high <= low:
-            raise telling(f"what is read as {after:g} is corrected to no more than what is read as {before:g}")
+            raise telling(f"the reading {after:g} is corrected to no more than the reading {before:g}")
 
 
 TemperatureTable = Annotated[tuple[TemperatureCorrection, ...], AfterValidator(_temperatures)]
@@ -72,7 +72,7 @@ AngleTable = Annotated[tuple[AngleCorrection, ...], AfterValidator(_angles)]
 class AxisCorrections(StrictModel):
     """Corrections of an axis, from its certificate."""
 
-    angle: AngleTable = Field((), description="rows of one turn, by rising angle; all turns are corrected alike")
+    angle: AngleTable = Field((), description="rows of one turn, by rising angle; the same for all turns")
 
 
 class ClockCorrections(StrictModel):
@@ -84,8 +84,8 @@ class ClockCorrections(StrictModel):
 class VoltageCorrections(StrictModel):
     """Corrections of a voltmeter in its range, from its certificate."""
 
-    gain: Annotated[Ratio, InUnit("")] = Field(0.0, description="of the reading, what must be added, such as -3 ppm")
-    offset: Annotated[float, InUnit("V")] = Field(0.0, description="what must be added, whatever it reads")
+    gain: Annotated[Ratio, InUnit("")] = Field(0.0, description="correction relative to the reading, such as -3 ppm")
+    offset: Annotated[float, InUnit("V")] = Field(0.0, description="constant correction")
 
 
 class CurrentCorrections(StrictModel):

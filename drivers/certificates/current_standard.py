@@ -12,8 +12,6 @@ from drivers.schema.fields import InUnit, Ratio, StrictModel
 class CurrentUncertainty(StrictModel):
     """Expanded uncertainty of a current source or an ammeter in its range, warmed up, from its certificate."""
 
-    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the current, such as 40 ppm")
-    offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="the same at every current")
-    drift: Annotated[float, InUnit("1/h", at_least=0)] = Field(
-        0.0, description="of the current in an hour, such as 2 ppm/h"
-    )
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="relative to the current, such as 40 ppm")
+    offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="constant part")
+    drift: Annotated[float, InUnit("1/h", at_least=0)] = Field(0.0, description="relative drift, such as 2 ppm/h")

@@ -12,7 +12,7 @@ from drivers.transport.address import Address
 from drivers.transport.wires import Wires
 
 ANSWER_S = 1.0
-QUIET_S = 0.3  # after which an answer is over; the slowest instrument needs as much before the next question
+QUIET_S = 0.3  # silence after which an answer is complete; the slowest instrument also needs it before the next query
 ANSWER_LIMIT_BYTES = 65_536
 LINE_ENDS = (b"\r", b"\n")
 

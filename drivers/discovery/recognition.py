@@ -15,7 +15,7 @@ from typing import Literal, Protocol
 from drivers.protocols import scpi
 from drivers.values import Identity
 
-IDN = b"*IDN?\r\n"  # an instrument that ends lines with either of the two takes the other for an empty one
+IDN = b"*IDN?\r\n"  # an instrument that ends lines with one of the two takes the other for an empty line
 _ERRORS_AT_MOST = 32
 _IDENTITY = re.compile(rb"[\x20-\x7e]{1,200}")
 _ENDS = {"crlf": b"\r\n", "cr": b"\r", "lf": b"\n"}

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from drivers.values import Approach
 
 ARCSEC_PER_DEG = 3600
-ASTRAY_BANDS = 10  # this many bands off is no scatter: somebody or something has interfered
-FAR_AWAY_POLL_S = 0.5  # how often a move is looked at while its end is far away
+ASTRAY_BANDS = 10  # a larger deviation, in bands, is no scatter: there was an interference
+FAR_AWAY_POLL_S = 0.5  # interval of polls while the end of a move is far away
 _SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
 
 

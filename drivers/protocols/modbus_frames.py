@@ -20,7 +20,7 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterRequest,
 )
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what it logs, we raise
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what it logs is raised here
 
 Pdu = ModbusPDU
 Framing = Literal["tcp", "rtu"]
@@ -83,7 +83,7 @@ class TcpFrames:
         while len(received) > _HEADER_BYTES:
             number, protocol, length = (int.from_bytes(received[at : at + 2], "big") for at in (0, 2, 4))
             if protocol != 0 or not 2 <= length <= _LONGEST_BYTES:
-                received.clear()  # where the next frame would begin is unknown
+                received.clear()  # the start of the next frame is unknown
                 return None
             if len(received) < _HEADER_BYTES + length:
                 return None

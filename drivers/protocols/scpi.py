@@ -16,7 +16,7 @@ NO_ERROR = 0
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _ERROR = re.compile(r"""([+-]?\d{1,6})\s*,\s*(?:"((?:[^"]|"")*)"|'([^']*)'|([A-Za-z][^"',;]*))""", re.ASCII)
-_EVENT_ERRORS = {  # bit of the event status register, and the class of errors that it tells
+_EVENT_ERRORS = {  # bit of the event status register, and its class of errors
     5: (-100, "Command error"), 4: (-200, "Execution error"), 3: (-300, "Device-specific error"),
     2: (-400, "Query error"),
 }  # fmt: skip

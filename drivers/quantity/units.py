@@ -119,11 +119,11 @@ _REFUSED = {
     "'": "write arcmin for minutes of arc",
 }
 
-_WITH_MEGA = ("Hz", "Ω", "ohm", "pulse", "Pa")  # others come in thousands of thousands by a slip for milli alone
+_WITH_MEGA = ("Hz", "Ω", "ohm", "pulse", "Pa")  # for others a prefix of a million is a typing error for milli
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _SUPERSCRIPT_RUN = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
-_SAME = (("º", "°"), ("˚", "°"))  # before NFKC, which would take them apart
+_SAME = (("º", "°"), ("˚", "°"))  # before NFKC, which would decompose them
 _ALIKE = (("−", "-"), ("′′", '"'), ("′", "'"), ("μ", "µ"), ("⋅", "·"))
 _TOKEN = re.compile(r"\s*(?:(1(?!\d))|([^\s\d·*/^()+.,-]+)|([·*/()]))", re.ASCII)
 _EXPONENT = re.compile(r"\^\(-?\d+(?:\.\d+)?\)|\^?-?\d+(?:\.\d+)?", re.ASCII)
@@ -240,7 +240,7 @@ def _meant(symbol: str) -> str:
     )
 
 
-# What people write a dimension in; the first that fits.
+# Customary unit of a dimension; the first that fits.
 _CUSTOMARY = (
     "", "s", "°C", "°", "A", "V", "m", "g", "pulse", "code", "°C/min", "°/s", "°/s²", "Hz", "m/s²", "pulse/s", "Ω", "W",
     "Pa", "N",

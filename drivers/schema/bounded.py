@@ -23,7 +23,7 @@ def read_bounded(path: Path, limit_bytes: int) -> bytes:
             data = file.read(limit_bytes + 1)
     except (OSError, ValueError) as problem:
         raise _in_words(problem) from None
-    if len(data) > limit_bytes:  # it has grown meanwhile
+    if len(data) > limit_bytes:  # the file has grown meanwhile
         raise UnfitFileError("grows while it is read", len(data))
     return data
 
@@ -37,7 +37,7 @@ def expect_bounded(path: Path, limit_bytes: int) -> None:
 
 
 def _not_waiting(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK)  # for somebody who writes to a pipe
+    return os.open(path, flags | os.O_NONBLOCK)  # waiting for the writer of a pipe
 
 
 def _expect_bounded(found: os.stat_result, limit_bytes: int) -> None:

@@ -38,8 +38,8 @@ from drivers.schema.wording import expected, in_plain_words, in_words, telling
 ContentT = TypeVar("ContentT", bound=BaseModel)
 
 DEFERRED = {"deferred": True}
-UNKNOWN = Quantity(math.nan)  # what an expression has whose value is not known yet
-UNIT_KEYWORD = "x-unit"  # of a JSON Schema: the unit of a quantity
+UNKNOWN = Quantity(math.nan)  # value of an expression that is not evaluated yet
+UNIT_KEYWORD = "x-unit"  # extension of JSON Schema: the unit of a quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +153,7 @@ def _any_quantity(raw: object, info: core_schema.ValidationInfo) -> Quantity:
         raise telling(str(problem)) from None
 
 
-# A quantity whose unit is that of what it is compared with.
+# Unit of a quantity equals that of the limit it is compared with.
 AnyQuantity = Annotated[
     Quantity, PlainValidator(_any_quantity), WithJsonSchema({"type": ["number", "string"], "minLength": 1})
 ]
@@ -270,12 +270,12 @@ class FileBeside:
         if not isinstance(raw, str) or not raw or not isinstance(folder, Path):
             raise expected("the name of a file beside this one", raw)
         try:
-            exists = _is_file(folder / raw)  # first: of a link to itself no place is known
+            exists = _is_file(folder / raw)  # first: a link to itself has no location
             path = (folder / raw).resolve()
             inside = path.is_relative_to(folder.resolve())
         except OSError as problem:
             raise telling(f"{quoted(raw)} cannot be read ({problem.strerror})") from None
-        except ValueError:  # a zero byte, half a character
+        except ValueError:  # a zero byte, an incomplete character
             raise telling(f"{quoted(raw)} cannot be read (no file can have this name)") from None
         if not inside:
             raise telling(f"{quoted(raw)} leaves the folder of this file")

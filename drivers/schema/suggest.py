@@ -12,7 +12,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     return _nearest(name, tuple(known))
 
 
-_LOOKS_LIKE = str.maketrans("oil", "011")  # letters that are taken for digits, such as KO for K0
+_LOOKS_LIKE = str.maketrans("oil", "011")  # letters mistaken for digits, such as KO for K0
 
 
 @functools.lru_cache(maxsize=1024)

@@ -8,7 +8,7 @@ from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from drivers.quantity.units import quoted
 
-# What was expected, by the type of a finding; the braces hold what pydantic knows of it.
+# Expected values, by pydantic's error type; placeholders are its context.
 _EXPECTED: Mapping[str, str] = {
     "string_type": "text",
     "string_too_short": "text",

@@ -11,7 +11,7 @@ import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
-ROUNDING_S = 1e-9  # of times of a loop, which are sums
+ROUNDING_S = 1e-9  # rounding error of loop times, which are sums
 SLICE_S = 0.25
 
 

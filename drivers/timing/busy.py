@@ -2,4 +2,4 @@
 
 from __future__ import annotations
 
-BUSY_S = 120.0  # a dialogue that is asked again, a connection made anew, and any command of a device that only answers
+BUSY_S = 120.0  # for a repeated dialogue, a reconnection, and any command of a device that only answers

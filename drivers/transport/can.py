@@ -26,7 +26,7 @@ from drivers.transport.text_frames import TextFrames
 
 P = TypeVar("P", bound=asyncio.Protocol)
 LOG_LIMIT_BYTES = 2**30
-COLLECT_LIMIT_FRAMES = 2_000_000  # a minute of a full bus, if frames are not taken
+COLLECT_LIMIT_FRAMES = 2_000_000  # one minute of a fully loaded bus, if frames are not taken
 _ANSWER_S = 1.0
 
 
@@ -48,7 +48,7 @@ async def open_slcan(
         raise CannotConnect(device, f"{address}: slcan knows the bit rates {', '.join(map(str, slcan.BITRATES))}")
     link = await join(lambda: Slcan(device))
     try:
-        await link.command(slcan.CLOSE, may_refuse=True)  # refused when it was closed already
+        await link.command(slcan.CLOSE, may_refuse=True)  # refused if it was closed already
         await link.command(slcan.BITRATES[bitrate])
         await link.command(slcan.OPEN)
     except BaseException:
@@ -110,11 +110,10 @@ def read_log(device: str, path: Path) -> FrameBlock:
         expect_bounded(path, LOG_LIMIT_BYTES)
         with can.LogReader(path) as reader:
             kept = [(message.timestamp, *frame) for message in reader if (frame := frame_of(message)) is not None]
-    except Exception as problem:  # the readers let errors of many kinds out
+    except Exception as problem:  # the readers raise errors of many kinds
         raise CannotConnect(
             device, f"cannot read the log {path}: {str(problem) or type(problem).__name__}",
-            remedy="Check its path, which is from the folder of the bench file, and that its file extension names "
-            "its format.",
+            remedy="Check its path, which is relative to the bench file, and that its file extension fits its format.",
         ) from problem  # fmt: skip
     if not kept:
         raise CannotConnect(device, f"the log {path} has no frame", remedy="Record it again.")
@@ -170,7 +169,7 @@ class PythonCan:
         if self._failure and not count:
             raise LinkLost(self._device, self._failure, remedy="Check the bus, its termination and the adapter.")
         if count == COLLECT_LIMIT_FRAMES:
-            raise InstrumentFault(self._device, "frames arrived faster than anybody took them, and some are lost")
+            raise InstrumentFault(self._device, "frames arrived faster than they were read, and some are lost")
         return block_of([self._frames.popleft() for _ in range(count)])
 
     def close(self) -> None:
@@ -197,7 +196,7 @@ class PythonCan:
         try:
             return self._bus.recv(wait_s)
         except (can.CanError, OSError) as problem:
-            with contextlib.suppress(RuntimeError):  # the loop may be closed by now
+            with contextlib.suppress(RuntimeError):  # the loop may be closed already
                 self._loop.call_soon_threadsafe(self._fail, str(problem))
             self._failure = str(problem)
             return None

@@ -20,7 +20,7 @@ from drivers.transport.wires import Wires
 T = TypeVar("T")
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0  # between attempts to connect again
-SERIAL_GAP_S = 0.02  # some twenty bytes at 9600 baud
+SERIAL_GAP_S = 0.02  # about twenty bytes at 9600 baud
 
 
 async def once_more(ask: Callable[[], Awaitable[T]], note: Callable[[str], object]) -> T:

@@ -91,7 +91,7 @@ class LineExchange(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
         self._lost = "not connected"
         self._cut_ins = 0
-        self._doubts = 0  # surprises since the channel was last proved; trusted at 0
+        self._doubts = 0  # communication errors since the last proof; in sync at 0
 
     @property
     def lost(self) -> bool:
@@ -139,7 +139,7 @@ class LineExchange(asyncio.Protocol):
         self._doubts += 1
         self._send(command)
         if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_exception(Refused(self.device, "cut short, the instrument is being made safe"))
+            self._waiter.set_exception(Refused(self.device, "aborted, the instrument is being made safe"))
 
     def distrust(self) -> None:
         """Mark the channel as out of sync: it is drained and verified before the next exchange."""
@@ -160,22 +160,22 @@ class LineExchange(asyncio.Protocol):
     async def _exchange(self, question: bytes, read: Callable[[bytes], T], answer_s: float | None = None) -> T:
         deadline_s = self._pace.answer_s if answer_s is None else answer_s
         until_s = asyncio.get_running_loop().time() + deadline_s
-        self._doubts += 1  # until the whole answer is here and understood
+        self._doubts += 1  # until the answer is complete and decoded
         self._send(question)
         while (line := self._taken()) is None and let_arrive(self._transport, until_s):
-            pass  # what a simulator in this process answers, without a timer
+            pass  # answer of a simulator in this process, without a timer
         if line is None:
             line = await self._line_until(until_s, deadline_s, question)
         if self._received:
             raise BadAnswer(
-                self.device, "more than one line came back", sent=printable(question),
+                self.device, "more than one line was received", sent=printable(question),
                 received=f"{printable(line)} then {self._leftover()}",
             )  # fmt: skip
         try:
             value = read(line)
         except ValueError as problem:
             raise BadAnswer(
-                self.device, f"an answer that is not understood: {problem}", sent=printable(question),
+                self.device, f"an invalid answer: {problem}", sent=printable(question),
                 received=printable(line), remedy="Check the line settings and that nobody else uses this port.",
             ) from problem  # fmt: skip
         self._doubts -= 1
@@ -190,7 +190,7 @@ class LineExchange(asyncio.Protocol):
         if self._received:
             self._doubts += 1
             raise BadAnswer(
-                self.device, "said something unasked", received=self._leftover(),
+                self.device, "sent unsolicited data", received=self._leftover(),
                 remedy="Nothing was sent. Check that nobody else uses this port, and the terminator in the bench file.",
             )  # fmt: skip
 
@@ -223,7 +223,7 @@ class LineExchange(asyncio.Protocol):
                 return
             if loop.time() > deadline_s:
                 raise BadAnswer(
-                    self.device, f"does not stop talking within {DRAIN_LIMIT_S:g} s", received=self._leftover(),
+                    self.device, f"is not silent within {DRAIN_LIMIT_S:g} s", received=self._leftover(),
                     remedy="Check the line settings, and that the instrument is not in a talk-only mode.",
                 )  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from drivers.can.frame_block import FrameBlock
 
-DURABLE_BLOCK_S = 1.0  # what is not with the run store yet when the power fails
+DURABLE_BLOCK_S = 1.0  # data not yet in the run store are lost in a power failure
 
 
 class FrameLink(Protocol):

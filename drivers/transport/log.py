@@ -10,7 +10,7 @@ import numpy as np
 from drivers.can.frame_block import FrameBlock
 from drivers.errors import NoAnswer
 
-LOG_BLOCK_S = 10.0  # what is recorded already may be left together
+LOG_BLOCK_S = 10.0  # recorded frames may stay buffered
 ENDED_AFTER_S = 1.0
 
 

@@ -50,8 +50,8 @@ class MemoryTransport(asyncio.Transport):
         self._loop = loop
         self._run_now = loop.run_now if isinstance(loop, VirtualLoop) else _never
         self._line = line
-        self._free_at = 0.0  # when the line has sent what was written before
-        self._under_way: deque[asyncio.TimerHandle] = deque()  # what was sent and has not arrived
+        self._free_at = 0.0  # when the line has sent all earlier data
+        self._under_way: deque[asyncio.TimerHandle] = deque()  # data in transit
         self._waiting: deque[bytes | None] = deque()
         self._paused = False
         self._closing = False

@@ -13,10 +13,10 @@ from drivers.transport.exchange import printable_hex
 from drivers.transport.memory import let_arrive
 from drivers.transport.wires import Wires
 
-GAP_S = 0.03  # what a controller on a serial line needs between an answer and the next request
+GAP_S = 0.03  # silence that a controller on a serial line needs between an answer and the next request
 QUIET_S = 0.5  # after such a silence of a serial line a late answer is no longer expected
-DRAINS = 10  # such silences are waited for so often
-_EXCEPTIONS = {  # code: (what it means, what to do)
+DRAINS = 10  # number of such silences to wait for
+_EXCEPTIONS = {  # code: (meaning, remedy)
     1: ("illegal function", "Check that the driver fits the instrument."),
     2: ("no such register", "Check that the driver, and its options in the bench file, fit the instrument."),
     3: ("illegal value", "Check the limits and locks that are set at the instrument."),
@@ -60,7 +60,7 @@ class ModbusLink:
             if not limit.expired():
                 raise
             raise CannotConnect(
-                self.device, f"nobody answers at {self.address}",
+                self.device, f"no connection to {self.address}",
                 remedy="Check that the controller is on, its network address, and the port in the bench file.",
             ) from problem  # fmt: skip
         self._frames = frames_of(self.framing, self._unit_id)
@@ -122,13 +122,13 @@ class ModbusLink:
         if stream.silent_s < self._gap_s:
             await asyncio.sleep(self._gap_s - stream.silent_s)
         if stream.received and self.framing == "rtu":
-            raise self._misfit(f"{printable_hex(stream.received)} before anything was asked", sent)
+            raise self._misfit(f"{printable_hex(stream.received)} before the request", sent)
         until_s = asyncio.get_running_loop().time() + self._answer_s
         stream.write(self._frames.request(request))
         try:
             while (answer := self._frames.answer(stream.received)) is None and stream.let_arrive(until_s):
                 pass
-            if answer is not None:  # of a simulator in this process, which saves a timer
+            if answer is not None:  # for a simulator in this process, which saves a timer
                 return answer
             async with patience(until_s - asyncio.get_running_loop().time()):
                 while (answer := self._frames.answer(stream.received)) is None:
@@ -137,7 +137,7 @@ class ModbusLink:
             raise NoAnswer(
                 self.device, f"no answer within {self._answer_s:g} s from {self.address}", sent=sent,
                 received=printable_hex(stream.received),
-                remedy="Check that the controller is on and that nobody pulled the cable.",
+                remedy="Check that the controller is on and that its cable is connected.",
             ) from None  # fmt: skip
         except ConnectionError as problem:
             raise self._lost("was closed", sent) from problem
@@ -156,7 +156,7 @@ class ModbusLink:
         raise BadAnswer(
             self.device, f"the line at {self.address} is not silent within {DRAINS * QUIET_S:g} s",
             received=printable_hex(stream.received),
-            remedy="Check that no other program or display asks on this line, and the line settings.",
+            remedy="Check that no other program or display polls on this line, and the line settings.",
         )  # fmt: skip
 
     def _open_stream(self, sent: str) -> _Stream:

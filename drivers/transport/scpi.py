@@ -21,7 +21,7 @@ ERROR_QUERIES: Mapping[bytes, ReadError] = {
     b":SYST:ERR?": scpi.error_entry,  # SCPI-1999
     b":STAT:ERR?": scpi.error_entry,  # Yokogawa
     b"*ESR?": scpi.event_entry,  # IEEE 488.2, for an instrument without a queue
-}  # what an instrument is asked for its errors, in the order in which that is tried
+}  # queries of the errors, in the order in which they are tried
 ERRORS_AT_MOST = 32
 
 
@@ -41,7 +41,7 @@ class ScpiLink:
         self._device, self._who = setup.name, Recognised(setup.name, setup.identity)
         self._read_identity, self._note = read_identity, setup.note
         self._error_queries = error_queries
-        self._error_query = b""  # the one that it answers
+        self._error_query = b""  # the query that it answers
         proof = Proof(IDENTITY_QUERY, self._recognise)
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors, note=setup.note
@@ -103,12 +103,12 @@ class ScpiLink:
             try:
                 entry = await self.ask(query, self._error_queries[query])
             except NoAnswer as silent:
-                await self.ask_once(IDENTITY_QUERY, self._recognise)  # raises when it is silent altogether
+                await self.ask_once(IDENTITY_QUERY, self._recognise)  # raises if it does not answer at all
                 problem = silent
             else:
                 self._error_query = query
                 if query != first:
-                    self._note(f"it does not answer {first.decode()}; it is asked for its errors by {query.decode()}")
+                    self._note(f"it does not answer {first.decode()}; its errors are queried by {query.decode()}")
                 return entry
         raise problem
 

@@ -24,9 +24,9 @@ STABLE_NAMES = Path("/dev/serial/by-id")
 _REFUSED = {
     errno.EACCES: "no permission; ask the administrator of this computer to add you to its group, mostly dialout",
     errno.EPERM: "no permission; ask the administrator of this computer to add you to its group, mostly dialout",
-    errno.EAGAIN: "another program has it",
-    errno.EBUSY: "another program has it",
-    errno.ENOENT: "there is no such port",
+    errno.EAGAIN: "another program uses it",
+    errno.EBUSY: "another program uses it",
+    errno.ENOENT: "no such port",
 }
 
 
@@ -102,7 +102,7 @@ def _turn_round_by_rts(port: serial.Serial) -> None:
         port.rs485_mode = RS485Settings()
     except ValueError as problem:
         port.close()
-        raise ValueError(f"this port does not turn an RS-485 line round by RTS ({problem})") from problem
+        raise ValueError(f"this port cannot switch the RS-485 direction by RTS ({problem})") from problem
 
 
 def _parity(address: Address) -> str:
@@ -182,7 +182,7 @@ class DeviceTransport(asyncio.Transport):
 
     def close(self) -> None:
         """Close the device; bytes not yet taken by the kernel are dropped. Closing twice is harmless."""
-        # asyncio's pipe transports do not take it well when they are closed twice.
+        # asyncio's pipe transports must not be closed twice.
         if self._writer is not None and not self._writer.is_closing():
             self._writer.abort()
         if self._reader is not None and not self._reader.is_closing():

@@ -24,7 +24,7 @@ for _index, _digit in enumerate(b"0123456789ABCDEF"):
 for _index, _digit in enumerate(b"abcdef", start=10):
     _NIBBLES[_digit] = _index
 _DIGITS = np.frombuffer(b"0123456789ABCDEF", np.uint8)
-_IDENTIFIERS = {ord("t"): (3, 8), ord("T"): (8, 2)}  # how many digits, and what the first is below: 11 and 29 bits
+_IDENTIFIERS = {ord("t"): (3, 8), ord("T"): (8, 2)}  # number of digits, and limit of the first one: 11 and 29 bits
 
 
 def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:

@@ -22,7 +22,7 @@ from drivers.transport.text_frames import TextFrames
 
 HI, OK, RAW_MODE = b"< hi >", b"< ok >", b"< rawmode >"
 ANSWER_S = 3.0
-TEXT_LIMIT_BYTES = 4096  # of one that has no end
+TEXT_LIMIT_BYTES = 4096  # limit for a text without an end
 
 _TEXT = re.compile(rb"<[^<>]*>")
 _FRAME = re.compile(rb"< frame ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) \d+\.\d+ +((?:[0-9A-Fa-f]{2} ?){0,8})>")
@@ -141,7 +141,7 @@ class Socketcand(TextFrames):
             self._rest = self._rest[text.end() :]
             self._answer.set_result(True)
         else:
-            self._answer.set_exception(self._refused("it does not agree", b"", text[0]))
+            self._answer.set_exception(self._refused("the request was refused", b"", text[0]))
 
     def _refused(self, problem: str, request: bytes, said: bytes) -> CannotConnect:
         return CannotConnect(

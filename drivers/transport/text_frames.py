@@ -23,7 +23,7 @@ class TextFrames(asyncio.Protocol):
         self._chunks: list[tuple[float, bytes]] = []
         self._rest = b""
         self._lost = "not connected"
-        self._answer: asyncio.Future[bool] | None = None  # to what was asked before frames come
+        self._answer: asyncio.Future[bool] | None = None  # answers to commands before the first frame
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -38,7 +38,11 @@ class TextFrames(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Note the loss of the connection."""
-        self._lost = f"{self._adapter} is gone ({exc})" if exc else f"{self._adapter} is gone"
+        self._lost = (
+            f"{self._adapter} has closed the connection ({exc})"
+            if exc
+            else f"{self._adapter} has closed the connection"
+        )
         if self._answer is not None and not self._answer.done():
             self._answer.set_exception(LinkLost(self._device, self._lost))
 

@@ -39,7 +39,7 @@ class RealWires:
                 _, protocol = await loop.create_connection(factory, address.host, address.port)
         except (OSError, TimeoutError) as problem:
             raise CannotConnect(
-                device, f"nobody answers at {address} ({str(problem) or 'no answer within 10 s'})",
+                device, f"no connection to {address} ({str(problem) or 'no answer within 10 s'})",
                 remedy="Check that the instrument is on, its network address, and the port in the bench file.",
             ) from problem  # fmt: skip
         return protocol

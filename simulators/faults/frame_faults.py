@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.can.frame_block import EXTENDED, FrameBlock
 
-FURTHEST_ROWS = 12  # that a frame comes late
+FURTHEST_ROWS = 12  # a frame arrives late
 MEAN_BURST_ROWS = 20
 FOREIGN_IDS = 1 << 11
 
@@ -24,13 +24,13 @@ Rows = NDArray[np.intp]
 class FrameFault(StrEnum):
     """Kinds of frame faults."""
 
-    LOST = "lost_frames"  # now and then one does not come
-    BURST = "lost_bursts"  # no frames for a while
+    LOST = "lost_frames"  # single frames are lost
+    BURST = "lost_bursts"  # no frames for some time
     DOUBLED = "doubled_frames"  # a frame arrives twice
     LATE = "late_frames"  # a frame arrives after later ones
     FOREIGN = "foreign_frames"  # another node sends on this bus
-    SHORT = "short_frames"  # one has another length
-    SWAPPED = "swapped_frames"  # two neighbours have each other's identifiers
+    SHORT = "short_frames"  # a frame has another length
+    SWAPPED = "swapped_frames"  # two neighbours have swapped identifiers
 
 
 @dataclass(frozen=True, slots=True)

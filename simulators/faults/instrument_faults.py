@@ -15,7 +15,7 @@ from typing import Any, Literal, Protocol
 
 from simulators.faults.line_faults import LineFault
 
-OPEN_C = 320.0  # what an open thermometer reads
+OPEN_C = 320.0  # reading of an open thermometer
 FaultKind = Literal[
     "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",
     "slow_close", "frozen", "stuck", "lag", "restart", "door_open", "emergency_stop", "front_panel", "program",
@@ -31,8 +31,8 @@ LINE_FAULTS: Mapping[FaultKind, LineFault] = {
     "half_open": LineFault.HALF_OPEN, "slow_close": LineFault.SLOW_CLOSE,
 }  # fmt: skip
 
-BROKEN_DRAWS = 3.0  # times its current
-LAG_S = 0.7  # between what an instrument acknowledges and what it does, where it lags
+BROKEN_DRAWS = 3.0  # factor of its current
+LAG_S = 0.7  # delay from acknowledgement to execution with `lag`
 
 
 def nothing(_instrument: Any) -> None:

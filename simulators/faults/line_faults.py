@@ -24,14 +24,14 @@ class LineFault(StrEnum):
     DELAY = "delay"  # it is delayed, within the timeout
     LATE = "late"  # it arrives after the timeout
     DUPLICATE = "duplicate"  # it arrives twice
-    GARBAGE = "garbage"  # other bytes come before it
+    GARBAGE = "garbage"  # other bytes arrive before it
     CUT = "cut"  # it is truncated
     SPLIT = "split"  # it arrives byte by byte
-    FLIP = "flip"  # one bit is turned
+    FLIP = "flip"  # one bit is inverted
     ECHO = "echo"  # the query is echoed before it
-    RESET = "reset"  # the connection is cut in its place
+    RESET = "reset"  # the connection is cut instead
     HALF_OPEN = "half_open"  # no more data on this connection, which stays open
-    SLOW_CLOSE = "slow_close"  # it does not come, and the connection is closed a while later
+    SLOW_CLOSE = "slow_close"  # it is lost, and the connection is closed some time later
 
 
 Chooser = Callable[[int], LineFault | None]

@@ -112,7 +112,7 @@ class ModbusTcpSession:
         while len(self._received) >= _HEADER.size:
             transaction, protocol, length, unit = _HEADER.unpack_from(self._received)
             if protocol != 0 or not 2 <= length <= _LONGEST:
-                self._received.clear()  # where the next request would begin is unknown
+                self._received.clear()  # the start of the next request is unknown
                 break
             end = _HEADER.size - 1 + length
             if len(self._received) < end:

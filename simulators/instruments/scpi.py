@@ -26,7 +26,7 @@ LINE_LIMIT_BYTES = 4096
 SCPI_VERSION = "1997.0"
 _EVENT_BITS = ((range(-199, -99), 5), (range(-299, -199), 4), (range(-399, -299), 3), (range(-499, -399), 2))
 POWER_ON = 1 << 7
-ERROR_AVAILABLE, EVENT_SUMMARY, MASTER_SUMMARY = 1 << 2, 1 << 5, 1 << 6  # of the status byte
+ERROR_AVAILABLE, EVENT_SUMMARY, MASTER_SUMMARY = 1 << 2, 1 << 5, 1 << 6  # bit of the status byte
 _REGISTER_MOST = 255
 
 

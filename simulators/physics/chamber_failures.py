@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 Failure = Literal["heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow"]
-HOTTEST_C, COLDEST_C = 180.0, -90.0  # where all its power takes the air at last
+HOTTEST_C, COLDEST_C = 180.0, -90.0  # final air temperature at full power
 FULL_POWER_C_PER_S = 5 / 60
-BY_ITSELF_C_PER_S = 1 / 60  # what the air of a chamber that does nothing loses to the room
+BY_ITSELF_C_PER_S = 1 / 60  # heat loss of an idle chamber to the room
 SLOW_C_PER_S = 0.02 / 60
 
 

@@ -22,9 +22,11 @@ Phasors = NDArray[np.complex128]
 _POINTS, _WEIGHTS = (np.asarray(values) / 2 for values in np.polynomial.legendre.leggauss(4))
 POINTS: Array = _POINTS + 0.5
 """Quadrature points of an interval, as fractions of it."""
-SETTLED = 4.0  # |p| times the interval: a longer one is many times the sensor's memory, and averages what it senses
-SAME_S = 1e-9  # intervals that differ by less are alike
-SPAN = 200.0  # of the logarithms that one cumulative sum goes over, far from the ends of what a number can be
+SETTLED = (
+    4.0  # limit of |p| times the interval: a longer one is many time constants of the sensor and averages its input
+)
+SAME_S = 1e-9  # intervals that differ by less count as equal
+SPAN = 200.0  # range of logarithms of one cumulative sum, far from the limits of a float
 
 
 @dataclass(frozen=True, slots=True)

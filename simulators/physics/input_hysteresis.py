@@ -48,8 +48,8 @@ class InputHysteresis:
         self._play, self._sensed_g, self._moves_until_s, self._look_s = play, sensed_g, moves_until_s, look_s
         self._times_s: list[Array] = [np.zeros(1)]
         self._bias_g: list[Array] = [np.zeros(1)]
-        self._last_change = 0  # the number of the first block after it
-        self._still = False  # whether the last block is of one force
+        self._last_change = 0  # number of the first block after it
+        self._still = False  # True if the last block has a constant force
 
     def follow(self, now_s: float) -> None:
         """Follow the input up to now; the stimulus has not changed since the last call."""

@@ -65,7 +65,7 @@ def _extremes(pulses: Array) -> tuple[Counts, Array]:
     one, two, three, four = (np.concatenate([ends[:1], pulses, ends[1:]])[turns + k] for k in range(4))
     slope, bend = (7 * (two + three) - one - four) / 12, (15 * (three - two) - (four - one)) / 24
     cubic, quartic = (one + four - two - three) / 12, (four - one - 3 * (three - two)) / 24
-    at = np.zeros_like(two)  # of the extreme, from the middle latch in intervals
+    at = np.zeros_like(two)  # position of the extreme, from the middle latch, in intervals
     for _ in range(TURNS_OF_EXTREME):
         speed = slope + at * (2 * bend + at * (3 * cubic + at * 4 * quartic))
         at = np.clip(at + speed / (two - three), -1.0, 1.0)

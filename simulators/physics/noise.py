@@ -11,8 +11,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-INSTABILITY_S = 10.0  # correlation time of the slow wander of the zero
-WANDER_STEP_S = 1.0  # how closely it is drawn, however long a block is
+INSTABILITY_S = 10.0  # correlation time of the bias drift
+WANDER_STEP_S = 1.0  # step of its draws, independent of the length of a block
 
 
 class Wander:

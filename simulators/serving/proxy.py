@@ -83,10 +83,10 @@ def main() -> None:
     parser.add_argument("--listen", type=_address, required=True, metavar="HOST:PORT")
     parser.add_argument("--to", type=_address, required=True, metavar="HOST:PORT")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--share", type=float, default=0.05, help="of the answers that suffer")
+    parser.add_argument("--share", type=float, default=0.05, help="share of the answers with a fault")
     parser.add_argument("--faults", default=",".join(LineFault), help="kinds, separated by commas")
-    parser.add_argument("--first", default="", help="of the first answers, in order; then none suffers")
-    parser.add_argument("--patience", type=float, default=3.0, help="how long the client waits for an answer, s")
+    parser.add_argument("--first", default="", help="of the first answers, in order; then none")
+    parser.add_argument("--patience", type=float, default=3.0, help="timeout of the client, s")
     options = parser.parse_args()
     kinds = [LineFault(name) for name in options.faults.split(",")]
     first = [LineFault(name) if name else None for name in options.first.split(",")]

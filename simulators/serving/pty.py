@@ -22,7 +22,7 @@ async def serve_pty(path: Path, factory: Callable[[], asyncio.Protocol]) -> Asyn
     """
     near, far = os.openpty()
     try:
-        # Held open, so that clients may come and go; raw, so that bytes pass as they are.
+        # Kept open, so that clients can reconnect; raw, so that bytes pass unchanged.
         tty.setraw(far)
         transport = await join_device(os.fdopen(near, "r+b", buffering=0), factory())
         try:

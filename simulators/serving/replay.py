@@ -55,7 +55,7 @@ class ReplayedSession:
             expected = self._lines[0]
             if expected.sign != SENT or not self._received.startswith(expected.data):
                 if expected.sign == SENT and expected.data.startswith(self._received):
-                    return at_once  # its beginning
+                    return at_once  # start time of the connection
                 break
             self._lines.pop(0)
             self._received = self._received[len(expected.data) :]

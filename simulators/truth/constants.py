@@ -24,10 +24,10 @@ from simulators.world import World
 
 Array = NDArray[np.float64]
 LEG_EVERY_S = 10.0
-STEPPED = {"turned_on_g": -3, "turned_on_scale": -2}  # columns of a unit's history, by their names in the truth
-LAST_LATCH_S = 0.1  # before the end of a leg, perhaps; a sample that ends behind it is not whole
-# Share of a further term that no other one explains, above which the angles of a run separate it. Of eight angles and
-# more these are 1, 0.32 and 0.08 to 0.15; at six, a degree off the level, K3 has 0.02 (equations 1.5).
+STEPPED = {"turned_on_g": -3, "turned_on_scale": -2}  # columns of a unit's history, by name in the truth
+LAST_LATCH_S = 0.1  # possibly before the end of a leg; a sample beyond the end is incomplete
+# Separable share of a further term above which the angles of a run determine it. For eight angles and more the shares
+# are 1, 0.32 and 0.08 to 0.15; for six, one degree off the level, K3 has 0.02 (equations 1.5).
 OWN_SHARE = {"Kip": 0.3, "K3": 0.2, "asymmetry": 0.06}
 
 

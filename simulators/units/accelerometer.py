@@ -73,14 +73,14 @@ class UnitTruth:
     counter_bits: int
     converter_c: float
     supply_a: float
-    turn_on_g: float = 0.0  # standard deviation of the step of the bias at each power-on
+    turn_on_g: float = 0.0  # standard deviation of the bias step at each power-on
     turn_on_scale: float = 0.0  # the same of the relative step of the scale factor
     jumps: tuple[tuple[float, float], ...] = ()  # the temperature in °C and the size in g of each
     alpha2: float = 0.0
     bandwidth_hz: float = 300.0
     damping: float | None = None
     delay_s: float = 0.0
-    codes_per_a: float = 0.0  # of one that sends none
+    codes_per_a: float = 0.0  # for a unit that sends none
     zero_code: float = 0.0
     noise_code: float = 0.0
     code_bits: int = 24

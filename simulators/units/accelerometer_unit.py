@@ -20,10 +20,10 @@ from simulators.units.unit_file import UnitFile, stream
 from simulators.units.unit_temperatures import Board, Thermometer, Warmth, followed_c
 
 Array = NDArray[np.float64]
-Input = Literal["accelerometer", "source"]  # what a converter is connected to
-LOOK_S = 0.02  # how finely a mean current follows the head
-LOOK_AT_SWING_S = 0.0005  # how finely hysteresis follows what swings
-HYSTERESIS_STEP_S = 1.0  # how closely it follows the temperature, however long a block is
+Input = Literal["accelerometer", "source"]  # connection of a converter
+LOOK_S = 0.02  # time step of a mean current during a motion of the head
+LOOK_AT_SWING_S = 0.0005  # time step of hysteresis during an oscillation
+HYSTERESIS_STEP_S = 1.0  # time step of temperature, independent of the length of a block
 
 
 class UnitState(NamedTuple):
@@ -53,7 +53,9 @@ class SimulatedUnit:
         self._follower = Follower(self.truth.dynamics) if self.truth.dynamics is not None else None
         self.faults = FaultPlan(now_s=world.now)
         self._index, self._world = index, world
-        self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
+        self.seats_deg: list[
+            tuple[float, float]
+        ] = []  # true time of each mounting by hand, and the mounting error since
         self._turn_on = stream(settings.seed, "uut", place, "accelerometer", "turn_on")
         self._turn_on_scale = stream(settings.seed, "uut", place, "accelerometer", "turn_on_scale")
         self._turned_on_g, self._turned_on_scale = 0.0, 0.0
@@ -64,7 +66,7 @@ class SimulatedUnit:
         self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
         self._thermometer, self._board_thermometer = self._thermometers(settings)
         self.board = Board(self.warmth, start_c)
-        self._last_c, self._last_g = start_c, (0.0, 0.0)  # of hysteresis, and of the rate of temperature
+        self._last_c, self._last_g = start_c, (0.0, 0.0)  # bias from hysteresis, and from the rate of temperature
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
         self.input: Input = "accelerometer"
@@ -190,7 +192,7 @@ class SimulatedUnit:
         hysteresis_g = self._hysteresis.bias_g(self.warmth.sensor_c)
         now_s = self._world.thermal.now_s
         state = self._state(now_s, hysteresis_g)
-        if not self.settings.channel:  # nobody else keeps its history
+        if not self.settings.channel:  # only this object keeps its history
             self.history.append(state)
         board_c = self.board.just_before_c(now_s, now_s - (begin_s + end_s) / 2, state.drifted_g)
         if self.powered_at_s is None:

@@ -102,12 +102,12 @@ class GyroTruth:
     delay_s: float
     counter_bits: int
     supply_a: float = 0.0
-    codes_per_pps: float = 0.0  # of one that sends none
+    codes_per_pps: float = 0.0  # for a gyro that sends none
     zero_code: float = 0.0
     noise_code: float = 0.0
     code_bits: int = 24
     clock: float = 0.0
-    amperes_per_pps: float = 0.0  # of one without an analogue output
+    amperes_per_pps: float = 0.0  # for a gyro without an analogue output
     zero_a: float = 0.0
 
     @property

@@ -21,7 +21,7 @@ from simulators.units.unit_file import Draw, stream
 from simulators.units.unit_temperatures import Thermometer, followed_c
 
 Array = NDArray[np.float64]
-LOOK_S = 0.02  # how finely a mean current follows the table
+LOOK_S = 0.02  # time step of a mean current during a motion of the table
 
 
 def draw_gyro_unit(file: GyroFile, seed: int, place: str) -> GyroTruth:

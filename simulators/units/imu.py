@@ -72,9 +72,9 @@ class SimulatedImu:
         self._last_c = np.full(2, settings.chamber.start_c)
         self._asked: tuple[float, float, int] = (-1.0, -1.0, 0)
         self._told: Array = np.empty((len(CHANNELS), 0))
-        self._still_key: Any = None  # what the next two are for
+        self._still_key: Any = None  # arguments of the next two
         self._at_rest: tuple[Seen, Seen] | None = None
-        self._turning: tuple[Array, Array, Array] | None = None  # up, the rate of the earth, about what it turns
+        self._turning: tuple[Array, Array, Array] | None = None  # up, earth rate, axis of rotation
         self.faults = FaultPlan(now_s=world.now)
         self.powered_at_s: float | None = None
         self.history: list[ImuState] = []

@@ -19,7 +19,7 @@ OF_EACH = (
     "thresholds_c",
     "input_thresholds_g",
     "jumps",
-)  # what hysteresis is made of, which each accelerometer has for itself
+)  # Constants of hysteresis, separate for each accelerometer
 
 
 @dataclass(frozen=True, slots=True)

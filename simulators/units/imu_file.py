@@ -37,7 +37,7 @@ class ImuAccelerometer(AccelerometerModel):
     @model_validator(mode="after")
     def _has_no_play(self) -> ImuAccelerometer:
         if self.input_hysteresis.thresholds:
-            raise ValueError("input_hysteresis is simulated of single accelerometers only, not of inertial units")
+            raise ValueError("input_hysteresis is simulated for single accelerometers only, not for inertial units")
         return self
 
 

@@ -80,21 +80,21 @@ class WorldSettings:
     gravity_mps2: float
     host_clock: float = 0.0  # relative error of the host's clock against the true second
     device_clock: float = 0.0  # relative error of the counter's time base
-    encoder_skew_s: float = 0.0  # by which the counter latches an encoder later than the pulses
+    encoder_skew_s: float = 0.0  # delay of the counter's encoder latch after that of the pulses
     axes: Mapping[str, AxisErrors] = field(default_factory=lambda: {"head": AxisErrors()})
     axis_acceleration_dps2: float = 40.0
     level_deg: float = 0.0
-    level_drift_deg: float = 0.0  # change of it within the run
+    level_drift_deg: float = 0.0  # change within the run
     latitude_deg: float = 0.0
     table: TableErrors = field(default_factory=TableErrors)
     mount: Mount = field(default_factory=Mount)
-    ambient_c: float = 22.0  # of the room
-    remount_deg: float = 0.0  # standard deviation of how a unit lies each time that it is fixed by hand
+    ambient_c: float = 22.0  # temperature of the room
+    remount_deg: float = 0.0  # standard deviation of the mounting error of a unit, each time it is mounted by hand
     fixture: Fixture = field(default_factory=Fixture)
     chamber: ChamberPhysics = field(default_factory=ChamberPhysics)
     thermometer_lag_s: float = 20.0
     thermometer_noise_c: float = 0.005
-    run_s: float = 0.0  # how long the run is expected to take, for errors that drift within it; 0 for no drift
+    run_s: float = 0.0  # expected duration of the run, for errors that drift within it; 0 for no drift
     places: Mapping[str, PlaceSettings] = field(default_factory=dict)
     imus: Mapping[str, ImuPlace] = field(default_factory=dict)
     built: Fixture | None = None

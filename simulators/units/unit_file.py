@@ -144,7 +144,7 @@ class AccelerometerModel(StrictModel):
     turn_on: Annotated[Draw, DrawIn("g")] = Draw(0)  # standard deviation of the bias step at each power-on
     turn_on_scale: Ratio = Draw(0)  # the same of the relative step of the scale factor
     noise: NoiseModel = NoiseModel()
-    bandwidth: Annotated[float, InUnit("Hz", above=0)] = 300.0  # far above what a dwell at rest contains
+    bandwidth: Annotated[float, InUnit("Hz", above=0)] = 300.0  # far above the signal of a dwell at rest
     damping: Annotated[float, InUnit("", above=0, at_most=0.99)] | None = None
     delay: Seconds = 0.0
 

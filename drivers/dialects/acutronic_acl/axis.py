@@ -24,7 +24,7 @@ from drivers.values import Identity
 T = TypeVar("T")
 
 ANSWER_S = 1.0  # 2 ms as a rule
-INTERLOCK_STEP_S = 0.25  # what start-up scripts of others leave between two steps
+INTERLOCK_STEP_S = 0.25  # pause between two steps in start-up scripts of third parties
 SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
 _DRIVES = {Interlock.CLOSED: Drive.ON, Interlock.OPEN: Drive.OFF, Interlock.FAULT: Drive.FAULT}
 _INTERLOCKS = {drive: interlock.value for interlock, drive in _DRIVES.items()}

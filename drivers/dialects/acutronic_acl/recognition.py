@@ -26,7 +26,7 @@ async def ask(port: Port) -> Found:
         with suppress(ValueError):
             identity = wire.read_identity(wire.read_reply(answer, order).text)
             return Found(identity, {"options": {"byte_order": order}})
-    raise ValueError("no numbers in front")
+    raise ValueError("no length prefix")
 
 
 RECOGNITION = Recognition(SCPI, ask, starter=STARTER)

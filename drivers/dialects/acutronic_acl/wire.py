@@ -111,7 +111,7 @@ class State(NamedTuple):
     supervisor: Supervisor
 
 
-# What a driver sends
+# Messages and decoding of the driver
 
 
 def enter(mode: Mode, axis: int) -> str:
@@ -167,7 +167,7 @@ def ask_faults(axis: int) -> str:
     return f":STAT:CSR? A{axis}SWFAULT;CSR? A{axis}INTLK"
 
 
-# How it reads the answers
+# Decoding of answers
 
 
 def whole_answer(received: bytes | bytearray, order: ByteOrder) -> tuple[int, int] | None:
@@ -186,7 +186,9 @@ def read_reply(answer: bytes, order: ByteOrder) -> Reply:
     """Decode an answer; ValueError if its length differs from the stated one."""
     text = answer[PREFIX_BYTES:]
     if len(text) != (stated := _text_length(answer, order)):
-        raise ValueError(f"its prefix says {stated} bytes, {len(text)} came; is byte_order of the bench file right?")
+        raise ValueError(
+            f"the prefix states {stated} bytes, {len(text)} were received; is byte_order of the bench file right?"
+        )
     code = int.from_bytes(answer[:4], order, signed=True)
     return Reply(code, text.decode("ascii").rstrip("\r\n"))
 

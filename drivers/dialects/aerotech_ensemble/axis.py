@@ -29,7 +29,7 @@ class EnsembleAxis:
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
     """
 
-    limits: OwnLimits | None = None  # it tells none
+    limits: OwnLimits | None = None  # the controller does not report it
 
     def __init__(self, setup: Setup[EnsembleOptions, HeadLimits, Nothing]) -> None:
         self._device, self._name, self._stated = setup.name, setup.options.axis, setup.identity
@@ -141,7 +141,7 @@ class EnsembleAxis:
     async def _order(self, command: str, *, answer_s: float = ANSWER_S) -> None:
         """Send a command once; raises InstrumentFault or Refused if the answer shows that it was not executed."""
         reply = await self._dialogue.order(command.encode(), wire.read_reply, answer_s=answer_s)
-        # A controller may stop waiting for a move ($) that goes on.
+        # A controller may answer a move with a timeout ($) although it continues.
         if reply is not None and reply.outcome not in (Outcome.DONE, Outcome.TIMEOUT):
             await self.check_faults(command)
             raise self._refusal(command, reply)
@@ -149,7 +149,7 @@ class EnsembleAxis:
     def _refusal(self, sent: str, reply: Reply) -> Refused:
         words = {
             Outcome.INVALID: "the controller refused a command as invalid",
-            Outcome.FAULT: "the controller could not carry out a command",
+            Outcome.FAULT: "the controller could not execute a command",
             Outcome.TIMEOUT: "a command timed out inside the controller",
         }
         return Refused(

@@ -12,8 +12,10 @@ import re
 from enum import Enum, IntFlag
 from typing import NamedTuple
 
-NO_WAIT = "WAIT MODE NOWAIT"  # a move is answered when it is accepted, not when it is done (BLISS, EPICS)
-FINGERPRINT_PARAMETER = "CountsPerUnit"  # EPICS and BLISS read it by number, the Tango server reads others by name
+NO_WAIT = "WAIT MODE NOWAIT"  # a move is acknowledged when it is accepted, not when it is finished (BLISS, EPICS)
+FINGERPRINT_PARAMETER = (
+    "CountsPerUnit"  # EPICS and BLISS address it by number, the Tango server addresses others by name
+)
 
 
 class Outcome(Enum):
@@ -71,7 +73,7 @@ class AxisFault(IntFlag):
     MARKER = 1 << 23
 
 
-# What a driver sends, and how it reads the answers
+# Messages and decoding of the driver
 
 
 def enable(axis: str) -> str:

@@ -20,14 +20,16 @@ KINDS: Mapping[str, Kind] = {"tc": "TC", "rtd": "RTD", "frtd": "FRTD"}
 class SensorOptions(StrictModel):
     """A sensor on a channel. A four-wire resistor also occupies a second channel, which cannot be named then."""
 
-    channel: Annotated[WholeNumber, Field(ge=101, le=340)] = Field(description="the slot and the channel on its card")
+    channel: Annotated[WholeNumber, Field(ge=101, le=340)] = Field(description="slot and channel, such as 101")
     sensor: Literal["tc", "rtd", "frtd"] = Field(
         description="a thermocouple, or a resistor of 100 Ω on two wires or on four"
     )
     type: Literal["B", "E", "J", "K", "N", "R", "S", "T"] | None = Field(
-        None, description="of a thermocouple, which needs it"
+        None, description="type of a thermocouple, required for one"
     )
-    alpha: Literal[85, 91] = Field(85, description="of a resistor: 85 for 0.00385/K (IEC 60751), 91 for 0.00391/K")
+    alpha: Literal[85, 91] = Field(
+        85, description="curve of a resistor: 85 for 0.00385/K (IEC 60751), 91 for 0.00391/K"
+    )
 
     @model_validator(mode="after")
     def _type_of_a_thermocouple(self) -> Self:

@@ -16,7 +16,7 @@ from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity, Reading
 
 READ_BACK = ReadBack()
-_SCAN_S, _CHANNEL_S = 3.0, 0.6  # what a scan may take: its answer, and each sensor with its relay
+_SCAN_S, _CHANNEL_S = 3.0, 0.6  # time limit of a scan: its answer, and each sensor with its relay
 
 
 class Agilent34970A:
@@ -70,9 +70,9 @@ class Agilent34970A:
             state, wanted = await self._state(), wire.state_when(self._sensors)
             if state != wanted:
                 raise InstrumentFault(
-                    self.name, f"is no longer set up as it was, for a scan of {wire.listed(wanted.channels)}",
+                    self.name, f"its setup has changed; expected a scan of {wire.listed(wanted.channels)}",
                     received=_in_words(state),
-                    remedy="Look for a power failure, a front panel in use, or who else scans; then run again.",
+                    remedy="Look for a power failure, a front panel in use, or another master; then run again.",
                 )  # fmt: skip
             samples = await self._link.takes.agreed("a scan", self._scan, again=self._scanned, spell=_told)
         return {
@@ -94,7 +94,7 @@ class Agilent34970A:
         state = await READ_BACK.until(self._state, lambda state: state == wanted)
         if state != wanted:
             raise Refused(
-                self.name, "a setting was not carried out", sent=messages[-1], received=_in_words(state),
+                self.name, "a setting was not executed", sent=messages[-1], received=_in_words(state),
                 remedy="Check the cards in its slots, and channels and sensors in the bench file.",
             )  # fmt: skip
         for sensor in self._sensors:
@@ -102,7 +102,7 @@ class Agilent34970A:
             if found != sensor.type:
                 raise Refused(
                     self.name, f"channel {sensor.channel} is not of type {sensor.type}", sent=question.decode(),
-                    received=found, remedy="Check its sensor in the bench file, and who else sets the scanner.",
+                    received=found, remedy="Check its sensor in the bench file, and for another master of the scanner.",
                 )  # fmt: skip
 
     async def _scan(self) -> list[wire.Sample]:
@@ -110,7 +110,7 @@ class Agilent34970A:
 
     async def _scan_once(self) -> list[wire.Sample]:
         patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
-        self._begun_s = asyncio.get_running_loop().time()  # its readings are timed from here
+        self._begun_s = asyncio.get_running_loop().time()  # reference of the times of its readings
         return await self._link.ask_once(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
 
     async def _scanned(self) -> list[wire.Sample]:
@@ -128,7 +128,7 @@ class Agilent34970A:
 
 
 def _in_words(state: wire.State) -> str:
-    running = ", a scan under way" if state.scanning else ""
+    running = ", a scan running" if state.scanning else ""
     return f"{wire.listed(state.channels)} as {','.join(state.kinds)} in {','.join(state.units)}{running}"
 
 

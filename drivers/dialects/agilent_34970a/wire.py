@@ -18,7 +18,7 @@ from drivers.values import Identity
 
 Kind = Literal["TC", "RTD", "FRTD"]
 
-# Headers as a simulator matches them
+# Headers for the simulator
 CONFIGURE = "CONFigure:TEMPerature"
 SCAN = "ROUTe:SCAN"
 KIND = "[SENSe:]TEMPerature:TRANsducer:TYPE"

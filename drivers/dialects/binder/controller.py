@@ -80,7 +80,7 @@ class _Controller(Connected):
             await self._check_more()
         except (Refused, BadAnswer) as problem:
             raise WrongIdentity(
-                self._link.device, f"this does not answer as an {self.model}", sent=problem.sent,
+                self._link.device, f"the answers do not fit an {self.model}", sent=problem.sent,
                 received=problem.received or problem.problem,
                 remedy="Check options.controller and the address in the bench file.",
             ) from problem  # fmt: skip
@@ -123,8 +123,8 @@ class Mb1(_Controller):
         (alarm,) = await self._registers.read(ALARM, 1)
         if alarm:
             raise InstrumentFault(
-                self._link.device, "an alarm of the controller stands", received=f"{alarm:#x}",
-                remedy="Find its cause, then acknowledge it at the controller, which alone can.",
+                self._link.device, "the controller has an alarm", received=f"{alarm:#x}",
+                remedy="Find its cause, then acknowledge it at the controller; this is not possible by remote.",
             )  # fmt: skip
         await self._registers.set(MODE, (mode_of(self._options.set_point),), "mode", hexadecimal)
 
@@ -153,7 +153,7 @@ class Mb2(_Controller):
         if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
             in_force_c = await self._followed(target_c)
         if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
-            why = f"set point in force {in_force_c:g} °C, manual set point {target_c:g} °C: perhaps a program runs"
+            why = f"active set point {in_force_c:g} °C, manual set point {target_c:g} °C: a program may be running"
             return Look(process_value_c, in_force_c, target_c, Control.OTHER, why)
         return Look(process_value_c, in_force_c, target_c)
 

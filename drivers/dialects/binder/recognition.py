@@ -32,8 +32,8 @@ async def _is(port: Port, kind: Kind) -> None:
     at = registers_of(kind, "manual", swapped=False)
     for address in (at.process_value, at.set_point):
         words = await port.registers(address, 2)
-        if value_c(words) == 0:  # as unused registers are
-            raise ValueError("0 °C to the last bit")
+        if value_c(words) == 0:  # unused registers read as 0
+            raise ValueError("exactly 0 °C")
     (besides,) = await port.registers(_BESIDES[kind], 1)
     if kind == "mb1" and besides not in list(Mode):
         raise ValueError("no mode of an MB1")

@@ -17,7 +17,7 @@ Kind = Literal["mb1", "mb2"]
 SetPointName = Literal["manual", "basic"]
 
 COLDEST_C, HOTTEST_C = -273.15, 2000.0
-SMALLEST_C = 1e-6  # closer to zero than this is a float32 with its words exchanged
+SMALLEST_C = 1e-6  # a value closer to zero is a float32 with swapped words
 
 # MB1
 MODE = 0x1A22

@@ -21,7 +21,7 @@ from drivers.can.frame_cycles import Cycles, cycles_of
 from drivers.can.gap_detection import Unbroken
 from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
 
-NEWEST_FRAMES = 64  # of a block, among which the newest of each message are as a rule
+NEWEST_FRAMES = 64  # rows searched first for the newest frame of each message
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,9 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     elif data is None:
         rows = other.message.rows(block)
         data, raw = _numbered(other, block, rows)
-        bits = min(other.signal.length, form.sequence.signal.length)  # of a longer one the rest is not known of latches
+        bits = min(
+            other.signal.length, form.sequence.signal.length
+        )  # sequence numbers of a longer signal have no counterpart in the latches
         ahead = latches.fresh
         numbers, fresh = numbered_beside(rows, raw, bits, latches.rows[ahead], latches.numbers[ahead])
         sequence, latch_places, other_places = np.intersect1d(
@@ -183,7 +185,7 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     first = int(latches.numbers[0]) if len(latches.rows) else 0
     last = latches.newest
     if len(latches.rows) and (not len(sequence) or sequence[-1] != last):
-        last -= 1  # whose other frames may have come after the end
+        last -= 1  # its other frames may arrive after the end
     return _Paired(
         sequence=sequence,
         tick=tick,

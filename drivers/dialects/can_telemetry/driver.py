@@ -40,9 +40,9 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
     def __init__(self, setup: Setup[TelemetryOptions, Nothing, Nothing]) -> None:
         super().__init__(setup)
         self._heard = dict.fromkeys(self._options.channels, Heard(-math.inf, -math.inf))
-        self._numbers: dict[str, Integers] = {}  # of the last samples, by channel
-        self._codes: dict[str, int] = {}  # the last one of each channel
-        self._others: set[int] = set()  # frames that are none of the channels'
+        self._numbers: dict[str, Integers] = {}  # sequence numbers of the last samples, by channel
+        self._codes: dict[str, int] = {}  # last sample of each channel
+        self._others: set[int] = set()  # frames that belong to no channel
         self._formats: Mapping[str, wire.SampleFormat] = {}
         self._encoders: Mapping[str, PositionFormat] = {}
         self._temperatures: Mapping[str, Field] = {}
@@ -102,7 +102,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
             return
         wanted = frames_named(form.value.message.id for form in self._formats.values())
         raise NoAnswer(
-            self.name, f"no sample ({wanted}) for more than {silent_s:g} s while it is acquired",
+            self.name, f"no sample ({wanted}) for more than {silent_s:g} s during an acquisition",
             received=f"{frames_named(self._others)} besides" if self._others else "no other frame either",
-            remedy="Check that the unit is on, the CAN cable and the bit rate, and that the DBC is that of this unit.",
+            remedy="Check that the unit is on, the CAN cable and the bit rate, and that the DBC belongs to this unit.",
         )  # fmt: skip

@@ -103,7 +103,7 @@ def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBl
     data, number, tick = block.data[of_samples], form.sequence.signal, form.tick.signal
     known = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
     data, own = block.data[rows], encoder.sequence.signal
-    bits = min(own.length, number.length)  # of a longer one the rest is not known of the samples
+    bits = min(own.length, number.length)  # sequence numbers of a longer signal have no counterpart in the samples
     ahead = ascending(known)
     numbers, fresh = numbered_beside(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
     sequence, of_sample, of_encoder = np.intersect1d(

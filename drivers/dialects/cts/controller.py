@@ -41,7 +41,7 @@ class CtsController(Connected):
     def __init__(self, setup: Setup[CtsOptions, ChamberLimits, ChamberSafe]) -> None:
         self._device, self._pin, self._options = setup.name, setup.identity, setup.options
         self._address = address = setup.options.address
-        self._ramp: OwnRamp | None = None  # the one that was commanded last
+        self._ramp: OwnRamp | None = None  # last commanded set point
         self._who = Recognised(setup.name, setup.identity)
         proof = Proof(wire.STATUS_QUERY.encode(), wire.of_address(address, wire.read_status))
         self._line = ProvedLine(
@@ -85,7 +85,7 @@ class CtsController(Connected):
         """Set both rates and read them back; BeyondLimit unless a multiple of 0.1 °C/min."""
         if not wire.can_be_set(rate_c_per_min):
             raise BeyondLimit(
-                self._device, f"the chamber cannot be set to {rate_c_per_min:g} °C/min; nothing was sent",
+                self._device, f"the chamber has no rate of {rate_c_per_min:g} °C/min; nothing was sent",
                 remedy="Choose a rate in steps of 0.1 °C/min, which is 6 °C/h.",
             )  # fmt: skip
         commands = wire.ramp_rates(self._options.ramp_channel, rate_c_per_min)
@@ -110,7 +110,7 @@ class CtsController(Connected):
         if status.error:
             raise InstrumentFault(
                 self._device, "the chamber has an error", received=f"number '{status.error}'",
-                remedy="See to its cause and acknowledge it at the chamber.",
+                remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
         if status.running:
             await self._order(wire.RESUME)
@@ -123,7 +123,7 @@ class CtsController(Connected):
                 received=why, remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
+            self._ramp = replace(self._ramp, began_s=_now_s())  # it was paused until now
             await self.command(self._ramp.target_c)
 
     async def _control(self) -> tuple[Control, str]:

@@ -23,7 +23,7 @@ ADDRESSES = range(1, 33)
 
 TEMPERATURE_QUERY, STATUS_QUERY, VERSIONS_QUERY = "A0", "S", "C"
 START, RESUME = "s1 1", "s3 1"
-COLDEST_C, HOTTEST_C = -99.9, 999.9  # what a set point can be spelled as
+COLDEST_C, HOTTEST_C = -99.9, 999.9  # range of set points in the format of the protocol
 STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 10
 FULL_SPEED_C_PER_MIN = 999.9  # no ramp
 

@@ -23,8 +23,8 @@ from drivers.values import Identity
 T = TypeVar("T")
 
 READ_BACK = ReadBack()
-SAME_WITHIN_C = 1.0  # what the air of a chamber may do in the second between two questions
-QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # what drivers of others leave after a question and after a setting
+SAME_WITHIN_C = 1.0  # possible change of the air temperature in the second between two queries
+QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # pauses of third-party drivers after a query and after a setting
 _CONTROL: Mapping[str, Control] = {
     wire.CONSTANT: Control.SET_POINT, wire.OFF: Control.NOBODY, wire.STANDBY: Control.NOBODY,
 }  # fmt: skip
@@ -41,7 +41,7 @@ class P300(Connected):
     def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
         self._device, self._pin, self._address = setup.name, setup.identity, setup.options.address
         self._commanded_c = math.nan
-        self._kind = ""  # the answer to TYPE?
+        self._kind = ""  # answer to TYPE?
         self._who = Recognised(setup.name, setup.identity)
         proof = Proof(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
         pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUESTION_GAP_S)
@@ -108,7 +108,7 @@ class P300(Connected):
         if monitor.alarms:
             raise InstrumentFault(
                 self._device, "the chamber has an alarm", received=await self._in_words(monitor),
-                remedy="See to its cause and acknowledge it at the chamber.",
+                remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
         if monitor.mode == wire.OFF:
             await self._order(wire.POWER_ON)
@@ -127,7 +127,7 @@ class P300(Connected):
         limits = await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures)
         fingerprint = f"controller {self._kind}, programs {rom}"
         stated = as_stated(self._pin, fingerprint, maker="ESPEC", model=self._kind, firmware=rom)
-        found = stated._replace(model=self._kind)  # which the wire does tell
+        found = stated._replace(model=self._kind)  # reported by the wire
         self._who.check(found, found.fingerprint)
         self.limits_c = (limits.lowest_c, limits.highest_c)
 

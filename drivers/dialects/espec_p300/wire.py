@@ -23,15 +23,15 @@ POWER_ON, CONSTANT_MODE = "POWER,ON", "MODE,CONSTANT"
 OFF, STANDBY, CONSTANT = "OFF", "STANDBY", "CONSTANT"
 
 TENTHS = 10
-STEADY_WITHIN_C = 0.25  # what the air of a chamber may do from one answer to the next: two steps of its resolution
+STEADY_WITHIN_C = 0.25  # possible change of the air temperature between two answers: two steps of its resolution
 REFUSALS: Mapping[str, str] = {
     "ADDR ERR": "wrong address",
-    "CHB NOT READY": "the chamber cannot do that now",
-    "CMD ERR": "a command that it does not know",
-    "DATA NOT READY": "there is no such program",
+    "CHB NOT READY": "the chamber is not ready for that",
+    "CMD ERR": "an unknown command",
+    "DATA NOT READY": "no such program",
     "DATA OUT OF RANGE": "a value beyond its limits",
-    "INVALID REQ": "it has no such function",
-    "PARA ERR": "a parameter that is missing or not understood",
+    "INVALID REQ": "no such function",
+    "PARA ERR": "a missing or invalid parameter",
     "PROTECT ON": "its settings are protected at the front panel",
 }
 

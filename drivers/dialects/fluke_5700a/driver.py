@@ -20,7 +20,7 @@ from drivers.timing.readback import ReadBack
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading, SourceReading
 
-SETTLE_LOOK_S = 1.0  # how often a setting is looked at until it has settled, and how long after it for the first time
+SETTLE_LOOK_S = 1.0  # interval of polls until a setting has settled, and delay of the first one
 READ_BACK = ReadBack()  # relays delay the status after a command
 MINUTE_S = 60.0
 _DISTORTING = {
@@ -44,9 +44,9 @@ class Fluke5700A:
         self._options, self._limits = setup.options, setup.limits
         self._link = FlukeLink(setup, end=wire.TERMINATORS[setup.options.terminator])
         self._band_a = wire.band_a(setup.options.range)
-        self._latest: Latest[Setting] = Latest(setup.name, "setting")  # its result was read back
-        self._range_chosen = False  # by this driver, and locked since
-        self._first_min: int | None = None  # the answer to ETIME? when it was first known to be on
+        self._latest: Latest[Setting] = Latest(setup.name, "setting")  # setting that was read back
+        self._range_chosen = False  # range set and locked by this driver
+        self._first_min: int | None = None  # answer to ETIME? when the power was first known to be on
 
     async def __aenter__(self) -> Self:
         """Connect and identify; raises CannotConnect, WrongIdentity, or BadAnswer from a terminal mode."""
@@ -131,7 +131,7 @@ class Fluke5700A:
             order.check()
             if step == sent:
                 raise Refused(
-                    self.name, "a setting was not carried out", sent=sent, received="; ".join([str(now), *faults]),
+                    self.name, "a setting was not executed", sent=sent, received="; ".join([str(now), *faults]),
                     remedy="Look at the display of the calibrator: a message, a menu left open, or local control.",
                 )  # fmt: skip
             sent, faults = step, await self._link.write(step)
@@ -239,7 +239,7 @@ class Fluke5700A:
             faults = await self._link.faults()
             raise InstrumentFault(
                 self.name, f"the calibrator was set to {made}", received="; ".join([str(state), *faults]),
-                remedy="Look for an open or too large load, which trips it, a power failure, or who else sets it.",
+                remedy="Look for an open or too large load, which trips it, a power failure, or another master.",
             )  # fmt: skip
 
     def _fault(self, problem: str, faults: Sequence[str]) -> InstrumentFault:

@@ -16,7 +16,7 @@ from drivers.values import Identity
 
 T = TypeVar("T")
 
-ANSWER_S = 5.0  # a calibrator that changes its range keeps commands waiting
+ANSWER_S = 5.0  # a calibrator delays commands while it changes its range
 FAULTS_AT_MOST = 32
 
 
@@ -40,12 +40,12 @@ class FlukeLink:
         """Connect, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""
         try:
             await self._dialogue.open()
-            await once_more(self.faults, self._note)  # of before
+            await once_more(self.faults, self._note)  # errors of earlier sessions
         except BadAnswer as problem:
             self.close()
             raise BadAnswer(
                 self._device, problem.problem, sent=problem.sent, received=problem.received,
-                remedy="If it repeats what it is sent: set its remote interface to COMPUTER, not TERMINAL. "
+                remedy="If it echoes commands: set its remote interface to COMPUTER, not TERMINAL. "
                 "Else check baud rate, parity and terminator in its RS-232 menu and in the bench file.",
             ) from problem  # fmt: skip
         except BaseException:
@@ -109,7 +109,7 @@ class FlukeLink:
         found = scpi.identity(line)
         if found.model not in wire.MODELS:
             raise WrongIdentity(
-                self._device, f"a {found.model} is none of {', '.join(wire.MODELS)}; its status may mean other things",
+                self._device, f"a {found.model} is none of {', '.join(wire.MODELS)}; its status may be different",
                 received=line.decode("ascii"), remedy="Correct driver or connection in the bench file.",
             )  # fmt: skip
         return self._who.check(found, line.decode("ascii"))

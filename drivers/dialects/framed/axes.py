@@ -53,7 +53,7 @@ class _FramedAxis:
 class FramedHeadAxis(_FramedAxis):
     """An Axis of a head; `acceleration_dps2` is sent with every move whose frame has a field for it."""
 
-    limits: OwnLimits | None = None  # it tells none
+    limits: OwnLimits | None = None  # the controller does not report it
 
     def __init__(self, setup: Setup[FramedHeadOptions, Any, Any]) -> None:
         super().__init__(FramedController(setup, setup.options))
@@ -130,7 +130,7 @@ class FramedTableAxis(_FramedAxis):
         self._controller.check_faults(status)
         if not status.homed:
             raise InstrumentFault(
-                self._controller.device, "the axis has not been homed, so its angles mean nothing",
+                self._controller.device, "the axis has not been homed, so its angles are undefined",
                 received=str(status), remedy="Home it at the controller, where you can see it move.",
             )  # fmt: skip
         if not status.enabled:
@@ -154,8 +154,8 @@ class FramedTableAxis(_FramedAxis):
         """Store the sine; its run-up is the controller's own. Raises Refused if the axis cannot oscillate."""
         if self._controller.profile.commands.sine is None:
             raise Refused(
-                self._controller.device, "the controller does not swing by itself: its profile has no commands.sine",
-                remedy="Take the sine out of the sequence, or use a table that has it.",
+                self._controller.device, "the controller cannot oscillate: its profile has no commands.sine",
+                remedy="Remove the sine from the sequence, or use a table that can oscillate.",
             )  # fmt: skip
         self._sine = (amplitude_deg, frequency_hz)
 

@@ -84,7 +84,7 @@ class FramedController:
         self._check_limits(values)
         told = self._raw(name, values)
         echo = {"move": ("angle", "target_angle"), "rate": ("rate", "target_rate")}.get(name)
-        before = self._last  # asking here would let a stop be sent before the command
+        before = self._last  # waiting here would let a stop be sent before the command
         await self.line.order(name, told.values())
         if before is None or echo is None:
             return
@@ -117,7 +117,7 @@ class FramedController:
                     found[key] = (form, form.raw(value))
                 except OverflowError as problem:
                     raise Refused(
-                        self.device, f"no frame holds this {key}: {problem}; nothing was sent", sent=name,
+                        self.device, f"this {key} does not fit its frame: {problem}; nothing was sent", sent=name,
                         remedy="Correct the sequence, or type and scale in the profile if they are wrong.",
                     ) from problem  # fmt: skip
         return found
@@ -135,7 +135,7 @@ class FramedController:
             raise Refused(
                 self.device, f"the controller took another {key.replace('_', ' ')} than commanded",
                 sent=f"{name} {sent_form.value(sent):g} ({wanted})", received=f"{form.value(kept):g} ({kept})",
-                remedy="Look for a limit of the controller, or for who else commands it.",
+                remedy="Look for a limit of the controller, or for another master.",
             )  # fmt: skip
 
     def _take(self, status: Status) -> None:

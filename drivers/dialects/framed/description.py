@@ -22,11 +22,9 @@ class FramedOptions(StrictModel):
     """Protocol settings of the controller."""
 
     profile: Annotated[DocumentFile[FrameProfile], ModelBeside(FrameProfile)] = Field(
-        description="describes its frames"
+        description="profile file of its frames"
     )
-    answer_timeout: Annotated[float, InUnit("s", above=0, at_most=2)] = Field(
-        0.5, description="how long a status may take"
-    )
+    answer_timeout: Annotated[float, InUnit("s", above=0, at_most=2)] = Field(0.5, description="timeout of a status")
 
 
 class FramedHeadOptions(HeadOptions, FramedOptions):
@@ -36,7 +34,7 @@ class FramedHeadOptions(HeadOptions, FramedOptions):
     def _angles_do_not_wrap(self) -> Self:
         profile = self.profile.content
         if profile is not None and profile.angle_wraps:
-            raise _refusal(self, "its angles begin again after a turn, which only framed_table counts")
+            raise _refusal(self, "its angles wrap after a turn, which only framed_table supports")
         return self
 
 

@@ -25,9 +25,9 @@ from drivers.transport.exchange import printable_hex
 from drivers.transport.wires import Wires
 
 DRAIN_LIMIT_S = 5.0
-SILENT_PERIODS = 5  # what a controller that sends by itself may be silent for at the least
+SILENT_PERIODS = 5  # lower limit of the timeout of a cyclic controller
 TELL_EVERY_S = 60.0
-SILENCES = 2  # one after the other on a network connection: it may be open at one end only
+SILENCES = 2  # after so many timeouts a network connection is closed: it may be open at one end only
 
 Numbers = Iterable[tuple[NumberFormat, Raw]]
 
@@ -157,13 +157,13 @@ class FramedLine:
             return self._reader.read(found)
         except ValueError as problem:
             raise BadAnswer(
-                self._device, f"a status with a number that is none: {problem}", received=printable_hex(found),
+                self._device, f"a status with an invalid number: {problem}", received=printable_hex(found),
                 remedy="Look at the controller for a fault of its encoder, and at the types in the profile.",
             ) from problem  # fmt: skip
 
     async def _expected(self, stream: StatusStream, sent: str) -> bytes:
         dropped, repeated = stream.dropped, stream.repeated
-        self._doubtful = True  # until it is here
+        self._doubtful = True  # until it arrives
         try:
             async with patience(self._answer_s):
                 found = await stream.expected()
@@ -194,7 +194,7 @@ class FramedLine:
                 raise LinkLost(self._device, str(problem)) from problem
             if _now_s() > deadline_s:
                 raise BadAnswer(
-                    self._device, f"does not stop talking within {DRAIN_LIMIT_S:g} s",
+                    self._device, f"is not silent within {DRAIN_LIMIT_S:g} s",
                     remedy="Check whether it sends its status by itself: its profile then says cyclic, not request.",
                 )  # fmt: skip
 
@@ -214,7 +214,7 @@ class FramedLine:
         except ConnectionError as problem:
             raise LinkLost(self._device, str(problem), sent=_spelled(name, frame)) from problem
 
-    # The life of the wire
+    # Connection
 
     async def _connect(self) -> None:
         self._closed, why = False, ""
@@ -224,7 +224,7 @@ class FramedLine:
         try:
             self._stream = await self._wires.stream(self._device, self._address, self._new_stream)
             self._doubtful, self._silences, self._told = self._address.is_serial_line, 0, (0, 0)
-            self._sent_at_s = _now_s()  # something on the way may hold what was sent before
+            self._sent_at_s = _now_s()  # a serial server may hold earlier data
             self._check(await self._look(self._stream))
         except BaseException:
             if self._stream is not None:
@@ -251,13 +251,13 @@ class FramedLine:
             raise LinkLost(self._device, "is not connected")
         return self._stream
 
-    # What is sent
+    # Sending
 
     def _silence(self, stream: StatusStream, sent: str, dropped: int, repeated: int) -> NoAnswer:
         problem, received = f"no status within {self._answer_s:g} s", ""
         remedy = "Check that the controller is on, the cable, and the settings of the line."
         if stream.repeated > repeated:
-            problem = f"only the same status again and again for {self._answer_s:g} s"
+            problem = f"only repetitions of the same status for {self._answer_s:g} s"
             remedy = "Check the controller: its status is not updated."
         elif stream.dropped > dropped:
             received = f"{stream.dropped - dropped} bytes that belong to no frame, {printable_hex(stream.last_dropped)}"
@@ -271,9 +271,9 @@ class FramedLine:
         if found != self._told and _now_s() >= self._told_at_s + TELL_EVERY_S:
             self._told, self._told_at_s = found, _now_s()
             self._note(
-                f"since it was connected {stream.dropped} bytes belonged to no frame"
+                f"since the connection {stream.dropped} bytes belonged to no frame"
                 + (f", the last {printable_hex(stream.last_dropped)}" if stream.dropped else "")
-                + (f"; {missing} statuses did not come" if missing else "")
+                + (f"; {missing} statuses were lost" if missing else "")
             )
 
 

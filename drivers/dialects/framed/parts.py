@@ -51,7 +51,7 @@ Offset = Annotated[WholeNumber, Field(ge=0, le=255)]
 class LineSettings(StrictModel):
     """Settings of a serial line, with the keys of its address."""
 
-    baud: Annotated[WholeNumber, Field(ge=300, le=4_000_000)] | None = Field(None, description="bits in a second")
+    baud: Annotated[WholeNumber, Field(ge=300, le=4_000_000)] | None = Field(None, description="bit rate")
     bytesize: Literal[7, 8] = Field(8, description="data bits of a byte")
     parity: Literal["N", "E", "O"] = Field("N", description="none, even or odd")
     stopbits: Literal[1, 2] = Field(1, description="at the end of a byte")
@@ -69,13 +69,13 @@ class LineSettings(StrictModel):
 class ChecksumSettings(StrictModel):
     """The checksum of every frame, at its end, before the trailer."""
 
-    kind: ChecksumKind = Field(description="how it is worked out")
-    from_: Offset = Field(0, alias="from", description="the first byte that it covers; the last is that before it")
-    byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
-    polynomial: Word | None = Field(None, description="of crc16, such as 0x1021")
-    initial: Word = Field(0, description="of crc16, such as 0xFFFF")
+    kind: ChecksumKind = Field(description="algorithm")
+    from_: Offset = Field(0, alias="from", description="first byte covered; the last is the one before the checksum")
+    byte_order: ByteOrder | None = Field(None, description="if different from that of the profile")
+    polynomial: Word | None = Field(None, description="polynomial of crc16, such as 0x1021")
+    initial: Word = Field(0, description="initial value of crc16, such as 0xFFFF")
     reflected: Flag = Field(False, description="of crc16: least significant bit of a byte first")
-    xor_out: Word = Field(0, description="of crc16: what the result is XORed with")
+    xor_out: Word = Field(0, description="of crc16: final XOR value")
 
     @model_validator(mode="after")
     def _parameters_of_crc16(self) -> Self:
@@ -97,7 +97,7 @@ class ChecksumSettings(StrictModel):
 class Place(StrictModel):
     """A field at a place of a frame, whose first byte is 0."""
 
-    at: Offset = Field(description="the byte where it begins")
+    at: Offset = Field(description="first byte")
 
     @property
     def count(self) -> int:
@@ -124,8 +124,8 @@ class Constant(Place):
 class Count(Place):
     """An integer without a unit."""
 
-    type: CountType = Field("u8", description="how it is written")
-    byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
+    type: CountType = Field("u8", description="number format")
+    byte_order: ByteOrder | None = Field(None, description="if different from that of the profile")
 
     @property
     def count(self) -> int:
@@ -156,9 +156,9 @@ class Code(Count):
 class Number(Place):
     """A number with a unit: the raw value times `scale`, plus `offset`."""
 
-    type: NumberType = Field(description="how it is written: unsigned, signed or floating, and its bits")
-    byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
-    scale: float = Field(description="what one count means")
+    type: NumberType = Field(description="number format: unsigned, signed or floating, and bits")
+    byte_order: ByteOrder | None = Field(None, description="if different from that of the profile")
+    scale: float = Field(description="value of one count")
     offset: float = Field(0.0, description="what 0 means")
 
     @model_validator(mode="after")
@@ -180,43 +180,45 @@ class Number(Place):
 class AngleNumber(Number):
     """An angle."""
 
-    scale: Annotated[float, InUnit("°")] = Field(description="what one count means; below 0 it counts the other way")
+    scale: Annotated[float, InUnit("°")] = Field(description="value of one count; negative for the opposite direction")
     offset: Annotated[float, InUnit("°")] = Field(0.0, description="the angle at raw value 0")
 
 
 class AmplitudeNumber(Number):
     """The amplitude of a sine."""
 
-    scale: Annotated[float, InUnit("°", above=0)] = Field(description="what one count means")
+    scale: Annotated[float, InUnit("°", above=0)] = Field(description="value of one count")
     offset: Annotated[float, InUnit("°")] = Field(0.0, description="the amplitude at raw value 0")
 
 
 class RateNumber(Number):
     """A rate."""
 
-    scale: Annotated[float, InUnit("°/s")] = Field(description="what one count means; below 0 it counts the other way")
+    scale: Annotated[float, InUnit("°/s")] = Field(
+        description="value of one count; negative for the opposite direction"
+    )
     offset: Annotated[float, InUnit("°/s")] = Field(0.0, description="the rate at raw value 0")
 
 
 class AccelerationNumber(Number):
     """An acceleration."""
 
-    scale: Annotated[float, InUnit("°/s²", above=0)] = Field(description="what one count means")
+    scale: Annotated[float, InUnit("°/s²", above=0)] = Field(description="value of one count")
     offset: Annotated[float, InUnit("°/s²")] = Field(0.0, description="the acceleration at raw value 0")
 
 
 class FrequencyNumber(Number):
     """A frequency."""
 
-    scale: Annotated[float, InUnit("Hz", above=0)] = Field(description="what one count means")
+    scale: Annotated[float, InUnit("Hz", above=0)] = Field(description="value of one count")
     offset: Annotated[float, InUnit("Hz")] = Field(0.0, description="the frequency at raw value 0")
 
 
 class Bit(Place):
     """One bit of a state."""
 
-    bit: Annotated[WholeNumber, Field(ge=0, le=7)] = Field(description="of the byte; 0 is the lowest")
-    is_: Literal[0, 1] = Field(1, alias="is", description="what it is while the state is there")
+    bit: Annotated[WholeNumber, Field(ge=0, le=7)] = Field(description="bit of the byte; 0 is the lowest")
+    is_: Literal[0, 1] = Field(1, alias="is", description="its value while the state is active")
 
     @property
     def shares(self) -> bool:
@@ -231,12 +233,14 @@ class Bit(Place):
 class Fault(Place):
     """A bit that reports a fault, or a byte with its code."""
 
-    means: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="what it is, such as 'overspeed'")
+    means: Annotated[str, Field(min_length=1, max_length=80)] = Field(
+        description="name of the fault, such as 'overspeed'"
+    )
     bit: Annotated[WholeNumber, Field(ge=0, le=7)] | None = Field(
-        None, description="of the byte, 1 while the fault is there; without it, the whole byte is a code"
+        None, description="bit of the byte, 1 during the fault; without it, the whole byte is a code"
     )
     quiet: Annotated[list[Annotated[WholeNumber, Field(ge=0, le=255)]], NOT_EMPTY] = Field(
-        [0], description="the codes that are no fault"
+        [0], description="codes that are no fault"
     )
 
     @property

@@ -9,7 +9,7 @@ from drivers.dialects.framed.status import StatusReader
 from drivers.dialects.framed.wire import FrameFormat, Raw, Splitter
 from drivers.errors import Refused
 
-SPLICE_S = 0.05  # the rest of a frame that has not come by then does not come any more
+SPLICE_S = 0.05  # the rest of a frame that has not arrived by then is lost
 
 
 class StatusStream(asyncio.Protocol):
@@ -75,7 +75,7 @@ class StatusStream(asyncio.Protocol):
     def interrupt(self) -> None:
         """End a wait for bytes."""
         if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_exception(Refused(self._device, "cut short, the instrument is being made safe"))
+            self._waiter.set_exception(Refused(self._device, "aborted, the instrument is being made safe"))
 
     def forget(self) -> None:
         """Drop received frames that were not expected."""

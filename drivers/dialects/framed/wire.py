@@ -22,7 +22,7 @@ Raw = int | float
 _CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "i64": "q", "f32": "f", "f64": "d"}
 _CHECKSUM_BYTES = {"sum8": 1, "xor8": 1, "sum16": 2, "crc16": 2, "crc32": 4}
 
-_DIGITS = 9  # after the point; what a scale leaves behind them is no part of a value
+_DIGITS = 9  # decimals; the rounding residue of a scale beyond them is dropped
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +199,7 @@ class Splitter:
         self._drop(len(self._rest))
 
     def _next(self) -> tuple[FrameFormat, bytes] | None:
-        begins = len(self._rest)  # where a frame may begin that is not whole yet
+        begins = len(self._rest)  # start of a possibly incomplete frame
         for at in range(len(self._rest)):
             for form in self._formats:
                 if form.fits(self._rest, at):

@@ -28,7 +28,7 @@ class KeithleyOptions(StrictModel):
         description="the one range for all levels, 2 nA to 20 mA in decades or 100 mA"
     )
     compliance: Annotated[float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V)] = Field(
-        description="the most that a sequence may ask for"
+        description="maximum compliance of a sequence"
     )
     terminator: Terminator = "crlf"
 

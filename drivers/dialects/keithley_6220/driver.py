@@ -14,7 +14,7 @@ from drivers.kinds.source.output import Dialect, Fault
 
 _FAULTS = {
     Condition.INTERLOCK: ("its interlock is open", "Close the interlock at the rear connector."),
-    Condition.OVER_TEMPERATURE: ("it is too hot", "Let it cool down and clear its air inlets."),
+    Condition.OVER_TEMPERATURE: ("over-temperature", "Let it cool down and clear its air inlets."),
     Condition.COMPLIANCE: (
         "it is in compliance: the load does not take the current", "Check the load, its cable, and the compliance.",
     ),

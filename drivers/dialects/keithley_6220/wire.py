@@ -15,7 +15,7 @@ from drivers.protocols import scpi
 Terminator = Literal["cr", "lf", "crlf"]
 TERMINATORS: Mapping[Terminator, bytes] = {"cr": b"\r", "lf": b"\n", "crlf": b"\r\n"}
 
-# Headers as a simulator matches them
+# Headers for the simulator
 LEVEL = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
 RANGE = "[SOURce:]CURRent:RANGe"
 AUTO_RANGE = "[SOURce:]CURRent:RANGe:AUTO"

@@ -28,7 +28,7 @@ class MeterOptions(StrictModel):
 
     range: float = Field(description="the one range for all readings")
     nplc: Annotated[Number, AfterValidator(_known_nplc)] = Field(
-        10.0, description="over how many cycles of the power line a reading integrates: 1 to 10, or 20 to 100 in tens"
+        10.0, description="integration time of a reading in power line cycles: 1 to 10, or 20 to 100 in tens"
     )
 
 
@@ -49,8 +49,8 @@ class VoltmeterOptions(MeterOptions):
 class VoltmeterUncertainty(StrictModel):
     """Expanded uncertainty of the voltmeter in its range, from its certificate."""
 
-    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the reading, such as 8 ppm")
-    offset: Annotated[float, InUnit("V", at_least=0)] = Field(0.0, description="the same at every reading")
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="relative to the reading, such as 8 ppm")
+    offset: Annotated[float, InUnit("V", at_least=0)] = Field(0.0, description="constant part")
 
 
 DESCRIPTION = DriverDescription(

@@ -21,8 +21,8 @@ from drivers.values import Identity, Reading
 T = TypeVar("T")
 
 READ_BACK = ReadBack()
-ERRORS_AT_MOST = 32  # more than its two registers have bits
-KEPT_READINGS = 10_000  # for a poll that never comes
+ERRORS_AT_MOST = 32  # more than the bits of its two registers
+KEPT_READINGS = 10_000  # so that readings nobody polls do not accumulate
 _SLOWEST_LINE_HZ = 45.0
 _SLACK_S = 1.0
 _LONGEST_S = wire.takes_s(wire.NPLCS[-1], _SLOWEST_LINE_HZ) + _SLACK_S
@@ -44,14 +44,14 @@ class Keysight3458A:
         self.name = setup.name
         self._options, self._pin = setup.options, setup.identity
         proof = Proof(wire.IDENTITY_QUESTION, self._recognise)
-        # A reading whose asker has gone is still to come, so the line is quiet only when the longest is over.
+        # An abandoned reading may still arrive, so the line is silent only after the duration of the longest one.
         pace = Pace(quiet_s=_LONGEST_S)
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace, note=setup.note
         )
         self._turn, self._note = asyncio.Lock(), setup.note
         self._who = Recognised(setup.name, setup.identity)
-        self._set: Setting | None = None  # what was made and read back
+        self._set: Setting | None = None  # settings that were made and read back
         self._line_hz = _SLOWEST_LINE_HZ
         self._fresh: deque[Reading] = deque(maxlen=KEPT_READINGS)
 
@@ -59,7 +59,7 @@ class Keysight3458A:
         """Connect, identify, set up the instrument; raises CannotConnect, WrongIdentity, InstrumentFault."""
         await self._dialogue.open()
         try:
-            await once_more(self._errors, self._note)  # what others sent wrongly is forgotten
+            await once_more(self._errors, self._note)  # errors caused by other masters are discarded
             self._line_hz = await self._ask(wire.LINE_FREQUENCY_QUESTION, wire.read_number)
             await self._set_up(self._setting(self._options.nplc))
         except BaseException:
@@ -127,7 +127,7 @@ class Keysight3458A:
         problem = "; ".join(await once_more(self._errors, self._note))
         if problem := problem or await READ_BACK.until(lambda: self._misfit(setting), lambda misfit: not misfit):
             raise Refused(
-                self.name, "a setting was not carried out", sent=message.decode(), received=problem,
+                self.name, "a setting was not executed", sent=message.decode(), received=problem,
                 remedy="Look at its display, and check range and nplc in the bench file.",
             )  # fmt: skip
         self._set = setting
@@ -137,8 +137,8 @@ class Keysight3458A:
         setting = self._set
         if setting is None or (misfit := await self._misfit(setting)):
             raise InstrumentFault(
-                self.name, "is no longer set as it was", received="" if setting is None else misfit,
-                remedy="Look for a power failure, a front panel in use, or who else sets it; then run again.",
+                self.name, "its settings have changed", received="" if setting is None else misfit,
+                remedy="Look for a power failure, a front panel in use, or another master; then run again.",
             )  # fmt: skip
         readings, errors = await self._proved(setting, count)
         if errors:

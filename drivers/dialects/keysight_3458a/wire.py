@@ -18,27 +18,33 @@ from drivers.protocols import scpi
 from drivers.protocols.scpi import ErrorEntry
 from drivers.values import Identity
 
-END = b"\n"  # a CR before it would be the end of a command already, and the LF that of an empty one
+END = b"\n"  # a CR before it would end the command, and the LF an empty one
 RANGES_V = (0.1, 1.0, 10.0, 100.0, 1000.0)
 RANGES_A = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
-NPLCS = (*range(1, 11), *range(20, 101, 10))  # what the instrument takes as it is; it rounds others up
-OVERLOAD = 1e38  # in V or A; told of an input beyond the range
+NPLCS = (*range(1, 11), *range(20, 101, 10))  # values accepted without rounding up
+OVERLOAD = 1e38  # in V or A; reported for an input over range
 
-# The instrument measures on and on until its trigger is held, and its readings would be taken for answers; a gateway
-# sees where an answer ends once END is ALWAYS.
+# The instrument measures continuously until its trigger is held, and its readings would be taken for answers; a gateway
+# detects the end of answers only with END ALWAYS.
 IDENTITY_QUESTION = b"TARM HOLD;END ALWAYS;ID?"
 REVISION_QUESTION = b"REV?"
 CALIBRATIONS_QUESTION = b"CALNUM?"
 LINE_FREQUENCY_QUESTION = b"LFREQ?"
 ERROR_QUESTION = b"ERRSTR?"
-TRIGGER = b"TARM SGL"  # answered by the reading, when it is there
+TRIGGER = b"TARM SGL"  # answered by the reading, at its end
 
 _ON, _OFF, _HOLD = 1.0, 0.0, 4.0
 _CONTINUOUS_NPLC = 10  # a longer reading is the mean of several of this length
-_OWN_ERRORS = {100, 101, 108, 109, 110}  # hardware, calibration, overload that destroys, out of calibration, due for it
-_AUXILIARY_ERRORS = 200  # and above: what of the hardware
+_OWN_ERRORS = {
+    100,
+    101,
+    108,
+    109,
+    110,
+}  # errors of hardware, calibration, destructive overload, out of calibration, calibration due
+_AUXILIARY_ERRORS = 200  # from this bit on: parts of the hardware
 
-_AROUND = " \r"  # what may be around a number; Python alone would take control characters for spaces as well
+_AROUND = " \r"  # whitespace around a number; Python alone would accept control characters, too
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,2})?", re.ASCII)
 _IDENTITY = re.compile(r"(HP|Agilent|Keysight) ?(3458A)", re.ASCII | re.IGNORECASE)
 

@@ -84,14 +84,14 @@ class ProfiledController(Connected):
         """Write the mode in which the set point controls; InstrumentFault if there is none, or during an alarm."""
         if alarm := await self._alarm():
             raise InstrumentFault(
-                self._link.device, "an alarm of the controller stands", received=alarm,
+                self._link.device, "the controller has an alarm", received=alarm,
                 remedy="Find its cause, then acknowledge it at the controller.",
             )  # fmt: skip
         mode = self._profile.mode
         if mode is None or mode.start is None:
             raise InstrumentFault(
                 self._link.device, "the chamber does not follow its set point", received=(await self._control())[1],
-                remedy="Switch it over at the controller; look for who switched it.",
+                remedy="Select its set-point mode at the controller, and find out who changed it.",
             )  # fmt: skip
         await self._switch(mode, mode.start, "mode")
 
@@ -108,7 +108,7 @@ class ProfiledController(Connected):
         if found in mode.off:
             return Control.NOBODY, f"mode {found}, off"
         names = [name for name, number in mode.other.items() if number == found]
-        return Control.OTHER, f"mode {found}, {names[0] if names else 'which the profile does not know'}"
+        return Control.OTHER, f"mode {found}, {names[0] if names else 'which is not in the profile'}"
 
     async def _alarm(self) -> str:
         """Text of active alarms; empty without an alarm."""
@@ -128,7 +128,7 @@ class ProfiledController(Connected):
             words = form.words(value)
         except OverflowError as problem:
             raise Refused(
-                self._link.device, f"no register holds this {what}: {problem}; nothing was sent",
+                self._link.device, f"no register can hold this {what}: {problem}; nothing was sent",
                 remedy="Correct the sequence, or the scale in the profile if it is wrong.",
             ) from problem  # fmt: skip
         await self._registers.set(
@@ -146,7 +146,7 @@ class ProfiledController(Connected):
         for each in self._profile.must_be:
             (found,) = await self._link.read(each.address, 1, function=each.read)
             if found != each.is_:
-                raise self._other(f"this must hold, and does not: {each.means}", f"{found}, expected {each.is_}",
+                raise self._other(f"a register has the wrong value: {each.means}", f"{found}, expected {each.is_}",
                                   f"read 1 register at {each.address}")  # fmt: skip
         limits_c = await self._read_limits()
         if self.limits_c not in (None, limits_c):
@@ -155,7 +155,7 @@ class ProfiledController(Connected):
         at = self._profile.process_value
         process_value_c = self._number(at, await self._link.read(at.address, at.count, function=at.read))
         if not COLDEST_C <= process_value_c <= HOTTEST_C:
-            raise self._other("the process value is no temperature", f"{process_value_c:g} °C")
+            raise self._other("the process value is implausible", f"{process_value_c:g} °C")
         self.limits_c = limits_c
 
     async def _read_limits(self) -> tuple[float, float]:
@@ -167,7 +167,7 @@ class ProfiledController(Connected):
             for each in (limits.min, limits.max)
         ]
         if low_c < COLDEST_C or high_c > HOTTEST_C or low_c >= high_c:
-            raise self._other("the set-point limits of the controller make no sense", f"{low_c:g} to {high_c:g} °C")
+            raise self._other("the set-point limits of the controller are implausible", f"{low_c:g} to {high_c:g} °C")
         return low_c, high_c
 
     def _number(self, register: ValueRegister, words: Words) -> float:

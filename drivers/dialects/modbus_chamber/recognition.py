@@ -15,7 +15,7 @@ async def ask(port: Port) -> Found:
         await port.registers(0, 1)
     return Found(
         Identity(verified=False), {"options": {"profile": "profile.yaml", "unit_id": port.unit_id}},
-        missing="something answers in Modbus that no driver knows; if it is a chamber, write its profile first",
+        missing="an unknown instrument answers in Modbus; if it is a chamber, write its profile first",
     )  # fmt: skip
 
 

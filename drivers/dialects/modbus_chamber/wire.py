@@ -16,7 +16,7 @@ _BOUNDS = {
     "int32": (-(1 << 31), (1 << 31) - 1),
     "uint32": (0, (1 << 32) - 1),
 }
-_DIGITS = 9  # after the point; what a scale leaves behind them is no part of a value
+_DIGITS = 9  # decimals; the rounding residue of a scale beyond them is dropped
 
 
 @dataclass(frozen=True, slots=True)

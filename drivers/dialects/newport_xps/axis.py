@@ -26,7 +26,7 @@ from drivers.values import Identity, Reading
 
 T = TypeVar("T")
 
-PROFILE_TOLERANCE = 1e-5  # relative: the controller may round what it is told
+PROFILE_TOLERANCE = 1e-5  # relative: the controller may round a setting
 
 
 class XpsAxis:
@@ -40,7 +40,7 @@ class XpsAxis:
         self._device, self._stated = setup.name, setup.identity
         self._group, self._positioner = options.group, f"{options.group}.{options.positioner}"
         self._acceleration_dps2 = options.acceleration
-        # Its maker is stated: it tells none.
+        # The maker is stated, because the controller does not report it.
         self._who = Recognised(setup.name, setup.identity.model_copy(update={"maker": None}))
         self.limits: OwnLimits | None = None
         self._asking, self._moving, self._stopping = (self._connection(setup) for _ in range(3))
@@ -152,7 +152,7 @@ class XpsAxis:
             raise Refused(
                 self._device, f"{self._positioner} would move at {found.rate_dps:g} °/s and "
                 f"{found.acceleration_dps2:g} °/s², expected {rate_dps:g} °/s and {self._acceleration_dps2:g} °/s²",
-                sent=call, remedy="Look for another program that uses the controller; nothing was moved.",
+                sent=call, remedy="Find the other program that uses the controller; nothing was moved.",
             )  # fmt: skip
 
     async def _profile(self) -> Profile:
@@ -210,7 +210,7 @@ class XpsAxis:
     async def _refusal(self, sent: str, reply: Reply) -> Refused:
         words = await self._words(wire.ask_code_words(reply.code), reply.code)
         return Refused(
-            self._device, f"the controller did not carry out a call: {words}", sent=sent, received=str(reply),
+            self._device, f"the controller did not execute a call: {words}", sent=sent, received=str(reply),
             remedy="Look at the controller's own page, and check the group and the positioner in the bench file.",
         )  # fmt: skip
 

@@ -20,7 +20,7 @@ class XpsOptions(HeadOptions):
 
     group: Name = Field(description="of the axis, as in the controller's system.ini; of a single axis or a spindle")
     positioner: Name = Field("Pos", description="of the group, as in system.ini")
-    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of every move")
+    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of all moves")
 
 
 DESCRIPTION = DriverDescription(

@@ -15,14 +15,14 @@ from typing import NamedTuple
 
 END = b",EndOfAPI"
 SUCCESS = 0
-BUSY = -1  # the call before is not answered yet on this connection
+BUSY = -1  # the previous call on this connection is not answered yet
 UNKNOWN_COMMAND = -4
 POSITIONER_ERROR = -5
 WRONG_FORMAT = -7
 PARAMETER_OUT_OF_RANGE = -17
 POSITIONER_NAME = -18
 GROUP_NAME = -19
-NOT_ALLOWED = -22  # in this state of the group; to an abort: nothing moves
+NOT_ALLOWED = -22  # not allowed in this state of the group; for an abort: nothing moves
 FOLLOWING_ERROR = -25
 EMERGENCY = -26
 ABORTED = -27
@@ -76,7 +76,7 @@ class Profile(NamedTuple):
     max_jerk_s: float
 
 
-# What a driver sends, and how it reads the answers
+# Messages and decoding of the driver
 
 ASK_FIRMWARE = "FirmwareVersionGet(char *)"
 
@@ -156,7 +156,7 @@ def read_reply(answer: bytes) -> Reply:
     """Decode an answer; ValueError if malformed."""
     match = _REPLY.fullmatch(answer.decode("latin-1"))
     if match is None:
-        raise ValueError("no number and comma at its beginning")
+        raise ValueError("no error number and comma at its beginning")
     return Reply(int(match[1]), match[2])
 
 

@@ -17,7 +17,7 @@ from drivers.kinds.latest import Latest, Order
 from drivers.person import Errand, Turn, Typed
 from drivers.values import Approach, Identity, Reading
 
-MOST_ANSWERS = 5  # to one move, before the person and the sequence plainly mean different things
+MOST_ANSWERS = 5  # maximum answers to one move: after that, operator and sequence disagree
 
 
 class OperatorHead:
@@ -33,8 +33,8 @@ class OperatorHead:
         self.name = setup.name
         self._person, self._note, self._stated = setup.person, setup.note, setup.identity
         self._options, self._limits = setup.options, setup.limits
-        self._latest: Latest[float] = Latest(setup.name, "move")  # its result is where the head stands
-        self._question: asyncio.Timeout | None = None  # ends the one that is open, when it is moved to now
+        self._latest: Latest[float] = Latest(setup.name, "move")  # its result is the angle of the head
+        self._question: asyncio.Timeout | None = None  # ends the open prompt, for a move to the present angle
 
     async def __aenter__(self) -> Self:
         """Do nothing: there is no connection, and no prompt."""
@@ -114,7 +114,7 @@ class OperatorHead:
                 return stands_deg
             errand = errand._replace(text=wording.not_taken(answer.value, asked_deg, why, told), again=True)
         raise Refused(
-            self.name, f"{MOST_ANSWERS} answers in a row cannot be; {why}", sent=told,
+            self.name, f"{MOST_ANSWERS} answers in a row are impossible; {why}", sent=told,
             received=wording.spelled(answer.value),
             remedy="Look at the head together with the sequence: its zero and dial, and options.index_step and "
             "options.tolerance in the bench file.",
@@ -140,13 +140,13 @@ class OperatorHead:
                 answered = True
                 return typed
         except TimeoutError:
-            if not question.expired():  # nobody has answered, which is a TimeoutError too
+            if not question.expired():  # no answer, which is a TimeoutError too
                 raise
             raise order.refusal() from None
         finally:
             self._question = None
             if not answered:
-                self._note(f"the question was withdrawn: {errand.text} Nobody has confirmed how the head stands.")
+                self._note(f"the question was withdrawn: {errand.text} The angle of the head is not confirmed.")
 
     def _new_order(self, keeping: float | None = None) -> Order:
         """Withdraw the open prompt; unless `keep`, the angle is unknown from now on."""

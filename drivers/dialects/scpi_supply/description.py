@@ -21,7 +21,7 @@ class SupplyOptions(StrictModel):
         description="maximum (VOLT? MAX, CURR? MAX), over_voltage (VOLT:PROT:TRIP?), over_current (CURR:PROT:TRIP?)",
     )
     watchdog: Annotated[float, InUnit("s", at_least=10, at_most=3600)] | None = Field(
-        None, description="when nothing is said to it for so long, to the second, it switches itself off"
+        None, description="time without communication after which it switches itself off, in whole seconds"
     )
 
 

@@ -90,7 +90,7 @@ class ScpiSupply(ScpiOutput[State, Setting]):
         """Raise BeyondLimit for a setting beyond the instrument's own maximum, if it reports that."""
         if "maximum" in self._options.answers:
             most = await self._link.ask(wire.MAXIMUM_QUERY, wire.read_maximum)
-            remedy = "Nothing was set: the supply itself goes no further. Correct the sequence, or take another supply."
+            remedy = "Nothing was set: this is the supply's own maximum. Correct the sequence, or use another supply."
             self._check_within(level_v, limit_a, most, remedy)
 
     def _check_within(self, level_v: float, limit_a: float, most: tuple[float, float], remedy: str) -> None:

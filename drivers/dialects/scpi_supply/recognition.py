@@ -19,7 +19,7 @@ async def ask(port: Port) -> Found:
         scpi.number(level), scpi.number(limit), scpi.boolean(output)
     finally:
         for question in ERROR_QUERIES:
-            with suppress(ValueError):  # it does not know this one
+            with suppress(ValueError):  # the queue contains an error of an unknown query
                 await forget_errors(port, question)
                 break
     return Found(identity)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from drivers.protocols import scpi
 
-# Headers as a simulator matches them
+# Headers for the simulator
 VOLTAGE = "[SOURce:]VOLTage[:LEVel][:IMMediate][:AMPLitude]"
 CURRENT = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
 OUTPUT = "OUTPut[:STATe]"
@@ -33,10 +33,10 @@ WATCHDOG_QUERY = b"OUTP:PROT:WDOG?;:OUTP:PROT:WDOG:DEL?;:STAT:QUES:COND?"
 PROTECTED = 2048  # bit of the questionable status: the watchdog has switched the output off
 OFF = "OUTP OFF"
 
-LEVEL_WITHIN_V = 0.001  # finer than any unit needs, not finer than a supply resolves
+LEVEL_WITHIN_V = 0.001  # finer than needed by any unit, not finer than the resolution of a supply
 LIMIT_WITHIN_A = 0.001
-STEADY_WITHIN = 0.05  # relative: what a unit at work may change its voltage and current by from one answer to the next
-STEADY_WITHIN_V, STEADY_WITHIN_A = 0.02, 0.005  # and in any case: what a supply resolves, and its noise
+STEADY_WITHIN = 0.05  # relative: possible change of voltage and current of a working unit between two answers
+STEADY_WITHIN_V, STEADY_WITHIN_A = 0.02, 0.005  # absolute: resolution and noise of a supply
 
 
 @dataclass(frozen=True, slots=True)

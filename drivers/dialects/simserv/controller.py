@@ -26,8 +26,8 @@ from drivers.values import Identity
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()  # a controller may acknowledge a setting before it tells it
-MESSAGES_AT_MOST = 40  # that are looked through for the text of an error
+READ_BACK = ReadBack()  # a controller may acknowledge a setting before it reports it
+MESSAGES_AT_MOST = 40  # messages searched for the text of an error
 _SERIAL_QUESTION = message(Function.INFO, Info.SERIAL)
 _GRADIENTS = (
     (Function.SET_GRADIENT_UP, Function.GRADIENT_UP), (Function.SET_GRADIENT_DOWN, Function.GRADIENT_DOWN),
@@ -46,7 +46,7 @@ class Simpac(Connected):
     def __init__(self, setup: Setup[SimservOptions, ChamberLimits, ChamberSafe]) -> None:
         self._device, self._pin = setup.name, setup.identity
         self._tells_target = setup.options.set_point_reads == "target"
-        self._ramp: OwnRamp | None = None  # the one that was commanded last
+        self._ramp: OwnRamp | None = None  # last commanded set point
         self._serial = ""
         self._who = Recognised(setup.name, setup.identity)
         self._line = ProvedLine(
@@ -96,7 +96,7 @@ class Simpac(Connected):
                 raise Refused(
                     self._device, "the controller did not take a new gradient", sent=command,
                     received=f"gradient {kept_c_per_min:g} °C/min",
-                    remedy="Ramp at a rate that the controller takes as it is.",
+                    remedy="Choose a ramp rate that the controller stores without rounding.",
                 )  # fmt: skip
 
     async def take_control(self) -> None:
@@ -113,7 +113,7 @@ class Simpac(Connected):
                 remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
+            self._ramp = replace(self._ramp, began_s=_now_s())  # it was stopped until now
             await self.command(self._ramp.target_c)
 
     async def _send(self, ramp: OwnRamp) -> None:
@@ -146,7 +146,7 @@ class Simpac(Connected):
         else:
             start_c, _ = self._where(await self._variable(Function.SET_POINT), None)
         rate_c_per_min = await self._variable(Function.GRADIENT_UP if target_c > start_c else Function.GRADIENT_DOWN)
-        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, _now_s())  # no gradient is no ramp
+        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, _now_s())  # gradient 0 means no ramp
 
     def _where(self, told_c: float, commanded_c: float | None) -> tuple[float, float]:
         """Active set point and last commanded set point, °C."""
@@ -176,7 +176,7 @@ class Simpac(Connected):
         if Status.ERROR in await self._ask(message(Function.STATUS), wire.status):
             raise InstrumentFault(
                 self._device, "the chamber has an error", received=await self._error(),
-                remedy="See to its cause and acknowledge it at the chamber.",
+                remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
 
     async def _error(self) -> str:
@@ -185,7 +185,7 @@ class Simpac(Connected):
         for index in range(1, min(count, MESSAGES_AT_MOST) + 1):
             if await self._ask(message(Function.MESSAGE_ACTIVE, index), wire.whole):
                 return await self._ask(message(Function.MESSAGE_TEXT, index), wire.text)
-        return "no message says which"
+        return "no message text"
 
     async def _identify(self) -> None:
         kind = await self._once(message(Function.INFO, Info.TYPE), wire.text)

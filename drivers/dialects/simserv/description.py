@@ -14,7 +14,7 @@ class SimservOptions(ChamberOptions):
 
     set_point_reads: Reads = Field(
         "target",
-        description="what it reports as its set point during a ramp: the end of the ramp, or its present value",
+        description="set point reported during a ramp: the end of the ramp, or its present value",
     )
 
 

@@ -23,20 +23,20 @@ DONE = 1
 TEMPERATURE = 1  # the first control variable
 START = 1  # the digital output that starts and stops
 
-STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 1000  # what set points and gradients are rounded to here
+STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 1000  # resolution of set points and gradients here
 REFUSALS: Mapping[int, str] = {
     -1: "an empty message",
-    -2: "the number of the chamber is missing",
-    -3: "a number of a chamber that cannot be",
-    -4: "there is no such chamber",
-    -5: "a function that it does not know",
+    -2: "missing chamber number",
+    -3: "invalid chamber number",
+    -4: "no such chamber",
+    -5: "unknown function",
     -6: "too few or wrong arguments",
     -7: "no server",
-    -8: "there is nothing of that number, or it could not be read",
-    -9: "it could not be carried out",
-    -10: "an index that cannot be",
+    -8: "no such item, or it could not be read",
+    -9: "not executed",
+    -10: "invalid index",
     -11: "nobody is logged in",
-    -12: "whoever is logged in may not do that",
+    -12: "no permission for the user who is logged in",
     -13: "logged in twice",
 }
 

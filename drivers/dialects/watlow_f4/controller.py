@@ -28,7 +28,7 @@ from drivers.kinds.chamber.registers import READ_BACK, ProvedRegisters, hexadeci
 from drivers.kinds.chamber.words import Words
 from drivers.values import Identity
 
-TERMINATING_S = 0.5  # what the controller needs after a profile was terminated, before it is told anything else
+TERMINATING_S = 0.5  # pause that the controller needs after the end of a profile
 _PROFILE = {Status.PROFILE_RUNS: "a profile runs", Status.PROFILE_ON_HOLD: "a profile is on hold"}
 
 
@@ -45,7 +45,7 @@ class F4Channel(Connected):
         self._power = event_output(power_event) if power_event is not None else None
         self._power_name = f"event output {power_event}"
         self._form = TemperatureFormat()
-        self._known: tuple[Words, Words, int] | None = None  # of the controller that was there first
+        self._known: tuple[Words, Words, int] | None = None  # of the controller at the first connection
         self._commanded_c = math.nan
         self._registers = ProvedRegisters(setup, self._identify)
         self._link = self._registers.link
@@ -100,13 +100,13 @@ class F4Channel(Connected):
         found = self._form.measured(await self._registers.read(MEASURED_FIRST, MEASURED_COUNT))
         if found.alarm:
             raise InstrumentFault(
-                self._link.device, "an alarm of the controller stands", received=found.alarm,
+                self._link.device, "the controller has an alarm", received=found.alarm,
                 remedy="Find its cause, then clear it at the controller.",
             )  # fmt: skip
         (status,) = await self._registers.read(Register.STATUS, 1)
         if status in _PROFILE:
             await self._end_profile()
-            await self.command(self._commanded_c)  # a profile may leave another set point behind
+            await self.command(self._commanded_c)  # a profile may leave another set point
         if self._power is not None and await self._registers.read(self._power, 1) != (1,):
             await self._registers.set(self._power, (1,), self._power_name, hexadecimal)
 
@@ -160,7 +160,7 @@ class F4Channel(Connected):
         low_c, high_c = form.value_c(limits[0]), form.value_c(limits[1])
         if decimals > MOST_DECIMALS or low_c >= high_c:
             raise self._other(
-                "the settings of the controller make no sense",
+                "the settings of the controller are implausible",
                 f"{decimals} decimals, set point limits {hexadecimal(limits)}",
                 "Check the address in the bench file, and the set-point limits at the controller.",
             )  # fmt: skip

@@ -31,7 +31,7 @@ from drivers.values import Identity
 
 COLDEST_C, HOTTEST_C = -273.15, 2000.0
 _CONTROL: Mapping[int, Control] = {ControlMode.AUTO: Control.SET_POINT, ControlMode.OFF: Control.NOBODY}
-NARROWEST_C = 1.0  # set-point limits closer than this are words in the wrong order, which read as almost zero
+NARROWEST_C = 1.0  # closer set-point limits are swapped words, which decode to almost zero
 
 
 class F4TLoop(Connected):
@@ -59,7 +59,8 @@ class F4TLoop(Connected):
         """Read active set point, mode and process value; the set point itself only if it may differ."""
         block = await (self._block() if self._block_reads else self._block_singly())
         target_c = commanded_c
-        # While the set point in force rests at the command the set point is that one: it would leave at once.
+        # While the active set point rests at the command, the set point equals it, because a changed one would be
+        # followed at once.
         if commanded_c is None or abs(block.set_point_in_force - commanded_c) > ARRIVED_WITHIN_C:
             target_c = await self._number(LoopRegister.SET_POINT)
         why = f"control loop {self._form.loop} is not in auto, mode {mode_name(block.mode)}"
@@ -85,7 +86,7 @@ class F4TLoop(Connected):
         mode = (await self._registers.read(self._form.address(LoopRegister.CONTROL_MODE_IN_FORCE), 1))[0]
         raise InstrumentFault(
             self._link.device, f"control loop {self._form.loop} is not in auto", received=f"mode {mode_name(mode)}",
-            remedy="Switch the loop to auto at the controller; look for who switched it.",
+            remedy="Switch the loop to auto at the controller, and find out who switched it.",
         )  # fmt: skip
 
     async def _block(self) -> LoopBlock:
@@ -136,7 +137,7 @@ class F4TLoop(Connected):
         ]
         if low_c < COLDEST_C or high_c > HOTTEST_C or high_c - low_c < NARROWEST_C:
             raise WrongIdentity(
-                self._link.device, "the set-point limits of the controller make no sense",
+                self._link.device, "the set-point limits of the controller are implausible",
                 received=_range((low_c, high_c)),
                 remedy="Check options.word_order in the bench file; the data map of the controller must be 1.",
             )  # fmt: skip

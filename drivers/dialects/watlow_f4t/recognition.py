@@ -26,7 +26,7 @@ async def ask(port: Port) -> Found:
         if _COLDEST <= low <= high - _NARROWEST <= high <= _HOTTEST:
             options: dict[str, object] = {"unit_id": port.unit_id, "word_order": order}
             return Found(Identity(maker="Watlow", model="F4T", verified=False), {"options": options})
-    raise ValueError("set-point limits that make no sense")
+    raise ValueError("implausible set-point limits")
 
 
 RECOGNITION = Recognition(MODBUS, ask, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"))

@@ -14,8 +14,8 @@ from enum import IntEnum
 from drivers.kinds.chamber.words import WordOrder, Words, float32_value, float32_words
 
 LOOP_STRIDE = 160
-DISPLAY_UNIT, DISPLAY_UNIT_SERIAL = 6730, 14080  # as seen through TCP, and through the serial port
-CHAMBER_TEMPERATURE = 27586  # analog input 1, float32, whatever the loops do
+DISPLAY_UNIT, DISPLAY_UNIT_SERIAL = 6730, 14080  # value over TCP, and value over the serial port
+CHAMBER_TEMPERATURE = 27586  # analog input 1, float32, independent of the loops
 
 
 class LoopRegister(IntEnum):

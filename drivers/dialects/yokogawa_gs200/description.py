@@ -32,7 +32,7 @@ class GS200Options(StrictModel):
     )
     compliance: Annotated[
         float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V), AfterValidator(_whole_volts)
-    ] = Field(description="the most that a sequence may ask for, in whole volts")
+    ] = Field(description="maximum compliance of a sequence, in whole volts")
 
 
 DESCRIPTION = DriverDescription(

@@ -19,12 +19,12 @@ def _faults(state: State) -> Sequence[Fault]:
     received = f"condition {int(state.condition)}"
     found = []
     if state.function != "CURR" and state.setting.output:
-        found.append(Fault("it gives a voltage", "VOLT", "Make it safe, and look who else sets it.", always=True))
+        found.append(Fault("it is in voltage mode", "VOLT", "Make it safe, and find the other master.", always=True))
     if state.condition & wire.LIMITING:
         remedy = "Check the load, its cable, and the compliance."
         found.append(Fault("it is at its voltage limit: the load does not take the current", received, remedy))
     if wire.Condition.EMERGENCY in state.condition:
-        remedy = "Read its display and its manual: it protects itself."
+        remedy = "Its protection has tripped: read its display and its manual."
         found.append(Fault("it reports an emergency", received, remedy, always=True))
     return found
 

@@ -17,7 +17,7 @@ from drivers.protocols import scpi
 Function = Literal["CURR", "VOLT"]
 FUNCTIONS: Mapping[str, Function] = {"CURR": "CURR", "VOLT": "VOLT"}
 
-# Headers as a simulator matches them
+# Headers for the simulator
 FUNCTION = "[SOURce:]FUNCtion"
 RANGE = "[SOURce:]RANGe"
 LEVEL = "[SOURce:]LEVel[:FIXed]"
@@ -36,7 +36,7 @@ COMMANDS = Commands(
 
 RANGES_A = (1e-3, 10e-3, 100e-3, 200e-3)
 OVER_RANGE = 1.2
-LEVEL_MAX_A = 0.2  # whatever the range
+LEVEL_MAX_A = 0.2  # independent of the range
 COMPLIANCE_MIN_V, COMPLIANCE_MAX_V, COMPLIANCE_STEP_V = 1.0, 30.0, 1.0
 
 

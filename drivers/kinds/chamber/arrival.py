@@ -6,7 +6,7 @@ from drivers.kinds.chamber.description import FollowOptions, TemperatureRange
 from drivers.kinds.chamber.following import FollowWatch
 from drivers.values import ChamberState
 
-KEPT_WITHIN_C = 0.5  # of the set point commanded: controllers round it
+KEPT_WITHIN_C = 0.5  # tolerance of the commanded set point, which controllers round
 
 
 class Arrival:
@@ -34,7 +34,7 @@ class Arrival:
             self._watch = FollowWatch(self._follow.model_copy(update={"settle": longest_s}), self._limits)
             self._due_s = at_s + longest_s
         if abs(state.target_c - self.target_c) > KEPT_WITHIN_C:
-            return f"somebody changed the set point from {self.target_c:g} °C to {state.target_c:g} °C"
+            return f"the set point was changed by another master from {self.target_c:g} °C to {state.target_c:g} °C"
         if wrong := self._watch.problem(at_s, state.process_value_c, state.set_point_c, commanded=True):
             return f"{wrong}; it is at {state.process_value_c:.1f} °C"
         if at_s > self._due_s and not self.has_arrived(state):

@@ -13,8 +13,8 @@ from drivers.values import Identity
 class Control(Enum):
     """Source of the active set point."""
 
-    SET_POINT = "set point"  # the one that this driver commands
-    NOBODY = "nobody"  # it is switched off or idle
+    SET_POINT = "set point"  # the set point commanded by this driver
+    NOBODY = "nobody"  # switched off or idle
     OTHER = "other"  # a profile, a person, an alarm
 
 

@@ -17,7 +17,7 @@ from drivers.schema.fields import (
     StrictModel,
 )
 
-DIALOGUE_S = 7.0  # as of any device, and to read back what the controller follows
+DIALOGUE_S = 7.0  # the time of any device, and that of reading back the active set point
 
 LONGEST_HOLD_S = 12 * 3600.0
 
@@ -27,12 +27,10 @@ CHANNELS = {"process_value": "°C", "set_point": "°C"}
 class FollowOptions(StrictModel):
     """Required progress of the air to its set point; a chamber that does not follow is a fault, and the run ends."""
 
-    band: PositiveCelsius = Field(3.0, description="how near to a set point at rest it stays once it has settled")
-    gain: PositiveCelsius = Field(
-        1.0, description="by how much it must approach in every `over` while it is outside the band"
-    )
+    band: PositiveCelsius = Field(3.0, description="half width of the band around a constant set point after settling")
+    gain: PositiveCelsius = Field(1.0, description="minimum approach in every `over` while outside the band")
     over: Annotated[float, InUnit("s", at_least=60, at_most=7200)] = Field(
-        600.0, description="the time in which it must approach by `gain`"
+        600.0, description="time in which it must approach by `gain`"
     )
     settle: PositiveSeconds = Field(
         3600.0, description="the longest settling time after the set point has become constant, or after a disturbance"
@@ -43,9 +41,9 @@ class ChamberOptions(StrictModel):
     """Protocol settings of any controller, and abilities of its chamber."""
 
     poll: Annotated[float, InUnit("s", above=0, at_most=30)] = Field(
-        1.0, description="how often a ramp that has nearly arrived is looked at"
+        1.0, description="poll interval near the end of a ramp"
     )
-    answer_timeout: PositiveSeconds = Field(3.0, description="how long an answer may take")
+    answer_timeout: PositiveSeconds = Field(3.0, description="timeout of an answer")
     follow: FollowOptions = FollowOptions()
 
 

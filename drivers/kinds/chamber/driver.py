@@ -15,7 +15,7 @@ from drivers.kinds.chamber.standstill import STANDSTILL_S, StandstillWatch
 from drivers.timing.awake import Deadline, patience
 from drivers.values import ChamberState, Identity, Reading
 
-RAMP_LONGER_BY, RAMP_LATER_S = 1.1, 120.0  # what a ramp may take more than distance / rate
+RAMP_LONGER_BY, RAMP_LATER_S = 1.1, 120.0  # allowance for a ramp beyond distance / rate
 
 
 class Chamber:
@@ -34,8 +34,8 @@ class Chamber:
         self._poll_s, self._safe_within_s = options.poll, safe_state(options, limits, safe).within_s
         self._step_s = options.step if isinstance(options, StairOptions) else None
         self._turn = asyncio.Lock()
-        self._commanded_c: float | None = None  # the set point last written and read back, as long as it is known
-        self._commands = 0  # given so far; whoever ramps sees by it that another has taken over
+        self._commanded_c: float | None = None  # last set point that was written and read back, if known
+        self._commands = 0  # number of commands; a ramp detects by it that another one has taken over
         self._standstill = StandstillWatch()
         self._following = FollowWatch(options.follow, limits.temperature)
 
@@ -134,7 +134,7 @@ class Chamber:
             raise
         except TimeoutError as late:
             raise NoAnswer(
-                self.name, f"could not be made safe within {self._safe_within_s:g} s",
+                self.name, f"was not made safe within {self._safe_within_s:g} s",
                 sent=f"set point {self._safe_c:g} °C", remedy="Set it by hand at the chamber.",
             ) from late  # fmt: skip
 
@@ -144,7 +144,7 @@ class Chamber:
         self._check_control(look, may_be_off=self._controller.can_start)
         start_c = look.set_point_c if look.control is Control.SET_POINT else look.process_value_c
         if not self._following.is_possible(start_c):
-            raise self._not_following(f"no ramp can begin far beyond {self._following.limits}", look)
+            raise self._not_following(f"no ramp may begin far beyond {self._following.limits}", look)
         began_s = asyncio.get_running_loop().time()
         climb = Climb(start_c, temperature_c, rate_c_per_min / 60, began_s, self._step_s)
         if self._step_s is None:
@@ -163,7 +163,7 @@ class Chamber:
         return look
 
     async def _command(self, temperature_c: float) -> None:
-        self._commanded_c = None  # if this is cut short, either set point may be there, and neither is foreign
+        self._commanded_c = None  # after a cancellation here both set points are possible, and neither is foreign
         self._commands += 1
         await self._controller.command(temperature_c)
         self._commanded_c = self._controller.kept(temperature_c)
@@ -172,7 +172,7 @@ class Chamber:
         try:
             await self._command(self._safe_c)
         except (NoAnswer, LinkLost):
-            # It may have been executed or not: the state read over a new connection decides.
+            # The command may have been executed or not: the state read on a new connection decides.
             safe_c = self._controller.kept(self._safe_c)
             if (await self._controller.look(None)).target_c != safe_c:
                 await self._command(self._safe_c)
@@ -196,7 +196,7 @@ class Chamber:
     def _check_target(self, look: Look, commanded_c: float) -> None:
         if look.target_c != commanded_c:
             raise InstrumentFault(
-                self.name, "somebody else changed the set point", sent=f"set point {commanded_c:g} °C before",
+                self.name, "another master changed the set point", sent=f"set point {commanded_c:g} °C before",
                 received=f"set point {look.target_c:g} °C now",
                 remedy="Find out who commands the chamber: its front panel, its web page, another program.",
             )  # fmt: skip
@@ -205,7 +205,7 @@ class Chamber:
         if look.control is Control.OTHER or (look.control is Control.NOBODY and not may_be_off):
             raise InstrumentFault(
                 self.name, "the chamber does not follow its set point", received=look.why,
-                remedy="Check at the controller what it is doing, and who commanded it.",
+                remedy="Check the state of the controller, and find the other master.",
             )  # fmt: skip
 
     def _check_movement(self, look: Look) -> None:
@@ -214,7 +214,7 @@ class Chamber:
             raise InstrumentFault(
                 self.name, f"the process value has not changed for {STANDSTILL_S / 60:g} min of a moving set point",
                 received=f"process value {look.process_value_c:g} °C, set point {look.set_point_c:g} °C",
-                remedy="Check the chamber's sensor, its cable, and what the controller's display says.",
+                remedy="Check the chamber's sensor, its cable, and the controller's display.",
             )  # fmt: skip
         is_commanded = self._commanded_c is not None
         if wrong := self._following.problem(at_s, look.process_value_c, look.set_point_c, commanded=is_commanded):
@@ -236,6 +236,6 @@ class Chamber:
     def _not_arrived(self, temperature_c: float, why: str, look: Look) -> NotSettled:
         return NotSettled(
             self.name, f"the ramp to {temperature_c:g} °C {why}",
-            received=f"set point in force {look.set_point_c:g} °C, process value {look.process_value_c:g} °C",
+            received=f"active set point {look.set_point_c:g} °C, process value {look.process_value_c:g} °C",
             remedy="Check at the controller whether a profile runs or the ramp is paused.",
         )  # fmt: skip

@@ -10,9 +10,9 @@ import math
 
 from drivers.kinds.chamber.description import FollowOptions, TemperatureRange
 
-BEYOND_C = 10.0  # what the air may be beyond the limits of the bench: it overshoots at their ends
-AWAY_C = 5.0  # farther from its set point, outside the band, only the chamber's own power takes the air
-ROOM_C = (15.0, 30.0)  # towards a room the air goes by itself too: past an open door, without heat
+BEYOND_C = 10.0  # tolerance of the air beyond the limits of the bench: it overshoots at their ends
+AWAY_C = 5.0  # farther from its set point, outside the band, the air gets only by the chamber's own power
+ROOM_C = (15.0, 30.0)  # towards the room the air also drifts by itself: with an open door, without heating
 
 
 class FollowWatch:
@@ -26,8 +26,8 @@ class FollowWatch:
         self._looked_s = -math.inf
         self._set_point_c = math.nan
         self._impossible = 0  # polls in a row
-        self._from: tuple[float, float, bool] | None = None  # when and where it last had come nearer, and from below
-        self._due_s = math.inf  # by when the air has to have settled
+        self._from: tuple[float, float, bool] | None = None  # time and value of the last approach, and its side
+        self._due_s = math.inf  # deadline for settling
         self._inside_since_s: float | None = None
 
     def problem(self, at_s: float, air_c: float, set_point_c: float, *, commanded: bool) -> str:
@@ -66,7 +66,7 @@ class FollowWatch:
         """Problem of air outside the band, or "" while it approaches."""
         options, from_below = self._is, air_c < set_point_c
         if self._inside_since_s is not None and at_s - self._inside_since_s >= options.over:
-            self._due_s = at_s + options.settle  # it had settled: what disturbs it now takes its time too
+            self._due_s = at_s + options.settle  # it had settled: a disturbance also gets the settling time
         self._inside_since_s = None
         if self._from is None or self._from[2] != from_below:
             self._from = at_s, air_c, from_below
@@ -75,9 +75,11 @@ class FollowWatch:
         if nearer_c >= options.gain:
             self._from = at_s, air_c, from_below
         elif nearer_c <= -AWAY_C and not ROOM_C[0] <= air_c <= ROOM_C[1] and (air_c > ROOM_C[0]) == (air_c > from_c):
-            return f"the air runs away from its set point: {-nearer_c:.1f} °C farther within {_minutes(at_s - since_s)}"
+            return (
+                f"the air moves away from its set point: {-nearer_c:.1f} °C farther within {_minutes(at_s - since_s)}"
+            )
         elif at_s - since_s >= options.over:
-            return f"the air has not come {options.gain:g} °C nearer to its set point within {_minutes(options.over)}"
+            return f"the air has not come {options.gain:g} °C closer to its set point within {_minutes(options.over)}"
         if at_s > self._due_s:
             return f"the air has not settled within {options.band:g} °C of its set point for {_minutes(options.settle)}"
         return ""

@@ -55,7 +55,7 @@ class ProvedLine:
         try:
             await once_more(self._identify, self._note)
         except BaseException:
-            self._dialogue.close()  # who is there is not known: the next exchange connects and asks first
+            self._dialogue.close()  # the identity is unknown: the next exchange reconnects and identifies first
             raise
 
     async def ask(self, question: str, read: Read[T]) -> T:
@@ -86,8 +86,7 @@ class ProvedLine:
         if isinstance(answer, Refusal):
             raise Refused(
                 self._device, "the controller refused a command", sent=sent, received=str(answer),
-                remedy="Check at the controller what it is doing, who else uses it, and whether its settings are "
-                "protected.",
+                remedy="Check the state of the controller, other masters, and protected settings.",
             )  # fmt: skip
         return answer
 

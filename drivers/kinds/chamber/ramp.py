@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-ARRIVED_WITHIN_C = 1e-4  # a few times the last bit of a float32: the set point in force is computed, not copied
-FAR_AWAY_POLL_S = 5.0  # how often a ramp is looked at while its end is far away
-OWN_RAMP_WITHIN_C, OWN_RAMP_WITHIN_S = 1.0, 30.0  # how far a controller's own ramp may be from where it should be
+ARRIVED_WITHIN_C = 1e-4  # a few times the last bit of a float32: the active set point is computed, not copied
+FAR_AWAY_POLL_S = 5.0  # interval of polls while the end of a ramp is far away
+OWN_RAMP_WITHIN_C, OWN_RAMP_WITHIN_S = 1.0, 30.0  # tolerance of a controller's own ramp
 
 
 @dataclass(frozen=True, slots=True)

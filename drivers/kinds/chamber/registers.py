@@ -91,7 +91,7 @@ class ProvedRegisters:
             await self.link.write(address, words, many=many)
         except (NoAnswer, LinkLost) as problem:
             unanswered = problem
-            kept = await self.read(address, count, function=function)  # at once: the time for an answer has passed
+            kept = await self.read(address, count, function=function)  # immediately: the timeout has already passed
         else:
             kept = await READ_BACK.until(
                 lambda: self.read(address, count, function=function), lambda kept: kept == words
@@ -101,7 +101,7 @@ class ProvedRegisters:
         if unanswered is not None:
             raise unanswered
         raise Refused(
-            self.link.device, f"the controller acknowledged a new {what} and kept another",
+            self.link.device, f"the controller acknowledged a new {what} and stored another",
             sent=spelled(words), received=spelled(kept),
             remedy="Look at the controller for a lock, a limit or a running profile.",
         )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 STANDSTILL_S = 600.0
-SET_POINT_STANDS_S = 60.0  # a set point without a change for so long is at rest
+SET_POINT_STANDS_S = 60.0  # a set point unchanged for so long is at rest
 
 
 class StandstillWatch:

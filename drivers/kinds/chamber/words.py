@@ -23,7 +23,7 @@ def float32_value(words: Sequence[int], order: WordOrder) -> float:
     high, low = (second, first) if order == "low_first" else (first, second)
     value: float = struct.unpack(">f", struct.pack(">HH", high, low))[0]
     if not math.isfinite(value):
-        raise ValueError(f"{value} is not a number that can be measured or set")
+        raise ValueError(f"{value} is not a finite number")
     return value
 
 

@@ -37,8 +37,8 @@ class FreeCounter(FrameDriver[OptionsT]):
         super().__init__(setup)
         self._period_s, self._channels = period_s, channels
         self._last_latch_s = 0.0
-        self._last_numbers: list[int] = []  # of the last latches
-        self._counts: dict[str, tuple[int, int]] = {}  # the newest of each channel
+        self._last_numbers: list[int] = []  # sequence numbers of the last latches
+        self._counts: dict[str, tuple[int, int]] = {}  # newest counts of each channel
 
     async def __aenter__(self) -> Self:
         """Open the channel and wait for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
@@ -92,7 +92,7 @@ class FreeCounter(FrameDriver[OptionsT]):
             f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
         )
         if heard:
-            remedy = "Check that the options in the bench file, such as the DBC, are those of this counter."
+            remedy = "Check that the options in the bench file, such as the DBC, fit this counter."
             return NoAnswer(self.name, problem, received=frames_named(heard), remedy=remedy)
         remedy = "Check that the converter is on, the bus is terminated, and the bit rate is right."
         return NoAnswer(self.name, problem, received="no frame at all", remedy=remedy)

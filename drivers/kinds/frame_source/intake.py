@@ -22,9 +22,9 @@ from drivers.transport.frame_link import FrameLink
 from drivers.values import Heard, Identity, Reading
 
 SILENT_PERIODS = 25
-STANDING_FRAMES = 3  # as many with one sequence number mean that the sender is frozen
+STANDING_FRAMES = 3  # so many frames with one sequence number mean that the sender is frozen
 ERRORS_TOLD_EVERY_S = 60.0
-MOST_NAMED = 8  # of the frames received instead of others
+MOST_NAMED = 8  # listed when other frames than the expected ones arrive
 
 FormatT = TypeVar("FormatT")
 
@@ -82,7 +82,7 @@ class FrameIntake:
         Blocks are taken every `block_s`, or more often if the link cannot buffer so long.
         """
         if self._acquisition is not None:
-            raise InstrumentFault(self._name, "an acquisition is under way already")
+            raise InstrumentFault(self._name, "an acquisition is already running")
         self.absorb()
         self.check()
         blocks = self._acquisition = _Blocks(math.inf if block_s is None else block_s)
@@ -91,7 +91,7 @@ class FrameIntake:
         try:
             yield blocks
             self.absorb()
-            self.absorb()  # a lost link reports this after its last frames
+            self.absorb()  # a lost link raises this after its last frames
         finally:
             self._acquisition = self.acquiring_since_s = None
             blocks.end(self._failure)
@@ -135,7 +135,7 @@ class FrameIntake:
             self._look(block)
         except DriverError as problem:
             self._failure = self._better(problem)
-            self._link.close()  # or frames would go on piling up
+            self._link.close()  # otherwise frames would accumulate
             if self._acquisition is not None:
                 self._acquisition.end(self._failure)
 
@@ -155,7 +155,7 @@ class FrameIntake:
             return
         if (classes & (BUS_OFF | RESTARTED)).any():
             raise LinkLost(
-                self._name, f"the bus is off, or was: the adapter has left it ({in_words(classes.tolist())})",
+                self._name, f"the adapter is, or was, bus-off ({in_words(classes.tolist())})",
                 remedy="Check the wiring, the termination and the bit rate; restart the adapter, then run again.",
             )  # fmt: skip
         self._errors += len(classes)
@@ -268,7 +268,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
         try:
             link = await self._open()
             try:
-                link.take()  # what has come by now belongs to nothing; raises where the link is gone again
+                link.take()  # frames received until now belong to no acquisition; raises if the link is lost again
                 await self._intake.end()
             except BaseException:
                 link.close()

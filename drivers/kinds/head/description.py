@@ -15,14 +15,14 @@ from drivers.timing.busy import BUSY_S
 class HeadOptions(StrictModel):
     """Motion settings of the axis; the time limit of a move follows from `rate` and `acceleration`."""
 
-    rate: DegreesPerSecond = Field(description="of every move")
+    rate: DegreesPerSecond = Field(description="of all moves")
     settle: SettleOptions
     approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = Field(
-        2.0, description="how far from its target an approach from one side begins"
+        2.0, description="distance from the target at which an approach from one side begins"
     )
     acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="the controller's own setting")
     poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(
-        0.1, description="how often an axis that has nearly arrived is looked at"
+        0.1, description="poll interval near the end of a move"
     )
 
 

@@ -33,7 +33,7 @@ class Head:
         self._options, self._limits = options, limits
         self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
-        self._latest: Latest[float] = Latest(name, "move")  # its result is the angle at which it stands
+        self._latest: Latest[float] = Latest(name, "move")  # its result is the angle of the axis
 
     async def __aenter__(self) -> Self:
         """Connect and identify; BeyondLimit if the rate of the options exceeds a limit."""
@@ -68,13 +68,13 @@ class Head:
         if target_deg is not None and abs(reading.value - target_deg) > ASTRAY_BANDS * self._band_deg:
             raise InstrumentFault(
                 self.name, f"the axis stands at {reading.value:.5f}°, it was sent to {target_deg:.5f}°",
-                remedy="Look for who else moves it: a joystick, another program, a hand.",
+                remedy="Find out what else moves it: a joystick, another program, a hand.",
             )  # fmt: skip
         return {"angle": [reading]}
 
     async def angle(self) -> Reading:
         """Encoder angle (°)."""
-        # An axis that is not known to stand may move between two takes.
+        # The axis may move between two takes unless it is known to be at rest.
         return await self._agreed_angle(0.0 if self._latest.result is not None else self._limits.rate.max)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
@@ -145,7 +145,7 @@ class Head:
         state = await self._axis.state()
         if not state.homed:
             raise InstrumentFault(
-                self.name, "the axis has not been homed, so its angles mean nothing", received=state.words,
+                self.name, "the axis has not been homed, so its angles are undefined", received=state.words,
                 remedy="Home it at the controller, where you can see it move.",
             )  # fmt: skip
         order.check()
@@ -172,8 +172,8 @@ class Head:
             order.check()
             if not state.enabled:
                 raise InstrumentFault(
-                    self.name, f"the axis was disabled on its way to {target_deg:g}°", received=state.words,
-                    remedy="Look for who disabled it, then run again.",
+                    self.name, f"the axis was disabled during the move to {target_deg:g}°", received=state.words,
+                    remedy="Find out what disabled it, then run again.",
                 )  # fmt: skip
             at_rest = state.in_position and not state.moving
             off_deg = abs(reading.value - target_deg)

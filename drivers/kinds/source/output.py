@@ -87,7 +87,7 @@ class ScpiOutput(Generic[StateT, SettingT]):
     def __init__(self, setup: Setup[Any, Any, Any], dialect: Dialect[StateT, SettingT], *, end: bytes = b"\n") -> None:
         self.name, self._dialect = setup.name, dialect
         self._link = ScpiLink(setup, end=end)
-        self._latest: Latest[SettingT] = Latest(setup.name, "setting")  # its result was read back
+        self._latest: Latest[SettingT] = Latest(setup.name, "setting")  # setting that was read back
 
     async def __aenter__(self) -> Self:
         """Connect and identify; raises CannotConnect or WrongIdentity."""
@@ -123,7 +123,7 @@ class ScpiOutput(Generic[StateT, SettingT]):
             order.check(sent)
             if step == sent:
                 raise Refused(
-                    self.name, "a setting was not carried out", sent=sent, received=str(now.setting),
+                    self.name, "a setting was not executed", sent=sent, received=str(now.setting),
                     remedy=self._stuck,
                 )  # fmt: skip
             await self._link.write(step)
@@ -159,5 +159,5 @@ class ScpiOutput(Generic[StateT, SettingT]):
         if made is not None and self._dialect.next_step(state, made):
             raise InstrumentFault(
                 self.name, f"the {self._kind} was set to {made}", received=str(state.setting),
-                remedy="Look for a trip, a power failure, or who else sets it.",
+                remedy="Look for a trip, a power failure, or another master.",
             )  # fmt: skip

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 from drivers.timing.readback import ReadBack
 from drivers.values import Identity
 
-READ_BACK = ReadBack()  # from a command to the status that tells it
+READ_BACK = ReadBack()  # time from a command to the status that reflects it
 
 
 class Mode(Enum):

@@ -7,7 +7,7 @@ import math
 from drivers.errors import BeyondLimit
 from drivers.kinds.table.description import TableLimits
 
-LARGEST_SINE_DEG = 170.0  # less than half a turn either way, so that turns can be counted
+LARGEST_SINE_DEG = 170.0  # less than half a turn in either direction, so that turns can be counted
 
 
 class Bounds:
@@ -33,7 +33,7 @@ class Bounds:
             self._check_most("the rate", abs(rate_dps), self._limits.rate.max, "°/s")
         self._check_most("the acceleration", acceleration_dps2, self._limits.acceleration.max, "°/s²")
         if not self.endless:
-            raise self._beyond("an axis with limits.angle cannot turn on and on")
+            raise self._beyond("an axis with limits.angle cannot rotate continuously")
 
     def check_sine(self, amplitude_deg: float, frequency_hz: float) -> None:
         """Check a sine: A·2πf is its peak rate, A·(2πf)² its peak acceleration."""

@@ -19,20 +19,18 @@ DegreesPerSecondSquared = Annotated[float, InUnit("°/s²", above=0)]
 class TableOptions(StrictModel):
     """Motion settings of the axis."""
 
-    rate: DegreesPerSecond = Field(description="of every move")
+    rate: DegreesPerSecond = Field(description="of all moves")
     acceleration: DegreesPerSecondSquared = Field(
-        description="of moves, of stops, and of changes of rate for which no other is given"
+        description="of moves, of stops, and of changes of rate without another value"
     )
     settle: SettleOptions
     rate_band: DegreesPerSecond = Field(
-        0.01, description="how far from the rate that was asked for it may turn, and how fast at rest"
+        0.01, description="maximum deviation from the commanded rate, and maximum rate at rest"
     )
     approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = Field(
-        2.0, description="how far from its target an approach from one side begins"
+        2.0, description="distance from the target at which an approach from one side begins"
     )
-    poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(
-        0.1, description="how often a motion is looked at until it is done"
-    )
+    poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(0.1, description="poll interval of a motion")
     encoder_resolution: Annotated[float, InUnit("arcsec", above=0)] | None = Field(
         None, description="one count of the encoder; a sine must span enough of them"
     )
@@ -79,7 +77,9 @@ class TableLimits(StrictModel):
     rate: RateRange
     acceleration: AccelerationRange
     frequency: FrequencyRange
-    torque: TorqueRange | None = Field(None, description="of a sine, worked out from options.inertia by the check")
+    torque: TorqueRange | None = Field(
+        None, description="maximum torque of a sine, computed from options.inertia by the check"
+    )
 
 
 def busy_s(options: TableOptions, limits: TableLimits) -> float:

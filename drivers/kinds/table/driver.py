@@ -19,9 +19,9 @@ from drivers.timing.awake import Deadline
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
 
-MODE_CHANGE_S = 0.5  # at rest before another mode, as drivers of others do
-RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # in which a sine grows, slowly enough to add little to its peak acceleration
-RATE_RIPPLE = 1e-3  # of the rate: what a rate read at one instant may be off while its mean is right
+MODE_CHANGE_S = 0.5  # at rest before a change of mode, as in third-party drivers
+RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # run-up of a sine, slow enough to add little to its peak acceleration
+RATE_RIPPLE = 1e-3  # relative: possible deviation of an instantaneous rate with a correct mean
 
 
 class Table:
@@ -40,7 +40,7 @@ class Table:
         self._bounds = Bounds(name, limits)
         self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
-        self._latest: Latest[tuple[Mode, float]] = Latest(name, "motion")  # what it then does: a mode, its ° or °/s
+        self._latest: Latest[tuple[Mode, float]] = Latest(name, "motion")  # its result: a mode, with ° or °/s
 
     async def __aenter__(self) -> Self:
         """Connect and identify."""
@@ -66,7 +66,7 @@ class Table:
         if problem := self._departure(state):
             raise InstrumentFault(
                 self.name, problem, received=str(state),
-                remedy="Look for a tripped interlock, or who else moves it: the front panel, another program, a hand.",
+                remedy="Look for a tripped interlock, or another master: the front panel, another program, a hand.",
             )  # fmt: skip
         return {"angle": [self._angle(state)], "rate": [self._rate(state)]}
 
@@ -171,7 +171,7 @@ class Table:
         await asyncio.sleep(MODE_CHANGE_S)
         state = await self._axis.look()
         order.check()
-        # A mode goes for its last demand as soon as it is entered.
+        # A mode follows its last demand as soon as it is entered.
         await self._axis.demand_here(mode, state.angle_deg)
         return await self._follow(order, mode)
 
@@ -227,7 +227,7 @@ class Table:
         if problem := _lost_control(state, mode):
             raise InstrumentFault(
                 self.name, problem, received=str(state),
-                remedy="Look at the controller's panel for who changed it, then run again.",
+                remedy="Check the controller's panel for a change there, then run again.",
             )  # fmt: skip
         return state
 

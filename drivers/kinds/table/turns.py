@@ -8,7 +8,7 @@ from drivers.kinds.table.axis import Mode, State
 from drivers.kinds.table.description import AngleRange
 
 TURN_DEG = 360.0
-LONGEST_LEG_DEG = 120.0  # well below half a turn, so that there is no doubt which way is the shorter
+LONGEST_LEG_DEG = 120.0  # well below half a turn, so that the shorter direction is unambiguous
 
 
 class TurnCounter:
@@ -22,7 +22,7 @@ class TurnCounter:
     def __init__(self, ends: AngleRange | None) -> None:
         self._ends = ends
         self._last: tuple[float, State] | None = None
-        self._centre_deg = 0.0  # where the axis was before it swings
+        self._centre_deg = 0.0  # angle of the axis before an oscillation
 
     def count(self, at_s: float, state: State) -> State:
         """Resolve the turn of a state at a time."""

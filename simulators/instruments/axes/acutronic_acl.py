@@ -26,11 +26,11 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.physics.profiles import Slew
 from simulators.world import World
 
-BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out
+BRAKE_DPS2 = 400.0  # deceleration of the table after its drive is switched off
 TURN_DEG = 360.0
 DEFAULT_DPS, DEFAULT_DPS2 = 100.0, 100.0
 FACTORY_LIMITS = "1000,4200,100000,-1000000,1000000,1100"  # rate, acceleration, jerk, lowest, highest, trip
-INTERLOCK_SUMMARY = 1 << 6 | 1 << 0  # of the status byte
+INTERLOCK_SUMMARY = 1 << 6 | 1 << 0  # bit of the status byte
 MESSAGE_LIMIT_BYTES = 32_768
 SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
 OK = Reply(wire.NO_ERROR, "OK")
@@ -79,7 +79,7 @@ class SimulatedAcutrol:
         self._sine = (0.0, 0.0, 0.0)  # °, Hz, ° of phase
         self._slews = (10.0, 10.0)  # °/s, Hz/s
         self._tripped, self._inputs = SoftwareFault(0), InterlockInput(0)
-        self._latched: Dynamics | None = None  # the status of before a fault
+        self._latched: Dynamics | None = None  # status before a fault
         self._seen_deg = self._seen_dps = 0.0
         self._registers: dict[str, Callable[[], IntFlag]] = {
             f"A{axis}DYN": self._dynamics,
@@ -87,7 +87,7 @@ class SimulatedAcutrol:
             f"A{axis}INTLK": lambda: self._inputs,
             "SUP0": lambda: self.supervisor,
         }
-        self._known: dict[str, Handler] = {}  # commands as they have come, cut short or not
+        self._known: dict[str, Handler] = {}  # commands as received, abbreviated or not
         self._commands: dict[str, Handler] = {
             "*IDN?": lambda _: self._identity,
             "UTILITY:LOCKOUT": lambda words: self._lock(Supervisor.LOCKOUT, words),
@@ -286,9 +286,9 @@ class SimulatedAcutrol:
         sine = (scpi.number(words[1]), scpi.number(words[2]), scpi.number(words[3]))
         under_way = self.mode is Mode.SYNTHESIS and self._driven.moving(self._world.now())
         if under_way and sine[0]:
-            raise Refusal(NOT_NOW, "a sine under way is not changed here")
+            raise Refusal(NOT_NOW, "a running sine is not changed here")
         self._sine = sine
-        if under_way:  # without an amplitude it ends
+        if under_way:  # an oscillation ends at zero amplitude
             self._world.turn(0.0, self._limits[Mode.SYNTHESIS].acceleration_dps2, self._role)
         elif self.mode is Mode.SYNTHESIS:
             self._swing()

@@ -30,7 +30,7 @@ _MOVING = (
     "FREERUN",
     "ABORT",
     "SETPARM",
-)  # and what else changes something
+)  # further commands that change a setting
 _PARAMETERS = {  # number: name, in capitals
     2: "COUNTSPERUNIT", 37: "SOFTWARELIMITLOW", 38: "SOFTWARELIMITHIGH", 47: "POSITIONFEEDBACKTYPE",
     67: "ENCODERDIVIDER", 71: "DEFAULTSPEED", 72: "DEFAULTRAMPRATE", 75: "HOMESETUP", 76: "HOMESPEED",
@@ -56,8 +56,8 @@ class SimulatedEnsemble:
         self._world, self._axis = world, axis.upper()
         self._latched = AxisFault(0)
         self._feedback_deg = self._driven.encoder_deg(world.now())
-        self._ramp_dps2: float | None = None  # that of the axis
-        self._incremental = False  # what LINEAR takes its distance for
+        self._ramp_dps2: float | None = None  # number of the axis
+        self._incremental = False  # unit of the distance of LINEAR
         low_deg, high_deg = software_limits_deg
         self._parameters = {
             **dict.fromkeys(_PARAMETERS.values(), "1"), wire.FINGERPRINT_PARAMETER.upper(): str(counts_per_unit),

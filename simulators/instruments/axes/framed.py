@@ -20,10 +20,10 @@ from simulators.world import World
 
 TURN_DEG = 360.0
 SERIAL_NUMBER, FIRMWARE = 1001, 12
-RATE_DPS, ACCELERATION_DPS2 = 10.0, 40.0  # of a controller whose commands do not contain them
-STOP_DPS2 = 4000.0  # how it slows down
+RATE_DPS, ACCELERATION_DPS2 = 10.0, 40.0  # default for a controller whose commands do not contain them
+STOP_DPS2 = 4000.0  # deceleration
 HOMING_DPS = 10.0
-RUN_UP_S = 2.0  # in which a sine grows
+RUN_UP_S = 2.0  # run-up of a sine
 
 
 class SimulatedFrames:

@@ -91,8 +91,8 @@ class SimulatedCounter(CanNode):
         self._tick0 = int(draws.integers(0, 1 << 32))
         self._sequence0 = int(draws.integers(0, 1 << 16))
         self._boots = 0
-        self._latch = self._shown = 0  # the number of the last latch, and that which the frames last showed
-        self._origin_s = self._counted_s = world.now()  # true times of latch 0, and up to which pulses are counted
+        self._latch = self._shown = 0  # number of the last latch, and the one last sent in frames
+        self._origin_s = self._counted_s = world.now()  # true time of latch 0, and time up to which pulses are counted
         self._units: dict[str, SimulatedUnit | SimulatedGyro | ImuChannel] = {
             unit.settings.channel: unit for unit in world.counted.values() if unit.settings.channel
         }
@@ -102,11 +102,11 @@ class SimulatedCounter(CanNode):
             [draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in settings.form.channels
         ]
         self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
-        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, from before a change of stimulus
+        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, before a change of stimulus
         self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         self.may_swap = frozenset(channel.sequence.message.id for channel in settings.form.channels.values())
-        self._held: dict[str, int] = {}  # where counts have got stuck
-        self._cleared: dict[str, int] = {}  # where they were when they were cleared
+        self._held: dict[str, int] = {}  # values of stuck counts
+        self._cleared: dict[str, int] = {}  # values of counts before they were cleared
         world.integrate_with(self._before_change)
 
     @classmethod
@@ -139,7 +139,7 @@ class SimulatedCounter(CanNode):
 
     def _before_change(self) -> None:
         """Send latches that are due, and integrate the charge under the stimulus that is about to change."""
-        now = self._world.now()  # before the latches, which are due while it goes on
+        now = self._world.now()  # before the latches, which are sent during it
         self._catch_up()
         if now > self._counted_s:
             for channel, unit in self._units.items():

@@ -28,7 +28,7 @@ from simulators.world import World
 Array = NDArray[np.float64]
 T = TypeVar("T", bound=np.generic)
 TEMPERATURE_PERIOD_S = 1.0
-BAD_SHARE = 0.02  # of the frames on a bad bus suffers
+BAD_SHARE = 0.02  # share of affected frames on a bad bus
 PROTOCOL_ERROR = 0x008
 
 
@@ -86,7 +86,7 @@ class CanNode(ABC):
         self._sent: list[FrameBlock] = []
         self._draws = stream(world.settings.seed, "bus", name)
         self._told_off = False
-        self.may_swap: frozenset[int] = frozenset()  # the identifiers of frames that are alike
+        self.may_swap: frozenset[int] = frozenset()  # identifiers of frames with equal content
         self.longest_block_s = IDLE_BLOCK_S
 
     @property

@@ -144,7 +144,7 @@ class SimulatedTelemetry(CanNode):
 
     def _before_change(self) -> None:
         """Send samples that are due, and integrate the output under the stimulus that is about to change."""
-        now_s = self._world.now()  # before the samples, which are due while it goes on
+        now_s = self._world.now()  # before the samples, which are sent during it
         self._catch_up()
         for each in self._streams:
             each.integrate(now_s)
@@ -158,7 +158,7 @@ class SimulatedTelemetry(CanNode):
         warmed = set[str]()
         for message, streams in self._messages.items():
             values: dict[str, Integers] = {}
-            for each in streams:  # which sample together
+            for each in streams:  # streams that sample together
                 numbers, at_s, codes = each.samples(self._world.now(), frozen=frozen)
                 values |= each.values(numbers, codes)
             if len(numbers) and not each.unit.faults.active("silent"):
@@ -217,14 +217,14 @@ class _Stream:
         self._sample_s = settings.period_s / (1 + self._how.clock)  # true seconds from sample to sample
         self._noise = stream(world.settings.seed, "noise", unit.place, f"telemetry {name}")
         self._powered_at_s: float | None = None
-        self._shown: tuple[int, int] = (0, 0)  # the last number and code that a frame showed
+        self._shown: tuple[int, int] = (0, 0)  # last number and code sent in a frame
         self.begin(world.now())
 
     def begin(self, at_s: float) -> None:
         """Start clock and sample numbers at 0."""
         self._origin_s = self.integrated_s = at_s
         self._number = 0
-        self._owed = 0.0  # of the current sample, codes times seconds from before a change of stimulus
+        self._owed = 0.0  # of the current sample: codes times seconds, before a change of stimulus
 
     def integrate(self, until_s: float) -> None:
         """Integrate the output since the last sample."""
@@ -236,7 +236,7 @@ class _Stream:
     def samples(self, now_s: float, *, frozen: bool) -> tuple[Integers, Array, Integers]:
         """Numbers, true times and codes of the samples that are due; none without power."""
         if self.unit.powered_at_s is None:
-            self.integrate(now_s)  # the unit's history goes on
+            self.integrate(now_s)  # the history of the unit continues
             return np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)
         if self._powered_at_s != self.unit.powered_at_s:
             self._powered_at_s = self.unit.powered_at_s

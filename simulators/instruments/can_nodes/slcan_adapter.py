@@ -11,7 +11,7 @@ from drivers.transport import slcan
 from simulators.instruments.can_nodes.can_node import CanNode
 
 SEND_EVERY_S = 0.02
-UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; later ones are lost, as on an adapter
+UNREAD_LIMIT_BYTES = 65_536  # frames buffered for a slow client; later ones are lost, as on an adapter
 
 
 class SimulatedAdapter(asyncio.Protocol):
@@ -46,7 +46,7 @@ class SimulatedAdapter(asyncio.Protocol):
             self._bitrate_set = True
             return True
         if command == slcan.OPEN and self._sending is None and self._bitrate_set:
-            self._node.take()  # what was on the bus before the channel opened is gone
+            self._node.take()  # earlier frames on the bus are lost
             self._sending = asyncio.get_running_loop().create_task(self._send())
             return True
         if command == slcan.CLOSE and self._sending is not None:

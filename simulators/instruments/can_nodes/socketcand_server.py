@@ -10,7 +10,7 @@ from drivers.transport.socketcand import HI, OK, RAW_MODE, open_text, render
 from simulators.instruments.can_nodes.can_node import CanNode
 
 SEND_EVERY_S = 0.02
-UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; later ones are lost
+UNREAD_LIMIT_BYTES = 65_536  # frames buffered for a slow client; later ones are lost
 _TEXT = re.compile(rb"<[^<>]*>")
 
 
@@ -61,8 +61,8 @@ class SimulatedServer(asyncio.Protocol):
             transport.write(b"< error unknown command >")
 
     async def _send(self, transport: asyncio.Transport) -> None:
-        await asyncio.sleep(SEND_EVERY_S)  # a client may take the answer and what follows it for one
-        self._node.take()  # what was on the bus before is gone
+        await asyncio.sleep(SEND_EVERY_S)  # a client may take the answer and the next text for one
+        self._node.take()  # earlier frames on the bus are lost
         while not transport.is_closing():
             await asyncio.sleep(SEND_EVERY_S)
             try:

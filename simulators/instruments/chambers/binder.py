@@ -32,7 +32,7 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
 ANSWER_AFTER_S = 0.25
-AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
+AFTER_RESTART_C = 25.0  # set point after a power cycle
 PROGRAM_C = 40.0  # set point of a program started at the panel
 _LINES_READ = 0x1292
 

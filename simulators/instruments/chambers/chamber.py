@@ -20,7 +20,7 @@ class SimulatedChamber:
     """
 
     faults: FaultPlan
-    _air_c: float  # the last reading, for when it is frozen
+    _air_c: float  # last reading, repeated while frozen
 
     def __init__(self, world: World, faults: FaultPlan) -> None:
         self._world, self.faults = world, faults

@@ -105,7 +105,7 @@ class SimulatedCts(SimulatedChamber):
         if self._limits_c[0] <= set_point_c <= self._limits_c[1]:
             self.set_point_c, self.program = set_point_c, False
             self._follow()
-        return True  # one beyond its limits is acknowledged and not taken
+        return True  # a set point beyond the limits is acknowledged and ignored
 
     def _set_rate(self, match: re.Match[str]) -> bool:
         direction, channel, rate = match.groups()
@@ -118,7 +118,7 @@ class SimulatedCts(SimulatedChamber):
         on = match[2] == "1"
         if match[1] == "1":
             if on and not self.running:
-                self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp begins where the air is
+                self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp starts at the air temperature
             self.running, self.paused = on and not self.error, False
         elif match[1] == "3":
             self.paused = not on

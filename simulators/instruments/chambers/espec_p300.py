@@ -20,8 +20,8 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
 RUN = "RUN"
-PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # to where, °C, and how fast, °C/min
-QUESTION_GAP_S, SETTING_GAP_S = 0.2, 0.5  # what it needs at least
+PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # target, °C, and rate, °C/min
+QUESTION_GAP_S, SETTING_GAP_S = 0.2, 0.5  # minimum pause
 _TEMPERATURE = re.compile(
     r"TEMP,\s*(?=[SHL])(?:S(-?\d{1,3}\.\d))?\s*(?:H\s*(-?\d{1,3}\.\d))?\s*(?:L\s*(-?\d{1,3}\.\d))?"
 )

@@ -27,9 +27,9 @@ from simulators.instruments.modbus import (
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
-AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
-LIMITS_C = (-70.0, 180.0)  # in the registers that hold them
-ELSEWHERE_C = 40.0  # where it goes when something else decides
+AFTER_RESTART_C = 25.0  # set point after a power cycle
+LIMITS_C = (-70.0, 180.0)  # values in the registers
+ELSEWHERE_C = 40.0  # target of another mode
 
 
 class SimulatedProfile(SimulatedChamber):

@@ -18,13 +18,13 @@ from simulators.instruments.scpi import LineSession
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
-PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # to where, °C, and how fast, °C/min
+PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # target, °C, and rate, °C/min
 MESSAGES = ("Door open", "Temperature limiter", "Water supply")
 NO_SUCH_CHAMBER, UNKNOWN, WRONG_ARGUMENTS, NOTHING_THERE, NOT_CARRIED_OUT = -4, -5, -6, -8, -9
 OUTPUTS = 16
-# What programs of other people ask besides, by the numbers of the manual of 2019 as SengerM's package has them.
+# Further queries of third-party programs, with the numbers of the manual of 2019 as in SengerM's package.
 _VARIABLES, _VARIABLE_NAME, _OUTPUTS, _OUTPUT_NAME = 11018, 11026, 14007, 14010
-_LOW_LIMITS, _HIGH_LIMITS = (11014, 11016), (11015, 11017)  # of alarms and warnings
+_LOW_LIMITS, _HIGH_LIMITS = (11014, 11016), (11015, 11017)  # numbers of alarms and warnings
 _MEASURED_VALUES, _INPUTS, _PROGRAM = 12012, 15004, 19204
 _OUTPUT_NAMES = {1: "Start", 7: "Compressed air", 8: "Dryer"}
 
@@ -195,7 +195,7 @@ class SimulatedSimserv(SimulatedChamber):
         if int(output) == wire.START and on == "1" and self.active:
             raise Refusal(NOT_CARRIED_OUT)
         if int(output) == wire.START and on == "1" and not self._runs:
-            self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp begins where the air is
+            self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp starts at the air temperature
         self.outputs[int(output)] = on == "1"
         self._follow()
 

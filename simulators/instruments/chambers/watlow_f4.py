@@ -26,8 +26,8 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
 SERIAL, SOFTWARE, REVISION = (12, 3456), 3, 201
-AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
-PROFILE_C = 40.0  # where the profile goes that somebody starts
+AFTER_RESTART_C = 25.0  # set point after a power cycle
+PROFILE_C = 40.0  # target of the profile
 _SWITCHED_OFF = frozenset((103, 104, 105, 107, 108, 109, 110, 111, 115, 319, 1922, 1925))  # features; read as zero
 UNIT_FAMILY = 608  # of channel 1; 0 is a temperature
 
@@ -52,7 +52,7 @@ class SimulatedF4(SimulatedChamber):
         self._server = ModbusServer(self, unit_id)
         self._form = form = TemperatureFormat(decimals)
         self._power = event_output(power_event) if power_event is not None else None
-        self._profile = (0, 0)  # as selected, with its step
+        self._profile = (0, 0)  # selected profile, with its step
         low_c, high_c = set_point_limits_c
         self._settings: dict[int, int] = {
             Register.SET_POINT: form.word(world.thermal.set_point_c),

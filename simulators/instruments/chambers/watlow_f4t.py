@@ -32,7 +32,7 @@ from simulators.world import World
 _UNUSED = (2812, 2816, 2818)  # between the values of a loop; read as zero
 _EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 _SECONDS = {RampScale.MINUTES: 60.0, RampScale.HOURS: 3600.0}
-AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
+AFTER_RESTART_C = 25.0  # set point after a power cycle
 _POWER_PER_C = 20.0  # % of power for a degree between set point and air
 
 

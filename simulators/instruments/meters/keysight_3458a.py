@@ -28,7 +28,7 @@ _EVENTS = {"AUTO": 1, "EXT": 2, "SGL": 3, "HOLD": 4, "SYN": 5}
 _CHOICES = {
     "TARM": _EVENTS, "TRIG": _EVENTS, "END": {**_ON_OFF, "ALWAYS": 2}, "INBUF": _ON_OFF, "OFORMAT": {"ASCII": 1},
     "QFORMAT": {"NUM": 0, "NORM": 1}, "AZERO": {**_ON_OFF, "ONCE": 2}, "MATH": {"OFF": 0, "NULL": 7},
-    # Kept and told, as programs of other people set them: nothing of what is simulated depends on them.
+    # Stored and reported, as used by third-party programs: no effect on the simulation.
     "LFILTER": _ON_OFF, "FIXEDZ": _ON_OFF, "LOCK": _ON_OFF, "BEEP": {**_ON_OFF, "ONCE": 2},
     "DISP": {**_ON_OFF, "MSG": 2, "CLR": 3}, "MEM": {"OFF": 0, "LIFO": 1, "FIFO": 2, "CONT": 3},
     "MFORMAT": {"ASCII": 1, "SINT": 2, "DINT": 3, "SREAL": 4, "DREAL": 5},
@@ -36,14 +36,14 @@ _CHOICES = {
 _KEPT = {"LFILTER": 0, "FIXEDZ": 0, "LOCK": 0, "BEEP": 1, "DISP": 1, "MEM": 0, "MFORMAT": 4}
 _PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0, **_KEPT}
 _POWER_ON = {**_PRESET, "TRIG": 1, "END": 0, "QFORMAT": 1}
-_NUMBERS = {"NDIG": (7.0, 3.0, 8.0), "NRDGS": (1.0, 1.0, 1.0), "DELAY": (0.0, 0.0, 6000.0)}  # out of the box, range
+_NUMBERS = {"NDIG": (7.0, 3.0, 8.0), "NRDGS": (1.0, 1.0, 1.0), "DELAY": (0.0, 0.0, 6000.0)}  # default range
 _INSIDE_C = 36.5
 _NPLC_MAX, _APERTURE_MAX_S = 1000.0, 1.0
 _FUNCTIONS = {"DCV": (wire.DC_VOLTS, wire.RANGES_V), "DCI": (wire.DC_CURRENT, wire.RANGES_A)}
 _OVER_RANGE, _OVER_1_A = 1.2, 1.05
-_SWITCHING = ("DCV", "DCI", "RANGE", "NPLC", "APER", "AZERO")  # what lags where anything does
-_ERROR_BIT = 1 << 5  # of the status byte
-_NOISE_NPLC = 10.0  # for which the noise of its input is stated
+_SWITCHING = ("DCV", "DCI", "RANGE", "NPLC", "APER", "AZERO")  # settings executed late with `lag`
+_ERROR_BIT = 1 << 5  # bits of the status byte
+_NOISE_NPLC = 10.0  # integration time for which the noise of its input is stated
 
 
 class Simulated3458A:
@@ -79,9 +79,9 @@ class Simulated3458A:
             "NPLC?": lambda: _engineering(self.nplc),
             "APER?": lambda: _engineering(self.nplc / self._line_hz),
             "ARANGE?": lambda: str(int(self.full_scale is None)),
-            "ISCALE?": lambda: _engineering(1.0),  # of readings as text
+            "ISCALE?": lambda: _engineering(1.0),  # format of readings as text
             "MCOUNT?": lambda: "0",
-            "TERM?": lambda: "1",  # those at the front
+            "TERM?": lambda: "1",  # terminals at the front
         }
         self.restart()
         world.integrate_with(self._catch_up)
@@ -99,7 +99,7 @@ class Simulated3458A:
         self.nplc = 10.0
         self._reading: _Aperture | None = None
         self._reading_ends_s = 0.0
-        self._single = "TARM"  # which trigger was single last
+        self._single = "TARM"  # the trigger that was last single
         self.errors.clear()
 
     @property

@@ -15,7 +15,7 @@ from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.world import World
 
 PERFECT = CurrentErrors()
-LOOK_S = 0.1  # how closely a current that drifts is looked at
+LOOK_S = 0.1  # interval of evaluation of a drifting current
 
 
 class MeterInput(Protocol):

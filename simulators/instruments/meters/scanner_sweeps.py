@@ -15,7 +15,7 @@ from simulators.world import World
 SENSOR_S = 0.2
 MEMORY_READINGS, SWEEPS_AT_MOST, TIMER_AT_MOST_S = 50_000, 50_000, 359_999.0
 _SOURCES = {"IMM": "IMM", "IMMEDIATE": "IMM", "TIM": "TIM", "TIMER": "TIM"}
-_AT_ONCE_S = 1e-9  # what is due a rounding error later is due
+_AT_ONCE_S = 1e-9  # tolerance for rounding errors of due times
 
 
 class Taken(NamedTuple):

@@ -50,7 +50,7 @@ class SimulatedFluke:
         self.load_ohm, self.compliance_v = load_ohm, compliance_v
         self.settle_s, self.relay_s = 3.0, 0.1
         self.terminal = self.busy = False
-        self.life_min = 123_456  # that its power had been on for when the world began
+        self.life_min = 123_456  # time of operation at the start of the world
         self.end = wire.TERMINATORS[terminator]
         self._world, self._identity = world, f"FLUKE,{model},{serial},1.4+A,1.1,0.0"
         self._queue: deque[int] = deque()

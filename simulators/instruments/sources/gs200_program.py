@@ -49,7 +49,7 @@ class Program:
         """Handlers to edit, run and end it, by header."""
         return {
             **self._kept.commands(),
-            "PROGram:LOAD?": lambda _: '""',  # no file of its memory
+            "PROGram:LOAD?": lambda _: '""',  # no file in its memory
             "PROGram:EDIT:STARt": lambda _: self._edit(),
             "PROGram:EDIT:END": lambda _: self._end_editing(),
             "PROGram:RUN": lambda _: self._run(),

@@ -25,7 +25,7 @@ from simulators.instruments.stored_settings import KeptSettings, kept_number, ke
 from simulators.world import World
 
 _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
-MEASUREMENT_SUMMARY, OPERATION_SUMMARY = 1 << 0, 1 << 7  # of the status byte
+MEASUREMENT_SUMMARY, OPERATION_SUMMARY = 1 << 0, 1 << 7  # bit of the status byte
 _REGISTER = kept_number(0, 0, 65535, lambda value: str(round(value)))
 _ERROR_QUERIES = ("SYSTem:ERRor[:NEXT]?", "STATus:QUEue[:NEXT]?")
 _KEPT = {
@@ -128,7 +128,7 @@ class SimulatedKeithley(LoadedSource):
             "STATus:QUEStionable[:EVENt]?": lambda _: "0",
             "STATus:QUEStionable:CONDition?": lambda _: "0",
             "[SOURce:]CLEar[:IMMediate]": self.unless_stuck(lambda _: self._clear()),
-            "[SOURce:]DELTa:NVPResent?": lambda _: "0",  # no nanovoltmeter is on its second line
+            "[SOURce:]DELTa:NVPResent?": lambda _: "0",  # no nanovoltmeter on its second line
             "SYSTem:BEEPer[:IMMediate]": lambda _: None,
             "STATus:QUEue:CLEar": lambda _: self._interpreter.forget_errors(),
             "SYSTem:CLEar": lambda _: self._interpreter.forget_errors(),

@@ -9,7 +9,7 @@ from simulators.faults.instrument_faults import OBEYS, FaultKind, FaultPlan, Mis
 from simulators.instruments.scpi import Handler, Refusal
 from simulators.world import World
 
-WITHOUT_WIRE = 1e6  # times its load
+WITHOUT_WIRE = 1e6  # factor of its load
 
 
 class LoadedSource:

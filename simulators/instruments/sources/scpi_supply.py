@@ -24,7 +24,7 @@ from simulators.instruments.stored_settings import KeptSettings, kept_number, ke
 from simulators.world import World
 
 VOLTAGE_MAX_V = 32.0
-WATCHDOG_S, WATCHDOG_MAX_S = 60.0, 3600.0  # as it is made
+WATCHDOG_S, WATCHDOG_MAX_S = 60.0, 3600.0  # default at delivery
 CURRENT_MAX_A = 3.0
 _CLEARS = ("OUTPut:PROTection:CLEar", "[SOURce:]VOLTage:PROTection:CLEar", "[SOURce:]CURRent:PROTection:CLEar")
 _NOTHING_HAPPENS = (

@@ -166,7 +166,7 @@ class SimulatedGS200(LoadedSource):
             self._put_level(level)
 
     def _hold(self) -> None:
-        self.level_a = self.level_a  # its program ends
+        self.level_a = self.level_a  # ends its program
 
     def _run_from(self) -> float:
         """Start level of a program; raises Refusal with the output off."""

@@ -77,7 +77,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, fewest: int) -> UnitResult:
     at = {"over_h": float(np.ptp(rest.time_h)), "readings": count}
     steps = tuple(each.step for each in used)
     own = BudgetLine("readings: scatter about the line", "A", rest.mean_u, rest.dof)
-    if alone_u > rest.sd:  # readings that are alike by chance; else their scatter contains their resolution
+    if alone_u > rest.sd:  # readings that are equal by chance; otherwise their scatter contains their resolution
         own = BudgetLine("readings: resolution of each", "B", alone_u / np.sqrt(count))
     of_instrument = [
         BudgetLine(source, "B", u, None, shared_as(source))

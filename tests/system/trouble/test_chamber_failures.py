@@ -25,10 +25,10 @@ def ran(tmp_path, *lines, kind="", edits=(), faults=""):
 @pytest.mark.parametrize(
     ("kind", "to_c", "within_s", "said"),
     [
-        ("heater_dead", 35, 900, "the air has not come 1 °C nearer to its set point within 10 min"),
-        ("cooling_dead", 5, 900, "the air has not come 1 °C nearer to its set point within 10 min"),
-        ("runaway", 35, 240, "the air runs away from its set point"),
-        ("detached_sensor", 35, 620, "the air has not come 1 °C nearer to its set point within 10 min"),
+        ("heater_dead", 35, 900, "the air has not come 1 °C closer to its set point within 10 min"),
+        ("cooling_dead", 5, 900, "the air has not come 1 °C closer to its set point within 10 min"),
+        ("runaway", 35, 240, "the air moves away from its set point"),
+        ("detached_sensor", 35, 620, "the air has not come 1 °C closer to its set point within 10 min"),
         ("open_sensor", 35, 20, "the process value is far beyond the -50 to 100 °C of the bench"),
     ],
 )

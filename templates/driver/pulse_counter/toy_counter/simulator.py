@@ -44,7 +44,7 @@ class SimulatedToyCounter(CanNode):
         """Power-on: the clock, the latches and the counts start at 0."""
         self._origin_s = self._counted_s = at_s
         self._latch = 0
-        self._owed = dict.fromkeys(self._options.inputs, 0.0)  # pulses of a latch from before a change of stimulus
+        self._owed = dict.fromkeys(self._options.inputs, 0.0)  # pulses before a change of stimulus
         self._converters = {channel: Integrator(0.5, 0, 0) for channel in self._options.inputs}
 
     def _before_change(self) -> None:

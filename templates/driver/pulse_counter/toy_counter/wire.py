@@ -15,7 +15,7 @@ from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_i
 from numpy.typing import NDArray
 
 FIRST_ID = 0x300
-_field = partial(Signal, big_endian=True, offset=0.0)  # the shift is that in the eight bytes as one number
+_field = partial(Signal, big_endian=True, offset=0.0)  # shifts count in the eight bytes as one number
 
 NUMBER = _field("Number", shift=56, length=8, signed=False, scale=1.0, unit="")
 TICK = _field("Tick", shift=40, length=16, signed=False, scale=1.0, unit="")

@@ -12,7 +12,7 @@ class ToyChamberOptions(StairOptions):
 
 DESCRIPTION = DriverDescription(
     name="toy_chamber",
-    title="thermal chamber that nobody makes",
+    title="fictitious thermal chamber",
     capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"serial", "tcp"}),
     target="toy_chamber.driver:ToyChamber",

@@ -10,7 +10,7 @@ from enum import Enum
 
 from drivers.protocols import scpi
 
-# Headers as a simulator matches them: capitals may stand alone
+# Headers for the simulator: capitals may stand alone
 TEMPERATURE, SET_POINT, MODE, LIMITS = "TEMPerature", "SETPoint", "MODE", "LIMits"
 
 STATE_QUERY = b"TEMP?;:SETP?;:MODE?"

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from drivers.protocols import scpi
 
-# A header as a simulator matches it: capitals may stand alone
+# A header for the simulator: capitals may stand alone
 TEMPERATURE = "MEASure:TEMPerature"
 
 TEMPERATURE_QUERY = b"MEAS:TEMP?"
-OPEN = "9.9E37"  # what SCPI answers where there is no reading
+OPEN = "9.9E37"  # SCPI's answer without a reading
 
 
 def read_temperature(line: bytes) -> float | None:
