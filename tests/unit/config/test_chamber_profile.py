@@ -55,7 +55,7 @@ def test_the_shipped_example_is_a_profile_and_says_that_it_is_made_up() -> None:
         ("start: 1", "start: 7", "start: 7", "is 7, which is none of follows"),
         ("off: [0]", "off: [1]", "follows", "the number 1 is listed twice"),
         ("means: over-temperature", "why: hot", "why", "unknown key"),
-        ("{address: 111,", "{address: 110,", "address: 110, type: int16, scale: 0.1}\n\nmode", "is used by limits.min already"),
+        ("{address: 111,", "{address: 110,", "address: 110, type: int16, scale: 0.1}\n\nmode", "by limits.min already"),
         ("{address: 110,", "{address: 103,", "address: 103,", "register 103 is used by set_point_in_force already"),
         ("  per: minute\n", "", "ramp:", "the key 'per' is missing"),
         ("gap: 30 ms", "gap: 30", "gap", "30 has no unit"),
