@@ -1,1 +1,1 @@
-"""The orchestrator of an inertial-sensor test bench."""
+"""Orchestrator of an inertial-sensor test bench."""

@@ -1,4 +1,4 @@
-"""The only place that looks at a clock: bench time, which may be virtual, and wall time, which never is."""
+"""Only access to clocks: bench time, which may be virtual, and wall time, which is always real."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SLEWED = 0.001
 
 
 class Clock:
-    """Bench time: `monotonic` of the running loop, and UTC counted on from `start`.
+    """Bench time: `monotonic` of the running loop, and UTC that advances from `start`.
 
     UTC follows the monotonic clock, so a step of the computer's clock cannot reorder a run.
     """
@@ -22,40 +22,40 @@ class Clock:
         self._start = start if start is not None else wall_utc()
 
     def monotonic(self) -> float:
-        """Seconds of bench time; differences are durations."""
+        """Return bench time in s; differences are durations."""
         return asyncio.get_running_loop().time()
 
     def utc(self) -> datetime:
-        """The UTC instant now."""
+        """Return the present instant in UTC."""
         return self._start + timedelta(seconds=self.monotonic() - self._origin_s)
 
     async def sleep(self, seconds: float) -> None:
-        """Waits for bench time to pass."""
+        """Wait for a duration of bench time."""
         await asyncio.sleep(seconds)
 
 
 class Stopwatch:
-    """Real seconds since it was made, and those before, whatever bench time does; the computer's sleep counts."""
+    """Elapsed real time in s, starting at `before_s` and independent of bench time; suspension counts."""
 
     def __init__(self, before_s: float = 0.0) -> None:
         self._start_s = since_boot_s() - before_s
 
     def elapsed_s(self) -> float:
-        """Real seconds gone by."""
+        """Return the elapsed real time in s."""
         return since_boot_s() - self._start_s
 
 
 class ClockWatch:
-    """Notices when the computer's clock is set, and when the computer sleeps, between two looks.
+    """Detector of steps of the computer's clock and of suspension, between two calls.
 
-    A clock that is kept in step with others is only made a little faster or slower, by at most `SLEWED`.
+    Clock discipline changes the rate by at most `SLEWED`, which is tolerated.
     """
 
     def __init__(self) -> None:
         self._last = self._now()
 
     def look(self) -> tuple[float, float]:
-        """Seconds by which the clock was set since the last look, and for which the computer slept; 0 for neither."""
+        """Return the step of the clock and the time of suspension since the last call, in s; 0 for none."""
         wall_s, boot_s, awake_s = self._now()
         wall_before_s, boot_before_s, awake_before_s = self._last
         self._last = wall_s, boot_s, awake_s
@@ -70,7 +70,7 @@ class ClockWatch:
 
 
 def since_boot_s() -> float:
-    """Seconds since the start of the computer, which nobody sets; its sleep counts."""
+    """Return the time since the start of the computer in s, suspension included; no clock setting affects it."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
@@ -83,5 +83,5 @@ def boot_id() -> str:
 
 
 def wall_utc() -> datetime:
-    """The computer's idea of UTC now."""
+    """Return UTC by the computer's clock."""
     return datetime.now(UTC)

@@ -1,4 +1,4 @@
-"""What can go wrong, each with a stable code and one line that a technician can act on."""
+"""Errors of the bench, each with a stable code and a message that a technician can act on."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from drivers.errors import DriverError
 
 
 class BenchError(Exception):
-    """The bench is bad, not the unit. `code` is stable; the message says what, where, and what to do."""
+    """Error of the bench, not of the unit. `code` is stable; the message states problem, place and remedy."""
 
     code = "bench"
 
 
 class InputError(BenchError):
-    """A file, an option or a name that cannot be used; nothing has moved. One line for each problem."""
+    """File, option or name that cannot be used; nothing has moved. One line for each problem."""
 
     code = "input"
 
@@ -24,41 +24,41 @@ class InputError(BenchError):
 
 
 class StepError(BenchError):
-    """A step could not do what it says."""
+    """Step that failed."""
 
     code = "step"
 
 
 class WindowError(BenchError):
-    """A reading left the window that the bench file allows it, or is too old to be believed."""
+    """Reading outside the window of the bench file, or stale."""
 
     code = "window"
 
 
 class InUseError(BenchError):
-    """Another program on this computer talks to an instrument; nothing was sent to it."""
+    """Instrument that another program on this computer uses; nothing was sent to it."""
 
     code = "in-use"
 
 
 class StoreError(BenchError):
-    """The run store cannot keep what it was given, or cannot be read."""
+    """Failure of the run store to keep data or to read them."""
 
     code = "store"
 
 
 class TimeError(BenchError):
-    """Virtual time cannot go on: nothing is left to wait for, or one instant never ends."""
+    """Virtual time that cannot advance: deadlock, or one instant without end."""
 
     code = "time"
 
 
-# Of what may be tried again in a sequence: a step that did not get there, a reading out of its window.
+# errors after which a sequence may repeat a step
 CODES = tuple(error.code for error in (StepError, WindowError))
 
 
 def in_words(problem: BaseException) -> str:
-    """What a person is told of an error: its text, and of one that nobody foresaw where in the program it happened."""
+    """Return the message of an error for a person; for an unexpected one, the traceback as well."""
     if isinstance(problem, BenchError | DriverError):
         return str(problem)
     return "an internal error of this program: " + "".join(traceback.format_exception(problem))

@@ -1,4 +1,4 @@
-"""Files that are whole or not there after a crash or a power cut, with the names that lead to them."""
+"""Files that are complete or absent after a crash or power cut, with durable directory entries."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DRAFT = ".draft"
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Replace a file so that after a crash there is the old or the new one, never a part; raises StoreError."""
+    """Replace a file atomically and durably. Raises StoreError."""
     try:
         with _replacing(path) as draft:
             draft.write_bytes(data)
@@ -25,7 +25,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def write_both(first: Path, first_data: bytes, second: Path, second_data: bytes) -> None:
-    """Replace two files, `first` before `second`; none where one of them has no room on the disk. Raises StoreError."""
+    """Replace two files, `first` before `second`; neither if the disk has no space for both. Raises StoreError."""
     try:
         with _replacing(second) as draft:
             draft.write_bytes(second_data)
@@ -35,9 +35,10 @@ def write_both(first: Path, first_data: bytes, second: Path, second_data: bytes)
 
 
 def append_line(path: Path, text: str, mode: int | None = None) -> None:
-    """Append a line, durably, after a new line where a power cut has torn the last one. Raises OSError.
+    """Append a line durably, on a new line if a power cut has truncated the last one. Raises OSError.
 
-    With a `mode`, which others may have to the file, it is no link and no device, and has that mode whatever the umask.
+    With a `mode`, for files that other users may write, links and devices are refused and the mode is set whatever the
+    umask.
     """
     shared = 0 if mode is None else os.O_NOFOLLOW | os.O_NONBLOCK
     lines = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | shared, 0o600)
@@ -45,7 +46,7 @@ def append_line(path: Path, text: str, mode: int | None = None) -> None:
         found = os.fstat(lines)
         if mode is not None:
             if not stat.S_ISREG(found.st_mode):
-                raise OSError(f"{path} is no file")
+                raise OSError(f"{path} is not a regular file")
             if found.st_uid == os.geteuid():
                 os.fchmod(lines, mode)
         size = found.st_size
@@ -60,9 +61,9 @@ def append_line(path: Path, text: str, mode: int | None = None) -> None:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """A draft to write to, which takes the place of `path` when the block ends without an error.
+    """Yield a draft file that replaces `path` if the block ends without an error.
 
-    Missing folders are made. Raises InputError where the file cannot be written.
+    Missing folders are created. Raises InputError if the file cannot be written.
     """
     try:
         make_folder(path.parent)
@@ -74,16 +75,16 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def written_new(path: Path) -> Iterator[Path]:
-    """A draft to write to, which becomes `path` when the block ends without an error; FileExistsError if that exists.
+    """Yield a draft file that becomes `path` if the block ends without an error; FileExistsError if `path` exists.
 
-    Missing folders are made. Raises OSError where the file cannot be written.
+    Missing folders are created. Raises OSError if the file cannot be written.
     """
     make_folder(path.parent)
     with _draft_of(path) as draft:
         yield draft
         _sync(draft)
         try:
-            os.link(draft, path)  # which, unlike a renaming, never replaces a file
+            os.link(draft, path)  # unlike a rename, a link never replaces a file
         except FileExistsError:
             raise
         except OSError:  # a file system without links
@@ -95,9 +96,9 @@ def written_new(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def folder_made_whole(path: Path) -> Iterator[Path]:
-    """A draft folder to fill, which becomes `path` when the block ends without an error; raises OSError.
+    """Yield a draft folder that becomes `path` if the block ends without an error. Raises OSError.
 
-    FileExistsError if there is something of that name. Missing folders above it are made.
+    Raises FileExistsError if `path` exists. Missing parent folders are created.
     """
     make_folder(path.parent)
     if path.exists():
@@ -115,7 +116,7 @@ def folder_made_whole(path: Path) -> Iterator[Path]:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder and those above it; the name of each new one is durable. Raises OSError."""
+    """Create a folder and its parents, with durable directory entries. Raises OSError."""
     missing = []
     while not path.is_dir():
         missing.append(path)
@@ -126,7 +127,7 @@ def make_folder(path: Path) -> None:
 
 
 def sync_folder(path: Path) -> None:
-    """Make the names in a folder durable; raises OSError."""
+    """Make the entries of a folder durable. Raises OSError."""
     folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(folder)
@@ -136,7 +137,7 @@ def sync_folder(path: Path) -> None:
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[Path]:
-    target = Path(os.path.realpath(path))  # a link goes on leading to the file
+    target = Path(os.path.realpath(path))  # a symbolic link keeps leading to the file
     if target.exists() and not target.is_file():
         raise OSError("it is not a regular file")
     with _draft_of(target) as draft:
@@ -150,7 +151,7 @@ def _replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _draft_of(path: Path) -> Iterator[Path]:
-    """A name beside `path`; nothing is left there."""
+    """Yield an unused name beside `path`; remove the file at the end."""
     draft = path.with_name(path.name + DRAFT)
     try:
         yield draft

@@ -1,6 +1,6 @@
-"""Making instruments safe with drivers that have not been entered yet, each in a lane of its own: none delays another.
+"""Making instruments safe with new drivers, each in its own lane, so that none delays another.
 
-A lane connects, identifies, makes safe and closes. Nothing is sent to an instrument that is not the expected one.
+A lane connects, identifies, makes safe and closes. Nothing is sent to an instrument with another identity.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFaul
 from drivers.timing.awake import Deadline, patience
 
 CONNECT_S = 10.0
-STAYS_S = 1.0  # after which an output is looked at once more
+STAYS_S = 1.0  # after which an output is read once more
 AGAIN_S = 0.5  # an instrument with one client may hold a half-open connection for a while
 
 State = Literal["safe", "held", "unsafe", "not reached"]
 
 
 class Lane(NamedTuple):
-    """How a lane ended: `why` it did not end safe, and what it took. `air_c` is where the air of a chamber then is."""
+    """Result of a lane: state, reason `why` if not safe, duration, and air temperature `air_c` of a chamber."""
 
     role: str
     state: State
@@ -33,7 +33,7 @@ class Lane(NamedTuple):
 
 
 def longest_lane_s(limits_s: Mapping[str, float]) -> float:
-    """The time within which every lane has ended."""
+    """Return the time in s within which every lane has ended."""
     return 2 * CONNECT_S + max(limits_s.values(), default=0.0) + 2 * STAYS_S + CLOSE_S + GRACE_S
 
 
@@ -43,8 +43,8 @@ async def make_safe_in_lanes(
 ) -> list[Lane]:  # fmt: skip
     """Make every device safe, in parallel; `ended` receives each lane as it ends.
 
-    `limits_s` are those of making safe, by role. None takes longer than `longest_lane_s`. With `only_off` outputs are
-    switched off, and everything else is stopped where it is; chambers to `hold` stay at their set point.
+    `limits_s` are the time limits of making safe, by role; no lane takes longer than `longest_lane_s`. With `only_off`
+    outputs are switched off and everything else is stopped where it is. Chambers in `hold` stay at their set point.
     """
     longest_s = longest_lane_s(limits_s)
 
@@ -59,12 +59,12 @@ async def make_safe_in_lanes(
     for role, task in lanes.items():
         if not task.done():
             task.cancel()
-            ended(_left_behind(role, longest_s))
-    return [task.result() if task.done() else _left_behind(role, longest_s) for role, task in lanes.items()]
+            ended(_abandoned(role, longest_s))
+    return [task.result() if task.done() else _abandoned(role, longest_s) for role, task in lanes.items()]
 
 
-def _left_behind(role: str, longest_s: float) -> Lane:
-    return Lane(role, "unsafe", f"{role}: not within {longest_s:g} s, and its driver does not end", longest_s)
+def _abandoned(role: str, longest_s: float) -> Lane:
+    return Lane(role, "unsafe", f"{role}: not finished within {longest_s:g} s, and its driver does not end", longest_s)
 
 
 async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool, hold: bool) -> Lane:
@@ -75,14 +75,14 @@ async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool, ho
 
     try:
         await _connect(device)
-    except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
+    except Exception as problem:  # noqa: BLE001  the lane reports any error
         return lane("not reached", _in_words(role, problem, CONNECT_S))
     try:
         async with patience(limit_s):
             held = await bring_to_safety(device, only_off=only_off, hold=hold)
         if on_again := await _on_again(device):
             return lane("unsafe", f"{role}: {on_again}")
-    except Exception as problem:  # noqa: BLE001  the lane reports it, whatever it is
+    except Exception as problem:  # noqa: BLE001  the lane reports any error
         return lane("unsafe", _in_words(role, problem, limit_s))
     else:
         return lane("held" if held else "safe")._replace(air_c=await _air_c(device))
@@ -91,7 +91,7 @@ async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool, ho
 
 
 async def _air_c(device: Device) -> float | None:
-    """Temperature of the air of a chamber that answers; None for anything else."""
+    """Return the air temperature of a chamber in °C; None for other devices and for one that does not answer."""
     if isinstance(device, ThermalChamber):
         with suppress(DriverError, TimeoutError):
             async with patience(STAYS_S):
@@ -100,21 +100,19 @@ async def _air_c(device: Device) -> float | None:
 
 
 async def _on_again(device: Device) -> str:
-    """What is wrong with an output a moment after it was switched off; "" if nothing, or if it does not answer."""
+    """Return the problem of an output that is on again shortly after it was switched off; "" otherwise."""
     if not isinstance(device, Source):
         return ""
     await asyncio.sleep(STAYS_S)
     with suppress(DriverError, TimeoutError):
         async with patience(STAYS_S):
             if (await device.read()).output:
-                return (
-                    "was switched on again after it was made safe. Look for another program, or a hand, that does it."
-                )
+                return "was switched on again after it was made safe. Look for the program or the person that does it."
     return ""
 
 
 async def _connect(device: Device) -> None:
-    """Connect and identify, again and again for CONNECT_S; raises the last DriverError, or TimeoutError."""
+    """Connect and identify, repeatedly for CONNECT_S; raises the last DriverError, or TimeoutError."""
     limit = Deadline(CONNECT_S)
     async with patience(CONNECT_S):
         while True:
@@ -134,14 +132,14 @@ async def _connect(device: Device) -> None:
 
 
 async def _identify(device: Device) -> None:
-    """Raise WrongIdentity; an instrument that does not answer may be made safe all the same."""
+    """Identify a device. Raises WrongIdentity; one that does not answer may be made safe all the same."""
     with suppress(NoAnswer, BadAnswer, LinkLost, InstrumentFault, TimeoutError):
         async with patience(CONNECT_S):
             await device.identify()
 
 
 async def _close(device: Device) -> None:
-    """Close the wire; what goes wrong with that does not change whether the instrument is safe."""
+    """Close the connection; errors are ignored, since they do not affect whether the instrument is safe."""
     with suppress(Exception):
         async with patience(CLOSE_S):
             await device.__aexit__(None, None, None)
@@ -151,5 +149,5 @@ def _in_words(role: str, problem: Exception, limit_s: float) -> str:
     if isinstance(problem, DriverError):
         return str(problem)
     if isinstance(problem, TimeoutError):
-        return f"{role}: not within {limit_s:g} s"
+        return f"{role}: not finished within {limit_s:g} s"
     return f"{role}: {type(problem).__name__}: {problem}"

@@ -1,10 +1,10 @@
-"""BenchLoop: an event loop whose clock is real, virtual, or virtual and paced.
+"""BenchLoop: an event loop with a real clock, a virtual one, or a virtual one paced against real time.
 
-In virtual time the clock jumps to the next timer whenever nothing is left to do, so 30 hours of soaking take as long
-as the work in between. The application uses only asyncio and cannot tell the difference. Three rules make a run
-repeatable to the byte: timers of one instant run in the order they were set, connections to instruments simulated in
-the same process never leave it, and what other threads give back is taken in, in the order of asking, only when
-nothing else is left to run at that instant.
+In virtual time the clock jumps to the next timer when nothing else is left to do, so that 30 hours of soaking take as
+long as the work in between. The application uses only asyncio and cannot tell the difference. Three rules make a run
+repeatable to the byte: timers of one instant run in the order in which they were set; connections to instruments
+simulated in the same process stay in memory; results of other threads are accepted in the order of their requests, and
+only when nothing else is left to run at that instant.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ Ts = TypeVarTuple("Ts")
 AS_FAST_AS_POSSIBLE = math.inf
 REAL_TIME = 1.0
 TURNS_AT_ONE_INSTANT = 100_000
-POLL_EVERY_TURNS = 64  # how often descriptors are looked at while only the loop's own wake-up pipe is open
-THREAD_ANSWER_LIMIT_S = 120.0  # of time in which this process runs
-HEARTBEAT_S = 0.5  # how often it is looked whether the process runs
-STALL_S = 0.25  # what is less is a busy computer
+POLL_EVERY_TURNS = 64  # turns between polls of descriptors while only the wake-up pipe is open
+THREAD_ANSWER_LIMIT_S = 120.0  # counted only while this process runs
+HEARTBEAT_S = 0.5  # interval of the check that the process runs
+STALL_S = 0.25  # shorter stalls are normal load
 STALLS_KEPT = 1000
 TASKS_END_WITHIN_S = 5.0
 
 
 class _Timer(asyncio.TimerHandle):
-    """A timer that runs after the timers set before it for the same instant."""
+    """Timer that runs after timers set earlier for the same instant."""
 
     __slots__ = ("_order",)
     _when: float
@@ -59,15 +59,15 @@ class _Timer(asyncio.TimerHandle):
 
 
 class BenchLoop(asyncio.SelectorEventLoop):
-    """An event loop at `speed` bench seconds a second: 1 is real time, infinity as fast as possible.
+    """Event loop at `speed` bench seconds per second: 1 is real time, infinity is as fast as possible.
 
-    Bench time begins at `origin_s`, whatever the computer's uptime is.
+    Bench time begins at `origin_s`, independent of the uptime of the computer.
 
-    Lifetime: as any event loop; use `run`. Concurrency: one thread; `admit` takes in what other threads give back.
-    Raises TimeError out of `run_until_complete` when virtual time is stuck.
+    Lifetime: as any event loop; use `run`. Concurrency: one thread; `admit` accepts results of other threads. Raises
+    TimeError from `run_until_complete` if virtual time cannot advance.
     """
 
-    if TYPE_CHECKING:  # what asyncio's loop has and its type stubs do not tell
+    if TYPE_CHECKING:  # attributes of asyncio's loop that its type stubs lack
         _scheduled: list[_Timer]
         _ready: deque[asyncio.Handle]
 
@@ -86,16 +86,16 @@ class BenchLoop(asyncio.SelectorEventLoop):
         self._served: dict[tuple[str, int], tuple[Callable[[], asyncio.Protocol], Line]] = {}
 
     def time(self) -> float:
-        """Seconds on this loop's clock."""
+        """Return the time of this loop in s."""
         return time.monotonic() - self._behind_s if self._virtual is None else self._virtual.now
 
     @property
     def wakeup_fd(self) -> int:
-        """For `signal.set_wakeup_fd`: what is written there wakes this loop, whatever thread the signal came to."""
+        """Descriptor for `signal.set_wakeup_fd`: a write wakes this loop, whichever thread receives the signal."""
         return self._csock.fileno()
 
     def stalled_since(self, since_s: float) -> float:
-        """For how long this loop has stood still since an instant; virtual time stands still with it."""
+        """Return the time in s for which this loop has been stalled since an instant; virtual time stalls with it."""
         return 0.0 if self._real is None else self._real.stalled_since(since_s + self._behind_s)
 
     def call_at(
@@ -105,7 +105,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
         *args: *Ts,
         context: contextvars.Context | None = None,
     ) -> asyncio.TimerHandle:
-        """As asyncio's, but timers of one instant run in the order they were set."""
+        """Schedule as asyncio does, but keep the order of timers of one instant."""
         self._check_closed()
         timer = _Timer(next(self._orders), when, callback, args, self, context)
         heapq.heappush(self._scheduled, timer)
@@ -113,11 +113,11 @@ class BenchLoop(asyncio.SelectorEventLoop):
         return timer
 
     def serve_in_memory(self, host: str, port: int, factory: Callable[[], asyncio.Protocol], line: Line) -> None:
-        """From now on a connection to `host:port` from this loop is joined to `factory()` in memory."""
+        """Serve `host:port` in memory: connections from this loop are joined to `factory()`."""
         self._served[host, port] = (factory, line)
 
     async def create_connection(self, protocol_factory: Any, host: Any = None, port: Any = None, **options: Any) -> Any:
-        """As asyncio's, but an address served in memory never touches a socket."""
+        """Connect as asyncio does; for addresses served in memory without a socket."""
         served = self._served.get((host, port))
         if served is None:
             return await super().create_connection(protocol_factory, host, port, **options)
@@ -127,7 +127,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
         return join(client, factory(), line, (host, port)), client
 
     def admit(self, answer: concurrent.futures.Future[T]) -> asyncio.Future[T]:
-        """A future for what another thread will answer; virtual time stands still until it has."""
+        """Return a future for the result of another thread; virtual time waits for it."""
         if self._virtual is None:
             return asyncio.wrap_future(answer, loop=self)
         admitted: asyncio.Future[T] = self.create_future()
@@ -135,7 +135,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
         return admitted
 
     def run_in_executor(self, executor: Any, func: Callable[[Unpack[Ts]], T], *args: *Ts) -> asyncio.Future[T]:
-        """As asyncio's, with the result taken in by `admit`."""
+        """Run in an executor as asyncio does, with the result accepted by `admit`."""
         if self._virtual is None:
             return super().run_in_executor(executor, func, *args)
         if executor is None:
@@ -145,16 +145,16 @@ class BenchLoop(asyncio.SelectorEventLoop):
         return self.admit(executor.submit(func, *args))
 
     async def shutdown_default_executor(self, timeout: float | None = None) -> None:
-        """As asyncio's; in virtual time without the helper thread that would look like a deadlock."""
+        """Shut down as asyncio does; in virtual time without the helper thread, which would look like a deadlock."""
         if self._virtual is None:
             await super().shutdown_default_executor()
         elif self._executor is not None:
             self._executor.shutdown(wait=True)
 
     def run_now(self, timer: asyncio.TimerHandle) -> bool:
-        """Moves virtual time to a timer and runs it at once, if nothing at all is to happen before; whether it has.
+        """Advance virtual time to a timer and run it, if nothing else is due before; return True if it ran.
 
-        Who waits for it then goes on in the same turn of the loop.
+        A task that waits for it continues in the same turn of the loop.
         """
         virtual, timers = self._virtual, self._scheduled
         if virtual is None or virtual.is_paced or self._ready or self._answers or not timers or timers[0] is not timer:
@@ -168,8 +168,8 @@ class BenchLoop(asyncio.SelectorEventLoop):
         first._run()
         return True
 
-    def take_in_answer(self) -> bool:
-        """Waits for the oldest outstanding answer of another thread; False when there is none."""
+    def accept_answer(self) -> bool:
+        """Wait for the oldest outstanding result of another thread; return False if there is none."""
         while self._answers:
             answer, admitted = self._answers.popleft()
             if admitted.cancelled():
@@ -184,7 +184,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
         return False
 
     def next_timer(self) -> float | None:
-        """When the next timer is due, None without one."""
+        """Return the time of the next timer, or None."""
         return self._scheduled[0].when() if self._scheduled else None
 
 
@@ -193,18 +193,18 @@ def _has_answered(answer: concurrent.futures.Future[Any], within_s: float) -> bo
 
 
 class _RealSelector(selectors.DefaultSelector):
-    """A selector that sees when the process was not running: it waits for short times and compares them with the clock.
+    """Selector that detects stalls of the process: it waits in short slices and compares them with the clock.
 
-    What callbacks take is seen as well: nobody listens meanwhile.
+    The duration of callbacks counts as well, since nothing is received meanwhile.
     """
 
     def __init__(self) -> None:
         super().__init__()
-        self._stalls: deque[tuple[float, float]] = deque(maxlen=STALLS_KEPT)  # when each ended, and how long it was
+        self._stalls: deque[tuple[float, float]] = deque(maxlen=STALLS_KEPT)  # (end, duration) of each stall
         self._returned_s = math.inf
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Ready descriptors, or none within the time or HEARTBEAT_S."""
+        """Return ready descriptors, or none after the timeout or HEARTBEAT_S."""
         begun_s = time.monotonic()
         self._note(begun_s, begun_s - self._returned_s)
         wait_s = HEARTBEAT_S if timeout is None else max(0.0, min(timeout, HEARTBEAT_S))
@@ -214,7 +214,7 @@ class _RealSelector(selectors.DefaultSelector):
         return ready
 
     def stalled_since(self, since_s: float) -> float:
-        """For how long the process has stood still since an instant."""
+        """Return the time in s for which the process has been stalled since an instant."""
         return sum(min(long_s, end_s - since_s) for end_s, long_s in self._stalls if end_s > since_s)
 
     def _note(self, end_s: float, long_s: float) -> None:
@@ -223,7 +223,7 @@ class _RealSelector(selectors.DefaultSelector):
 
 
 class _VirtualSelector(selectors.DefaultSelector):
-    """A selector that moves the clock instead of waiting for it."""
+    """Selector that advances the clock instead of waiting."""
 
     def __init__(self, loop: BenchLoop, speed: float, origin_s: float) -> None:
         super().__init__()
@@ -232,19 +232,19 @@ class _VirtualSelector(selectors.DefaultSelector):
         self.now = origin_s
         self._turns_here = 0
         self._turns_since_poll = 0
-        self._real_s = 0.0  # real time owed before the clock may go on, when paced
+        self._real_s = 0.0  # real time in s that must pass before the clock may advance, when paced
         self._last_real = time.monotonic()
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Ready descriptors; moves the clock to the next timer when there is nothing else to do."""
+        """Return ready descriptors; advance the clock to the next timer if nothing else is left to do."""
         self._turns_here += 1
         if self._turns_here > TURNS_AT_ONE_INSTANT:
-            self._turns_here = 0  # cancelled tasks get their turns to clean up
+            self._turns_here = 0  # cancelled tasks need turns to clean up
             raise TimeError(
-                f"virtual time stands at {self.now:.6f} s: {TURNS_AT_ONE_INSTANT} turns of the loop without an end"
+                f"virtual time is stuck at {self.now:.6f} s: {TURNS_AT_ONE_INSTANT} turns of the loop without an end"
             )
         ready = self._poll()
-        if ready or timeout == 0 or self._loop.take_in_answer():
+        if ready or timeout == 0 or self._loop.accept_answer():
             return ready
         when = self._loop.next_timer()
         if when is None:
@@ -263,29 +263,31 @@ class _VirtualSelector(selectors.DefaultSelector):
 
     @property
     def is_paced(self) -> bool:
-        """Whether real time passes with it."""
+        """True if virtual time is paced against real time."""
         return self._speed < AS_FAST_AS_POSSIBLE
 
     def move_to(self, when: float) -> None:
-        """Moves the clock; it never goes back."""
+        """Advance the clock; it never goes back."""
         if when > self.now:
             self.now = when
             self._turns_here = 0
 
     def _wait_outside(self) -> list[tuple[selectors.SelectorKey, int]]:
-        """No timer: only a real descriptor could bring something; none of these is a deadlock."""
+        """Wait for a real descriptor, since no timer is set; without one it is a deadlock."""
         ready: list[tuple[selectors.SelectorKey, int]] = []
 
-        def something_came(slice_s: float) -> bool:
+        def is_ready(slice_s: float) -> bool:
             ready.extend(selectors.DefaultSelector.select(self, slice_s))
             return bool(ready)
 
-        if len(self.get_map()) > 1 and came_true(something_came, THREAD_ANSWER_LIMIT_S):
+        if len(self.get_map()) > 1 and came_true(is_ready, THREAD_ANSWER_LIMIT_S):
             return ready
-        raise TimeError(f"virtual time stands at {self.now:.6f} s: deadlock, no timer is set and nothing is under way")
+        raise TimeError(
+            f"virtual time is stuck at {self.now:.6f} s: deadlock, no timer is set and nothing is under way"
+        )
 
     def _paced(self, when: float) -> list[tuple[selectors.SelectorKey, int]]:
-        """Lets real time pass in proportion; a descriptor may end the wait early."""
+        """Let real time pass in proportion; a ready descriptor ends the wait early."""
         real = time.monotonic()
         ahead = (when - self.now) / self._speed - (real - self._last_real)
         ready = super().select(ahead) if ahead > 0 else []
@@ -297,11 +299,10 @@ class _VirtualSelector(selectors.DefaultSelector):
 
 
 def run(main: Coroutine[Any, Any, T], speed: float = REAL_TIME, origin_s: float = 0.0) -> T:
-    """Runs `main` on a BenchLoop at `speed` and closes the loop; tasks left behind are cancelled and awaited.
+    """Run `main` on a BenchLoop at `speed` and close the loop; remaining tasks are cancelled and awaited.
 
-    Bench time begins at `origin_s`.
-
-    One that does not end within `TASKS_END_WITHIN_S` is abandoned, so that a mistake in it keeps nobody from the end.
+    Bench time begins at `origin_s`. A task that does not end within `TASKS_END_WITHIN_S` is abandoned, so that an error
+    in it cannot block the end.
     """
     with asyncio.Runner(loop_factory=lambda: BenchLoop(speed, origin_s)) as runner:
         try:
@@ -318,5 +319,5 @@ async def _end_tasks() -> None:
         return
     _, deaf = await asyncio.wait(left, timeout=TASKS_END_WITHIN_S)
     for task in deaf:
-        asyncio.tasks._unregister_task(task)  # which closing the loop would wait for for ever
+        asyncio.tasks._unregister_task(task)  # closing the loop would wait for it for ever
         task._log_destroy_pending = False  # type: ignore[attr-defined]  # as asyncio.gather does

@@ -1,7 +1,7 @@
-"""Quality of a reading as its type: only what is valid can be judged, stored as a value or averaged.
+"""Quality of a reading as its type: only valid readings can be judged, stored as values or averaged.
 
-A driver gives `Reading`s. `bench.engine.channel.Channel` makes each of them a `Valid` or an `Invalid`; nothing else
-makes a `Valid`, a `Fresh` or a `Window`. An `Invalid` and a `Stale` have no number to compare with.
+A driver returns `Reading`s. `bench.engine.channel.Channel` turns each into a `Valid` or an `Invalid`; nothing else
+creates a `Valid`, a `Fresh` or a `Window`. An `Invalid` and a `Stale` have no number to compare.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 
 class Valid(NamedTuple):
-    """An accepted reading: loop time, value in the unit of its channel, and its number among all that were read."""
+    """Accepted reading: loop time, value in the unit of its channel, and its index among all readings."""
 
     at_s: float
     value: float
@@ -21,7 +21,7 @@ class Valid(NamedTuple):
 
 
 class Invalid(NamedTuple):
-    """A rejected reading. `why` follows the name of the channel in a sentence; `raw` is the value as text."""
+    """Rejected reading. `why` continues a sentence after the name of the channel; `raw` is the value as text."""
 
     at_s: float
     why: str
@@ -30,21 +30,24 @@ class Invalid(NamedTuple):
 
 
 class Stale(NamedTuple):
-    """No valid reading that is recent enough. `why` follows the name of the channel; `age_s` is inf without any."""
+    """No recent valid reading.
+
+    `why` continues a sentence after the name of the channel; `age_s` is inf without any reading.
+    """
 
     why: str
     age_s: float
 
 
 class Fresh(NamedTuple):
-    """The newest reading, which is valid, and its age (s)."""
+    """Newest valid reading, and its age in s."""
 
     reading: Valid
     age_s: float
 
 
 class Window(NamedTuple):
-    """Valid readings in the order of their times, at least one, without a gap: times (N,) and values (N,)."""
+    """Contiguous valid readings in order of time, at least one: times (N,) and values (N,)."""
 
     at_s: NDArray[np.float64]
     values: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The opened devices of a bench: looked up by role, opened in parallel, made safe in parallel, closed in reverse."""
+"""Opened devices of a bench: access by role; opening and making safe in parallel, closing in reverse order."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from drivers.timing.awake import patience
 from drivers.transport.wires import Wires
 from drivers.values import Identity
 
-MAKE_SAFE_S = 10.0  # for a device of which nothing is known
-OWN_LIMIT_S = 2.0  # beyond the limit of a driver, so that its own words come first
+MAKE_SAFE_S = 10.0  # for a device without a known limit
+OWN_LIMIT_S = 2.0  # beyond the limit of a driver, so that its own error comes first
 OPEN_S = 30.0
 CLOSE_S = 10.0
-HOLD_S = 5.0  # to see that a chamber is in order, and to stop it where it is
-GRACE_S = 1.0  # for what is told to end, beyond its limit
+HOLD_S = 5.0  # to check a chamber and stop it at its present set point
+GRACE_S = 1.0  # for a cancelled operation, beyond its limit
 
 
 class OpenError(BenchError):
-    """Some devices could not be opened; one line for each."""
+    """Failure to open some devices; one line for each."""
 
     code = "open"
 
 
 class Rig:
-    """The devices of a bench.
+    """Devices of a bench.
 
-    Lifetime: inside the context every device is connected and identified, or `OpenError` names all that are not.
-    Leaving it closes them; it does not make them safe, `make_safe` does. Who must know what has opened when not all has
-    calls `open` and `close`. `not_reached` are devices that could not be opened, or are others than the bench file
-    names; they are not among `devices`, and nothing is sent to them any more. `limits_s` are those of making safe, by
-    role. `held` are chambers that `make_safe` has left at their set point. Of a bench that is locked out when it is
-    made safe, outputs are switched off and everything else is stopped.
+    Lifetime: inside the context every device is connected and identified, or `OpenError` names all that failed. Leaving
+    it closes them without making them safe; `make_safe` does that. Callers that need the partly opened devices call
+    `open` and `close`. `not_reached` are devices that could not be opened or have another identity than in the bench
+    file; they are not in `devices`, and nothing is sent to them. `limits_s` are the time limits of making safe, by
+    role. `held` are chambers that `make_safe` has left at their set point. If the bench is locked out when it is made
+    safe, outputs are switched off and everything else is stopped.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Rig:
         self._open = AsyncExitStack()
 
     async def __aenter__(self) -> Self:
-        """Opens all devices in parallel; none stays open when that fails, or is cancelled."""
+        """Open all devices in parallel; if that fails or is cancelled, close those that are open."""
         try:
             await self.open()
         except BaseException:
@@ -66,13 +66,13 @@ class Rig:
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the devices in reverse."""
+        """Close the devices in reverse order."""
         await self.close()
 
     async def open(self, needed: Collection[str] | None = None) -> None:
-        """Open and identify all devices in parallel; OpenError when one of those `needed`, or any, cannot be.
+        """Open and identify all devices in parallel. Raises OpenError if one of `needed`, by default any, fails.
 
-        What has opened stays open, also after an error or a cancellation.
+        Opened devices stay open, also after an error or a cancellation.
         """
         opened: list[Device] = []
 
@@ -84,7 +84,7 @@ class Rig:
             failed = _failed(await self._each(enter, OPEN_S))
         except asyncio.CancelledError:
             closed = [role for role, device in self.devices.items() if not any(device is each for each in opened)]
-            self._leave_out({role: f"{role}: its opening was ended" for role in closed})
+            self._leave_out({role: f"{role}: its opening was cancelled" for role in closed})
             raise
         self._leave_out(failed)
         _check(failed, needed)
@@ -102,7 +102,7 @@ class Rig:
             self.devices.pop(role, None)
 
     async def close(self) -> None:
-        """Close the devices in reverse, within `CLOSE_S`; one that does not let itself be closed is left behind."""
+        """Close the devices in reverse order, within `CLOSE_S`; one that cannot be closed is abandoned."""
         closing = asyncio.create_task(self._open.aclose(), name="closing")
         await asyncio.wait([closing], timeout=CLOSE_S)
         if not closing.done():
@@ -111,63 +111,63 @@ class Rig:
             raise problem
 
     def positioner(self, role: str) -> Positioner:
-        """The device of a role as a positioner; a checked plan asks for nothing else."""
+        """Return the device of a role as a positioner; checked plans request only matching roles."""
         device = self.devices[role]
         if not isinstance(device, Positioner):
-            raise TypeError(f"{role} is no positioner")
+            raise TypeError(f"{role} is not a positioner")
         return device
 
     def table(self, role: str) -> RateTable:
-        """The device of a role as a rate table."""
+        """Return the device of a role as a rate table."""
         device = self.devices[role]
         if not isinstance(device, RateTable):
-            raise TypeError(f"{role} is no rate table")
+            raise TypeError(f"{role} is not a rate table")
         return device
 
     def chamber(self, role: str) -> ThermalChamber:
-        """The device of a role as a chamber."""
+        """Return the device of a role as a thermal chamber."""
         device = self.devices[role]
         if not isinstance(device, ThermalChamber):
-            raise TypeError(f"{role} is no thermal chamber")
+            raise TypeError(f"{role} is not a thermal chamber")
         return device
 
     def source(self, role: str) -> Source:
-        """The device of a role as a supply or current source."""
+        """Return the device of a role as a supply or current source."""
         device = self.devices[role]
         if not isinstance(device, Source):
-            raise TypeError(f"{role} is no source")
+            raise TypeError(f"{role} is not a source")
         return device
 
     def counter(self, role: str) -> PulseCounter:
-        """The device of a role as a pulse counter."""
+        """Return the device of a role as a pulse counter."""
         device = self.devices[role]
         if not isinstance(device, PulseCounter):
-            raise TypeError(f"{role} is no pulse counter")
+            raise TypeError(f"{role} is not a pulse counter")
         return device
 
     def frame_source(self, role: str) -> FrameSource:
-        """The device of a role as one that sends frames: a pulse counter, or telemetry."""
+        """Return the device of a role as a source of frames: a pulse counter, or telemetry."""
         device = self.devices[role]
         if not isinstance(device, FrameSource):
             raise TypeError(f"{role} sends no frames")
         return device
 
     def meter(self, role: str) -> Meter:
-        """The device of a role as a voltmeter or an ammeter."""
+        """Return the device of a role as a voltmeter or ammeter."""
         device = self.devices[role]
         if not isinstance(device, Meter):
-            raise TypeError(f"{role} is no meter")
+            raise TypeError(f"{role} is not a meter")
         return device
 
     @property
     def safe_within_s(self) -> float:
-        """The time within which `make_safe` ends."""
+        """Time limit of `make_safe` in s."""
         return max(self._limits_s.values(), default=0.0) + 2 * GRACE_S
 
     async def make_safe(self, hold: Collection[str] = ()) -> dict[str, str]:
-        """Make every device safe, in parallel, each within its limit; return why, for those that could not be.
+        """Make every device safe, in parallel, each within its limit; return the errors by role.
 
-        Chambers to `hold` stay at their set point if they are in order.
+        Chambers in `hold` stay at their set point if they are in order.
         """
         only_off = self._is_locked_out()
         held = [self.devices[role] for role in hold if role in self.devices]
@@ -182,9 +182,9 @@ class Rig:
     async def _each(
         self, act: Callable[[Device], Awaitable[object]], limits_s: float | Mapping[str, float]
     ) -> dict[str, object]:
-        """What `act` gives or raises for each device; one that fails or hangs does not hold the others up.
+        """Return the result or exception of `act` for each device; one that fails or hangs does not delay the others.
 
-        One that does not even end when it is cancelled is left behind.
+        One that does not end even when cancelled is abandoned.
         """
         limit_of = limits_s if isinstance(limits_s, Mapping) else dict.fromkeys(self.devices, limits_s)
         longest_s = max((limit_of[name] for name in self.devices), default=0.0)
@@ -197,7 +197,7 @@ class Rig:
             except DriverError as problem:
                 return problem
             except TimeoutError:
-                return TimeoutError(f"{name}: not within {limit_s:g} s")
+                return TimeoutError(f"{name}: not finished within {limit_s:g} s")
             except Exception as problem:  # noqa: BLE001  the other devices are made safe all the same
                 return RuntimeError(f"{name}: {type(problem).__name__}: {problem}")
 
@@ -211,15 +211,15 @@ class Rig:
                 for task in slow:
                     task.cancel()
                 await asyncio.wait(slow, timeout=GRACE_S)
-        stuck = TimeoutError(f"not within {longest_s:g} s, and its driver does not end")
+        stuck = TimeoutError(f"not finished within {longest_s:g} s, and its driver does not end")
         return {name: task.result() if task.done() and not task.cancelled() else stuck for name, task in tasks.items()}
 
 
 async def bring_to_safety(device: Device, *, only_off: bool, hold: bool = False) -> bool:
-    """Make a device safe; whether it is a chamber that is held instead.
+    """Make a device safe; return True if it is a chamber that is held instead.
 
-    With `hold` a chamber in order is stopped at its set point of now. With `only_off` any chamber is, and Refused names
-    the set point.
+    With `hold` a chamber in order is stopped at its present set point. With `only_off` every chamber is, and Refused
+    names the set point.
     """
     if not (only_off and isinstance(device, ThermalChamber)):
         if hold and isinstance(device, ThermalChamber) and await _is_held(device):
@@ -235,18 +235,18 @@ async def bring_to_safety(device: Device, *, only_off: bool, hold: bool = False)
 
 
 def _failed(results: Mapping[str, object]) -> dict[str, str]:
-    """Those devices that gave an exception, with its text."""
+    """Return the devices with an exception, with its text."""
     return {name: str(result) for name, result in results.items() if isinstance(result, BaseException)}
 
 
 def _check(failed: Mapping[str, str], needed: Collection[str] | None) -> None:
-    """Raises OpenError with all that failed, if any of them is needed."""
+    """Raise OpenError with all failed devices, if one of them is needed."""
     if failed and (needed is None or set(needed) & failed.keys()):
         raise OpenError("\n".join(failed.values()))
 
 
 async def _is_held(chamber: ThermalChamber) -> bool:
-    """Stop a chamber where it is; False where it does not answer, or is not in order."""
+    """Stop a chamber at its present set point; return False if it does not answer or is not in order."""
     try:
         async with patience(HOLD_S):
             await chamber.state()
@@ -257,7 +257,7 @@ async def _is_held(chamber: ThermalChamber) -> bool:
 
 
 def limits_to_make_safe(bench: BenchFile) -> dict[str, float]:
-    """The longest time (s) that making each device of a bench safe may take, by role."""
+    """Return the time limit in s for making each device of a bench safe, by role."""
     states = {role: entry.safe_state for role, entry in bench.devices.items()}
     return {role: state.within_s + OWN_LIMIT_S + HOLD_S * bool(state.hold_s) for role, state in states.items()}
 
@@ -265,7 +265,7 @@ def limits_to_make_safe(bench: BenchFile) -> dict[str, float]:
 def device_of(
     role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object] = unheard, person: Person = NOBODY
 ) -> Device:
-    """The driver of one device on these wires, not yet connected."""
+    """Return the driver of one device on these wires, not yet connected."""
     setup: Setup[Any, Any, Any] = Setup(
         role, entry.connection, wires, entry.options, entry.limits, entry.safe, entry.identity, note, person
     )

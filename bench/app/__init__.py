@@ -1,1 +1,1 @@
-"""Puts the parts together: a bench file and a sequence become a run; the only importer of the simulators."""
+"""Application: combines a bench file and a sequence into a run; the only importer of the simulators."""

@@ -1,4 +1,4 @@
-"""The directory and manifest of a run before anything is opened, and the first entry of its journal."""
+"""Directory, manifest and first journal entry of a run, before anything is opened."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from bench.runner import manifest
 from bench.store.runs import MANIFEST, RunDirectory
 
 
-def made_directory(prepared: PreparedRun, now: datetime) -> RunDirectory:
-    """A new directory of a run; raises StoreError."""
+def create_directory(prepared: PreparedRun, now: datetime) -> RunDirectory:
+    """Create the directory of a run. Raises StoreError."""
     return RunDirectory.create(prepared.request.runs, now, prepared.plan.name, "+".join(prepared.serials.values()))
 
 
-def began(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> dict[str, Any]:
-    """The manifest of a run that begins; it is on the disk, with what the run depends on."""
+def write_manifest(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> dict[str, Any]:
+    """Write the manifest of a starting run and its input files, durably; return the manifest."""
     record = manifest.opening(
         directory.path.name,
         prepared.plan,
@@ -41,7 +41,7 @@ def began(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> 
 
 
 def instant(bench: BenchFile, resumption: Resumption | None) -> datetime | None:
-    """The UTC instant now in bench time; None for that of the computer."""
+    """Return the present instant in UTC by bench time; None for that of the computer."""
     if not bench.is_simulated:
         return None
     if resumption is None:
@@ -50,7 +50,7 @@ def instant(bench: BenchFile, resumption: Resumption | None) -> datetime | None:
 
 
 def write_beginning(journal: Journal, clock: Clock, prepared: PreparedRun, resumption: Resumption | None) -> None:
-    """Journal that a run begins, or that it goes on and after what outage; a real one with the boot of its computer."""
+    """Journal the start of a run, or its resumption with the outage; on a real bench with the boot of the computer."""
     utc = clock.utc().isoformat()
     boot: dict[str, Any] = {}
     if not prepared.loaded.bench.is_simulated:
@@ -68,7 +68,7 @@ def write_beginning(journal: Journal, clock: Clock, prepared: PreparedRun, resum
 
 
 def keep_inputs(prepared: PreparedRun, directory: RunDirectory) -> dict[str, str]:
-    """Copy what the run depends on into its directory, durably; the hashes of the copies."""
+    """Copy the input files of the run into its directory, durably; return the hashes of the copies."""
     copies = inputs_of(prepared)
     for name, text in copies.items():
         directory.write_text(name, text)

@@ -13,9 +13,9 @@ from drivers.capabilities import FrameSource
 
 
 async def decoded_frames(device: FrameSource, options: Any, for_s: float) -> AsyncIterator[str]:
-    """A line for each frame that comes within `for_s`, with the seconds since it began.
+    """Yield a line for each frame received within `for_s` (s), with the time since the beginning.
 
-    Without a DBC in the options a line has the bytes alone.
+    Without a DBC in the options a line has the bytes only.
     """
     by_id = None
     if isinstance(options, DbcOptions):

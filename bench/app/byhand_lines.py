@@ -1,4 +1,4 @@
-"""What a person may type to an instrument, and how it goes over the driver's own connection."""
+"""Console input for an instrument, sent over the driver's own connection."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from drivers.protocols.modbus_frames import Framing, Pdu, ReadFunction, frames_o
 from drivers.transport.byhand import SharedWires
 from drivers.transport.exchange import LineExchange
 
-QUESTION_S, COMMAND_S, MODBUS_S = 5.0, 1.0, 3.0  # how long an answer is waited for
-_SMALL, _LARGE = 1e-6, 1e9  # a float32 beyond is none, or its words are in the other order
+QUESTION_S, COMMAND_S, MODBUS_S = 5.0, 1.0, 3.0  # timeouts of an answer
+_SMALL, _LARGE = 1e-6, 1e9  # a float32 beyond is implausible, or has the other word order
 _LARGEST, _WORDS_AT_MOST = 0xFFFF, 100
 _NUMBER = r"\s+(?:0x[0-9a-f]{1,4}|0|[1-9]\d{0,4})"
 _READ = re.compile(rf"(?:read|input){_NUMBER}(?:{_NUMBER})?", re.IGNORECASE | re.ASCII)
 _WRITE = re.compile(rf"write{_NUMBER}(?:{_NUMBER}){{1,{_WORDS_AT_MOST}}}", re.IGNORECASE | re.ASCII)
 
 
-class Unspoken(Exception):
-    """A line that is not sent, and why."""
+class Unsendable(Exception):
+    """Line that cannot be sent, with the reason."""
 
 
-class Spoken(Protocol):
-    """How lines are sent. `twice` is whether what is no question must be typed twice."""
+class LineProtocol(Protocol):
+    """Protocol of console lines. With `twice`, a line that is not a query must be typed twice."""
 
     help: str
     twice: bool
 
     def asks(self, line: str) -> bool | None:
-        """Whether a line is a query; None if unknown. Raises Unspoken for an invalid line."""
+        """Return True if a line is a query, None if unknown. Raises Unsendable for an invalid line."""
 
     async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
         """Send the line; return the text to print besides the bytes. Raises a DriverError."""
 
 
-def spoken_by(role: str, entry: DeviceEntry, wires: SharedWires) -> Spoken:
-    """How the instrument of an entry is spoken to."""
+def line_protocol_of(role: str, entry: DeviceEntry, wires: SharedWires) -> LineProtocol:
+    """Return the console protocol of the instrument of an entry."""
     recognition = entry.description.recognised_by()
     if recognition is not None and recognition.language is MODBUS:
         return ModbusLines(role, entry, wires)
@@ -48,9 +48,9 @@ def spoken_by(role: str, entry: DeviceEntry, wires: SharedWires) -> Spoken:
 
 
 class TextLines:
-    """Lines of text, framed as the driver frames its own."""
+    """Text lines, framed as by the driver."""
 
-    help = "A line is sent in the instrument's own language, with the line end that its driver uses."
+    help = "A line is sent unchanged in the instrument's own protocol, with the line end that its driver uses."
     twice = False
 
     def __init__(self, role: str, entry: DeviceEntry, wires: SharedWires) -> None:
@@ -59,29 +59,29 @@ class TextLines:
         self._asks = recognition.language.asks if recognition is not None else None
 
     def asks(self, line: str) -> bool | None:
-        """See Spoken."""
+        """See LineProtocol."""
         return None if self._asks is None else self._asks(line)
 
     async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
-        """One exchange; a missing answer is no error, because commands have none."""
+        """Exchange a line; a missing answer is no error, because commands have none."""
         exchange = self._wires.line(self._role).inner
         if not isinstance(exchange, LineExchange):
-            raise Unspoken("no command can be typed for this instrument; use the commands of its driver, see :help")
+            raise Unsendable("no command can be typed for this instrument; use the commands of its driver, see :help")
         try:
             data = line.encode("latin-1")
         except UnicodeEncodeError:
-            raise Unspoken("not sent: it contains a character that the instrument does not support") from None
+            raise Unsendable("not sent: it contains a character that the instrument does not support") from None
         try:
             await exchange.ask(data, bytes, answer_s=QUESTION_S if is_question else COMMAND_S)
         except NoAnswer:
             if is_question:
                 raise
-            return [f"no answer within {COMMAND_S:g} s (usual for a command that is no query)"]
+            return [f"no answer within {COMMAND_S:g} s (usual for a command that is not a query)"]
         return []
 
 
 class ModbusLines:
-    """Requests for registers in words, on the driver's connection."""
+    """Requests for registers, in text form, on the driver's connection."""
 
     help = (
         "read ADDRESS [COUNT]      holding registers, by their address on the wire, such as 2782 or 0x0ade\n"
@@ -96,12 +96,12 @@ class ModbusLines:
         self._framing: Framing = "rtu" if entry.connection.is_serial_line else "tcp"
 
     def asks(self, line: str) -> bool:
-        """See Spoken."""
+        """See LineProtocol."""
         verb, _ = _parsed(line)
         return verb != "write"
 
     async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
-        """One request; its registers as text."""
+        """Send one request; return its registers as text."""
         verb, numbers = _parsed(line)
         frames = frames_of(self._framing, self._unit_id)
         sent = frames.request(_request(verb, numbers))
@@ -120,16 +120,16 @@ class ModbusLines:
 
 
 def _parsed(line: str) -> tuple[str, list[int]]:
-    """The verb, and the numbers behind it."""
+    """Return the verb and the numbers of a line. Raises Unsendable."""
     match = _READ.fullmatch(line) or _WRITE.fullmatch(line)
     if match is None:
-        raise Unspoken("expected read ADDRESS [COUNT], input ADDRESS [COUNT] or write ADDRESS WORD...; see :help")
+        raise Unsendable("expected read ADDRESS [COUNT], input ADDRESS [COUNT] or write ADDRESS WORD...; see :help")
     verb, *texts = line.lower().split()
     numbers = [int(text, 0) for text in texts]
     if max(numbers) > _LARGEST:
-        raise Unspoken(f"an address or a word is more than {_LARGEST}")
+        raise Unsendable(f"an address or a word is more than {_LARGEST}")
     if verb != "write" and len(numbers) == 2 and not 1 <= numbers[1] <= _WORDS_AT_MOST:
-        raise Unspoken(f"from 1 to {_WORDS_AT_MOST} registers can be read at once")
+        raise Unsendable(f"from 1 to {_WORDS_AT_MOST} registers can be read at once")
     return verb, numbers
 
 
@@ -141,11 +141,11 @@ def _request(verb: str, numbers: Sequence[int]) -> Pdu:
 
 
 def _words(address: int, registers: Sequence[int]) -> str:
-    """Registers as numbers; two of them as a float32 as well, if they could be one."""
-    told = f"{address}: {' '.join(map(str, registers))} (hexadecimal {' '.join(f'{word:04x}' for word in registers)})"
+    """Return registers as numbers; two of them as a float32 as well, if plausible."""
+    text = f"{address}: {' '.join(map(str, registers))} (hexadecimal {' '.join(f'{word:04x}' for word in registers)})"
     if len(registers) != 2:
-        return told
+        return text
     pairs = {"low word first": registers[::-1], "high word first": registers}
     values = {name: struct.unpack(">f", struct.pack(">HH", *pair))[0] for name, pair in pairs.items()}
     floats = [f"{value:.7g} {name}" for name, value in values.items() if value == 0 or _SMALL < abs(value) < _LARGE]
-    return f"{told}; as float32 {' or '.join(floats)}" if floats else told
+    return f"{text}; as float32 {' or '.join(floats)}" if floats else text

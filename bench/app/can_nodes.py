@@ -1,4 +1,4 @@
-"""What simulated devices that send frames have on their channels, by the bench file."""
+"""Channels of simulated devices that send frames, from the bench file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ def node_setup(
     units: Mapping[str, object],
     encoder_skew_s: float,
 ) -> NodeSetup:
-    """The outputs, thermometers and encoders of a device; InputError if a unit does not send what the bench wants."""
+    """Return the outputs, thermometers and encoders of a device.
+
+    Raises InputError if a unit lacks a required output.
+    """
     readings, imu_readings = _thermometers(bench, role)
     return NodeSetup(
         role=role,
@@ -46,7 +49,7 @@ def node_setup(
 
 
 def _places(bench: BenchFile, role: str, units: Mapping[str, object]) -> dict[str, str]:
-    """The place of the unit on each channel of a device; InputError."""
+    """Return the place of the unit on each channel of a device. Raises InputError."""
     outputs, found = bench.devices[role].outputs, {}
     for name, entry in bench.places.items():
         for key, channel in entry.measured_by.items():
@@ -65,7 +68,7 @@ def _places(bench: BenchFile, role: str, units: Mapping[str, object]) -> dict[st
 
 
 def _thermometers(bench: BenchFile, role: str) -> tuple[dict[str, str], dict[str, tuple[str, str]]]:
-    """Of which place a device sends a temperature, by its reading; of an inertial unit also of which sensors."""
+    """Return places by temperature reading of a device, and for inertial units places and sensors."""
     readings: dict[str, str] = {}
     imu_readings: dict[str, tuple[str, str]] = {}
     for name, place in bench.places.items():
@@ -81,7 +84,7 @@ def _thermometers(bench: BenchFile, role: str) -> tuple[dict[str, str], dict[str
 
 
 def decoding_of(bench: BenchFile, channel: str | None) -> Decoding | None:
-    """What becomes of the codes on a channel of samples; None where no device sends them."""
+    """Return the decoding of the codes on a channel of samples; None if no device sends them."""
     for entry in bench.devices.values():
         if channel is not None and isinstance(entry.outputs.get(channel), Sampled):
             return Decoding(*Decoder(entry).scales.get(channel, ()))
@@ -89,7 +92,7 @@ def decoding_of(bench: BenchFile, channel: str | None) -> Decoding | None:
 
 
 def _check_sends(bench: BenchFile, place: str, unit: object) -> None:
-    """InputError if the file of a unit has no `telemetry`, or only some of its channels are used."""
+    """Raise InputError if the file of a unit has no `telemetry`, or if only some of its channels are used."""
     if not isinstance(unit, UnitFile | GyroFile | ImuFile) or unit.telemetry is None:
         raise InputError(f"the simulated unit of place '{place}' sends no codes: its file needs 'telemetry'")
     if isinstance(unit, ImuFile) and len(bench.sent_units(bench.places[place])) < len(CHANNELS):

@@ -54,7 +54,7 @@ class ClockRecord:
             return
         step = {"after_s": round(self._since.elapsed_s(), 1), "set_by_s": round(set_by_s, 3), "slept_s": round(slept_s)}
         self.steps.append(step)
-        with suppress(StoreError):  # told by the step that it stops
+        with suppress(StoreError):  # reported by the step that it stops
             self._journal.write("clock_step", set_by_s=step["set_by_s"], slept_s=step["slept_s"])
         if set_by_s:
             self._notice(f"The computer's clock was set by {set_by_s:+.1f} s. The times of this run are unaffected.")

@@ -1,11 +1,11 @@
-"""`bench console`: one instrument by hand, in its own language and through its driver, with every byte that passes."""
+"""`bench console`: one instrument by hand, in its own protocol and through its driver, with all bytes shown."""
 
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 
 from bench.app.byhand_frames import decoded_frames
-from bench.app.byhand_lines import Spoken, Unspoken, spoken_by
+from bench.app.byhand_lines import LineProtocol, Unsendable, line_protocol_of
 from bench.app.faults import laboratory_of
 from bench.app.laboratory import BenchWires
 from bench.app.request import load_bench_named
@@ -14,7 +14,7 @@ from bench.errors import InputError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import device_of
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from drivers.can.options import FRAME_SCHEMES
 from drivers.capabilities import Device, FrameSource, Positioner, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
@@ -24,7 +24,7 @@ from drivers.transport.trace import RECEIVED, Passed, TracedWires
 from drivers.values import ChamberState, Identity, SourceReading
 
 Say = Callable[[str], object]
-FRAMES_S = 2.0  # how long frames are shown
+FRAMES_S = 2.0  # time for which frames are shown
 BY_HAND = (
     "What you type is sent to the instrument unchanged: it may move, heat or energise something. Check the bench "
     "first. At the end the instrument is made safe if anything but queries was sent."
@@ -53,7 +53,8 @@ def talk(
     if entry is None:
         raise InputError(f"the bench has no device '{role}'{did_you_mean(role, bench.devices)}")
 
-    sends_frames = entry.connection.scheme in FRAME_SCHEMES  # all the time, and :frames shows them decoded
+    # frames arrive all the time, and :frames shows them decoded
+    sends_frames = entry.connection.scheme in FRAME_SCHEMES
 
     def keep(passed: Passed) -> None:
         if passed.sign != RECEIVED or not sends_frames:
@@ -62,10 +63,10 @@ def talk(
     async def main() -> int:
         wires = SharedWires(TracedWires(BenchWires(bench, laboratory_of(bench)), keep))
         async with device_of(role, entry, wires, say) as device:
-            console = Console(device, entry, spoken_by(role, entry, wires), say, write=write)
+            console = Console(device, entry, line_protocol_of(role, entry, wires), say, write=write)
             try:
                 async for line in lines():
-                    if not await console.obey(line):
+                    if not await console.execute(line):
                         break
             finally:
                 if console.wrote:
@@ -74,33 +75,33 @@ def talk(
         return console.problems
 
     say(BY_HAND if write else QUESTIONS_ONLY)
-    with holding([entry.connection], f"a console of {role}"):
+    with address_lock([entry.connection], f"a console of {role}"):
         return run_loop(main(), REAL_TIME)
 
 
 def shown(passed: Passed) -> str:
-    """What passed on the wire, with its time."""
+    """Return a transfer on the wire as a line with its time."""
     return f"{passed.at_s:10.3f} {passed.sign} {passed.text}".rstrip()
 
 
 class Console:
-    """What a person does with an opened device.
+    """Console of an opened device.
 
-    `wrote` is whether anything was sent that may be more than a question; `problems` counts the lines that went wrong.
+    `wrote` is True if anything but a query may have been sent; `problems` counts the failed lines.
     """
 
-    def __init__(self, device: Device, entry: DeviceEntry, spoken: Spoken, say: Say, *, write: bool) -> None:
+    def __init__(self, device: Device, entry: DeviceEntry, protocol: LineProtocol, say: Say, *, write: bool) -> None:
         self.wrote = False
         self.problems = 0
-        self._device, self._entry, self._spoken, self._say, self._write = device, entry, spoken, say, write
-        self._unsure = ""  # what was typed and must be typed again
+        self._device, self._entry, self._protocol, self._say, self._write = device, entry, protocol, say, write
+        self._unsure = ""  # line that must be typed again before it is sent
         self._commands: Mapping[str, Callable[[], Awaitable[None]]] = {
             ":read": self._read, ":status": self._status, ":identify": self._identify, ":frames": self._frames,
             ":safe": self._safe, ":help": self._help,
         }  # fmt: skip
 
-    async def obey(self, typed: str) -> bool:
-        """Execute one line and print its result; False if it ends the console."""
+    async def execute(self, typed: str) -> bool:
+        """Execute one line and print its result; return False if it ends the console."""
         line = typed.strip()
         try:
             if line in (":quit", ":q"):
@@ -109,30 +110,30 @@ class Console:
                 await self._command(line)
             elif line:
                 await self._type(line)
-        except (DriverError, Unspoken) as problem:
+        except (DriverError, Unsendable) as problem:
             self.problems += 1
             self._say(str(problem))
         return True
 
     async def _command(self, line: str) -> None:
         if line not in self._commands:
-            raise Unspoken(f"there is no command {line}{did_you_mean(line, self._commands)}")
+            raise Unsendable(f"there is no command {line}{did_you_mean(line, self._commands)}")
         await self._commands[line]()
 
     async def _type(self, line: str) -> None:
-        """Sends a line of the instrument's own language; what may do something only with leave, some of it twice."""
-        asks = self._spoken.asks(line)
+        """Send a line in the instrument's protocol; with restrictions for lines that are not queries."""
+        asks = self._protocol.asks(line)
         if asks is not True and not self._write:
-            known = "this is no query" if asks is False else "this language does not mark queries"
-            raise Unspoken(f"not sent: {known}; --write allows it")
-        if self._spoken.twice and not asks and line != self._unsure:
+            known = "this is not a query" if asks is False else "this protocol does not mark queries"
+            raise Unsendable(f"not sent: {known}; --write allows it")
+        if self._protocol.twice and not asks and line != self._unsure:
             self._unsure = line
             self._say("not sent yet: type the same line again to send it")
             return
         self._unsure = ""
         self.wrote = self.wrote or not asks
-        for told in await self._spoken.say(line, is_question=asks is True):
-            self._say(told)
+        for text in await self._protocol.say(line, is_question=asks is True):
+            self._say(text)
 
     async def _read(self) -> None:
         units = self._entry.channels
@@ -144,24 +145,24 @@ class Console:
                 self._say(f"{channel} {reading.value:.8g} {units.get(channel, '')}".rstrip())
 
     async def _identify(self) -> None:
-        self._say(_told(await self._device.identify()))
+        self._say(_fields(await self._device.identify()))
 
     async def _status(self) -> None:
         match device := self._device:
             case ThermalChamber():
-                self._say(_told(await device.state()))
+                self._say(_fields(await device.state()))
             case RateTable():
                 self._say(f"angle_deg {(await device.angle()).value:.8g}, rate_dps {(await device.rate()).value:.8g}")
             case Positioner():
                 self._say(f"angle_deg {(await device.angle()).value:.8g}")
             case Source():
-                self._say(_told(await device.read()))
+                self._say(_fields(await device.read()))
             case _:
                 await self._read()
 
     async def _frames(self) -> None:
         if not isinstance(self._device, FrameSource):
-            raise Unspoken(f"{self._device.name} sends no frames")
+            raise Unsendable(f"{self._device.name} sends no frames")
         async for line in decoded_frames(self._device, self._entry.options, FRAMES_S):
             self._say(line)
 
@@ -170,9 +171,9 @@ class Console:
         self._say(f"{self._device.name} is in its safe state.")
 
     async def _help(self) -> None:
-        self._say(f"{self._spoken.help}\n{HELP}")
+        self._say(f"{self._protocol.help}\n{HELP}")
 
 
-def _told(state: ChamberState | SourceReading | Identity) -> str:
-    """The fields of a state that have a value, as text."""
+def _fields(state: ChamberState | SourceReading | Identity) -> str:
+    """Return the fields of a state that have a value, as text."""
     return ", ".join(f"{name} {value}" for name, value in state._asdict().items() if value not in ("", None))

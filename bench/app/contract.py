@@ -1,10 +1,10 @@
-"""What every driver that speaks on a line has to keep, as checks that the tests of a plug-in run on its own simulator.
+"""Contract of all drivers with a communication line, as checks that a plug-in runs on its own simulator.
 
     @pytest.mark.parametrize("name", CHECKS)
     def test_the_contract_of_every_driver(name):
         check(name, {"driver": "my_chamber", "connection": "tcp://127.0.0.1:5025", "limits": {...}})
 
-A check runs the real driver on its simulator in virtual time, and raises AssertionError with what was not kept.
+A check runs the real driver on its simulator in virtual time, and raises AssertionError with the violated part.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ P = TypeVar("P", bound=asyncio.Protocol)
 NAME = "subject"
 ANSWERS_WITHIN_S = 60.0
 SAFE_SLACK_S = 0.1
-HEALS_IN_POLLS, HEALS_AFTER_S = 3, 40.0  # lost wires are tried again after up to half a minute
+HEALS_IN_POLLS, HEALS_AFTER_S = 3, 40.0  # lost connections are retried after up to half a minute
 
 
 class Subject:
-    """A driver and its simulator on a line in memory; create it in the running loop.
+    """Driver and its simulator on a line in memory; create it in the running loop.
 
     `description` overrides that of the entry.
     """
@@ -63,18 +63,18 @@ class Subject:
 
     @property
     def safe_within_s(self) -> float:
-        """The time within which `make_safe` ends: that of the description, and some for the line."""
+        """Time limit of `make_safe` in s: that of the description, with an allowance for the line."""
         entry = self.entry
         return self.description.safe_state_of(entry.options, entry.limits, entry.safe).within_s + SAFE_SLACK_S
 
     def driver(self, pin: IdentityPin | None = None) -> Device:
-        """A new driver, not yet connected."""
+        """Return a new driver, not yet connected."""
         entry = self.entry
         setup = Setup(NAME, entry.connection, self, entry.options, entry.limits, entry.safe, pin or entry.identity)
         return make_driver(self.description, setup)
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
-        """Joins `factory()` to the simulator."""
+        """Join `factory()` to the simulator."""
         if isinstance(self.instrument, CanNode):
             raise CannotConnect(device, f"{address} carries frames only")
         client = factory()
@@ -82,76 +82,76 @@ class Subject:
         return client
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """The frames of a simulator that sends them by itself."""
+        """Return the frames of a simulator that sends them unsolicited."""
         if isinstance(self.instrument, CanNode):
             return self.instrument
         raise CannotConnect(device, f"{address} carries no frames")
 
     @contextmanager
-    def suffering(self, kind: FaultKind) -> Iterator[None]:
-        """A fault is there, and then no longer."""
+    def fault(self, kind: FaultKind) -> Iterator[None]:
+        """Inject a fault during the block."""
         begin(self.instrument, kind)
         yield
         end(self.instrument, kind)
 
 
 async def identifies_itself(subject: Subject) -> None:
-    """The identity is complete, and the same when queried again."""
+    """Check that the identity is complete, and the same when queried again."""
     async with subject.driver() as driver:
         found = await driver.identify()
-        _that(bool(found.maker or found.model or found.fingerprint), "identify() tells neither maker nor model")
-        _that(await driver.identify() == found, "identify() tells somebody else the second time")
+        _expect(bool(found.maker or found.model or found.fingerprint), "identify() returns neither maker nor model")
+        _expect(await driver.identify() == found, "identify() returns another identity the second time")
 
 
-async def refuses_another(subject: Subject) -> None:
-    """A serial number that differs from the bench file is refused, if the instrument reports one."""
+async def refuses_other_serial(subject: Subject) -> None:
+    """Check that a serial number that differs from the bench file is refused, if the instrument reports one."""
     async with subject.driver() as driver:
         verified = (await driver.identify()).verified
     if verified:
         try:
             async with subject.driver(IdentityPin(serial="another")):
-                raise AssertionError("an instrument with another serial number is taken for the right one")
+                raise AssertionError("an instrument with another serial number is accepted")
         except WrongIdentity:
             pass
 
 
-async def reads_what_it_promises(subject: Subject) -> None:
-    """`poll` returns finite values of exactly the channels in the description."""
+async def reads_described_channels(subject: Subject) -> None:
+    """Check that `poll` returns finite values, and only of channels in the description."""
     promised = subject.description.channels_of(subject.entry.options)
     async with subject.driver() as driver:
         found = await driver.poll()
-    _that(set(found) <= set(promised), f"poll() gives {sorted(set(found) - set(promised))}, which channels do not name")
+    _expect(set(found) <= set(promised), f"poll() returns {sorted(set(found) - set(promised))}, not among the channels")
     values = [reading.value for readings in found.values() for reading in readings]
-    _that(all(map(math.isfinite, values)), f"poll() gives a value that is no number: {values}")
+    _expect(all(map(math.isfinite, values)), f"poll() returns a value that is not finite: {values}")
 
 
-async def tells_silence(subject: Subject) -> None:
-    """A silent instrument is reported in bounded time, and works again afterwards."""
+async def reports_silence(subject: Subject) -> None:
+    """Check that a silent instrument is reported in bounded time, and works again afterwards."""
     async with subject.driver() as driver:
         for kind in ("silent", "cut"):
-            with subject.suffering(kind):
-                _that(await _refused(driver.poll()), f"{kind}: poll() gives readings although nobody answers")
-            await _heals(driver, kind)
+            with subject.fault(kind):
+                _expect(await _refused(driver.poll()), f"{kind}: poll() returns readings from a silent instrument")
+            await _expect_recovery(driver, kind)
 
 
-async def bears_every_line(subject: Subject) -> None:
-    """Every line fault is tolerated or raised as a DriverError, and the driver recovers after it.
+async def survives_line_faults(subject: Subject) -> None:
+    """Check that line faults are tolerated or raised as DriverError, and that the driver recovers.
 
     `half_open` does not exist on a serial port and is skipped there.
     """
     left_out = {"half_open"} if subject.entry.connection.is_serial_line else set()
     async with subject.driver() as driver:
         for kind in (kind for kind in LINE_FAULTS if kind not in left_out):
-            with subject.suffering(kind):
+            with subject.fault(kind):
                 await _refused(driver.poll())
-            await _heals(driver, kind)
+            await _expect_recovery(driver, kind)
 
 
-async def bears_every_mishap(subject: Subject) -> None:
-    """Whatever happens to the instrument is borne, or raised as a DriverError, also by `make_safe`."""
+async def survives_faults(subject: Subject) -> None:
+    """Check that instrument faults are tolerated or raised as DriverError, also by `make_safe`."""
     for kind in mishaps_of(type(subject.instrument)):
         async with subject.driver() as driver:
-            with subject.suffering(kind):
+            with subject.fault(kind):
                 await _refused(driver.poll())
                 await _refused(driver.make_safe(), subject.safe_within_s)
             with suppress(DriverError):
@@ -159,44 +159,44 @@ async def bears_every_mishap(subject: Subject) -> None:
 
 
 async def is_made_safe(subject: Subject) -> None:
-    """`make_safe` may be called twice, reconnects after a lost connection, and otherwise fails in bounded time."""
+    """Check that `make_safe` may be called twice, reconnects, and otherwise fails in bounded time."""
     within_s = subject.safe_within_s
     async with subject.driver() as driver:
         for _ in range(2):
-            _that(not await _refused(driver.make_safe(), within_s), "make_safe() fails on a healthy instrument")
+            _expect(not await _refused(driver.make_safe(), within_s), "make_safe() fails on a healthy instrument")
         for kind in ("silent", "cut"):
-            with subject.suffering(kind):
-                _that(await _refused(driver.make_safe(), within_s), f"{kind}: make_safe() says that it has worked")
+            with subject.fault(kind):
+                _expect(await _refused(driver.make_safe(), within_s), f"{kind}: make_safe() reports success")
         await asyncio.sleep(HEALS_AFTER_S)
-        _that(not await _refused(driver.make_safe(), within_s), "make_safe() does not connect again")
+        _expect(not await _refused(driver.make_safe(), within_s), "make_safe() does not connect again")
 
 
-async def leaves_quietly(subject: Subject) -> None:
-    """Leaving closes the wire and sends nothing; leaving twice is harmless."""
+async def closes_quietly(subject: Subject) -> None:
+    """Check that leaving closes the wire and sends nothing, and that leaving twice is harmless."""
     driver = subject.driver()
     async with driver:
         await driver.poll()
         answered = subject.line.answers
     await driver.__aexit__(None, None, None)
     await asyncio.sleep(HEALS_AFTER_S)
-    _that(subject.line.answers == answered, "the instrument is still spoken to after the driver was left")
+    _expect(subject.line.answers == answered, "bytes are still sent after the driver was closed")
 
 
 CHECKS: Mapping[str, Callable[[Subject], Awaitable[None]]] = {
     each.__name__: each
     for each in (
-        identifies_itself, refuses_another, reads_what_it_promises, tells_silence, bears_every_line,
-        bears_every_mishap, is_made_safe, leaves_quietly,
+        identifies_itself, refuses_other_serial, reads_described_channels, reports_silence, survives_line_faults,
+        survives_faults, is_made_safe, closes_quietly,
     )
 }  # fmt: skip
 
 
-# Those for a device that only sends frames: it has no line to answer on, and is silent only after some time.
-CHECKS_OF_FRAMES = ("identifies_itself", "reads_what_it_promises", "bears_every_mishap", "leaves_quietly")
+# checks of a device that only sends frames: it answers no query, and is reported as silent only after some time
+CHECKS_OF_FRAMES = ("identifies_itself", "reads_described_channels", "survives_faults", "closes_quietly")
 
 
 def check(name: str, entry: Mapping[str, object], description: DriverDescription | None = None) -> None:
-    """Run one of CHECKS on a device entry of a bench file; AssertionError."""
+    """Run one of CHECKS on a device entry of a bench file. Raises AssertionError."""
     device = DeviceEntry.model_validate(entry)
 
     async def main() -> None:
@@ -206,27 +206,27 @@ def check(name: str, entry: Mapping[str, object], description: DriverDescription
 
 
 async def _refused(doing: Awaitable[object], within_s: float = ANSWERS_WITHIN_S) -> bool:
-    """Whether it raises a DriverError; AssertionError for any other, and when it takes too long."""
+    """Return True if a DriverError is raised; AssertionError for any other exception and on a timeout."""
     try:
         async with asyncio.timeout(within_s):
             await doing
     except DriverError:
         return True
     except TimeoutError:
-        raise AssertionError(f"nothing comes back within {within_s:g} s") from None
+        raise AssertionError(f"no result within {within_s:g} s") from None
     except Exception as error:
         raise AssertionError(f"{type(error).__name__} reaches the caller, expected a DriverError: {error}") from error
     return False
 
 
-async def _heals(driver: Device, after: str) -> None:
+async def _expect_recovery(driver: Device, after: str) -> None:
     for _ in range(HEALS_IN_POLLS):
         await asyncio.sleep(HEALS_AFTER_S)
         if not await _refused(driver.poll()):
             return
-    raise AssertionError(f"after {after} it does not come back, though the line is good again")
+    raise AssertionError(f"after {after} the driver does not recover, though the line works again")
 
 
-def _that(kept: bool, otherwise: str) -> None:
+def _expect(kept: bool, otherwise: str) -> None:
     if not kept:
         raise AssertionError(otherwise)

@@ -1,4 +1,4 @@
-"""What is proved, before a run is resumed, of a soak that it does again."""
+"""Credit for a repeated soak, proved from readings before a run is resumed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from drivers.kinds.chamber.description import ChamberOptions, ChamberSafe
 
 
 def credit_of(resumption: Resumption, prepared: PreparedRun, held_now: Collection[str]) -> SoakCredit | None:
-    """The credit of the soak that was under way, or of the last one that is restored; None where there is none.
+    """Return the credit of the interrupted soak, or of the last one that is restored; None if there is none.
 
     `held_now` are the devices that a guardian has held until this run.
     """
@@ -31,12 +31,12 @@ def credit_of(resumption: Resumption, prepared: PreparedRun, held_now: Collectio
         return SoakCredit(soaks[-1], _proved(soaks[-1], resumption, prepared, held_now))
     except NoCredit as problem:
         return SoakCredit(soaks[-1], str(problem))
-    except Exception as problem:  # noqa: BLE001  what cannot be read proves nothing, and holds no run up
+    except Exception as problem:  # noqa: BLE001  unreadable data prove nothing, and delay no run
         return SoakCredit(soaks[-1], in_words(problem) or type(problem).__name__)
 
 
 def _soaks(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
-    """Ids of the soaks that are done again, that which matters last."""
+    """Yield the ids of the soaks that are repeated, the decisive one last."""
     nodes, past = (*prepared.plan.setup, *prepared.plan.steps), resumption.past
     for planned in (*to_restore(done_of(nodes, past)), *under_way_of(nodes, past)):
         if isinstance(planned.step, Soak):
@@ -58,13 +58,13 @@ def _proved(step: str, resumption: Resumption, prepared: PreparedRun, held_now: 
 
 
 def _chamber(bench: BenchFile) -> Chamber:
-    """The only chamber of a bench, with the band by which the run itself judges its air."""
+    """Return the only chamber of a bench, with the band by which the run itself judges its air."""
     chambers = [role for role, entry in bench.devices.items() if isinstance(entry.safe, ChamberSafe)]
     if len(chambers) != 1:
         raise NoCredit("the bench does not have one chamber")
     entry, names = bench.devices[chambers[0]], {reading.from_: name for name, reading in bench.readings.items()}
     if not isinstance(entry.options, ChamberOptions) or not isinstance(entry.safe, ChamberSafe):
-        raise NoCredit(f"{chambers[0]} has no band within which its air is to be")
+        raise NoCredit(f"{chambers[0]} has no band for its air")
     sources = (f"{chambers[0]}.process_value", f"{chambers[0]}.set_point")
     air, set_point = (names.get(source, source) for source in sources)
     return Chamber(chambers[0], air, set_point, entry.options.follow.band, entry.safe.temperature)

@@ -1,4 +1,4 @@
-"""From the device entries of a bench file to driver objects."""
+"""Creation of driver objects from the device entries of a bench file."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def open_devices(
     bench: BenchFile, laboratory: Laboratory | None, keep: Callable[[Passed], object] | None = None,
     note: Callable[[str, str], object] = lambda _role, _text: None, person: Person = NOBODY,
 ) -> dict[str, Device]:  # fmt: skip
-    """A driver for every device, not yet connected, on connections to the simulated laboratory where the file says so.
+    """Return an unconnected driver for every device, on simulated connections where the bench file says so.
 
-    `keep` receives all bytes on them; `note` the notes of drivers, with the role. `person` answers
-    requests for manual actions.
+    `keep` receives all bytes on the connections; `note` the notes of drivers, with the role. `person` answers requests
+    for manual actions.
     """
     wires: Wires = BenchWires(bench, laboratory)
     if keep is not None:

@@ -1,6 +1,6 @@
-"""The errors of a simulated laboratory, drawn for one run from what certificates and the bench file admit.
+"""Errors of a simulated laboratory, drawn for one run within certificates and bench file.
 
-Each is drawn under a name of its own, so that one more leaves all others as they are.
+Each error is drawn under its own name, so that an additional one leaves all others unchanged.
 """
 
 from __future__ import annotations
@@ -42,22 +42,22 @@ AnyUnitFile = UnitFile | GyroFile | ImuFile
 
 
 def world_settings(bench: BenchFile, units: Mapping[str, AnyUnitFile], seed: int, run_s: float = 0.0) -> WorldSettings:
-    """The laboratory of one run, with the truth of the unit in each place.
+    """Return the settings of the laboratory for one run, with the truth of the unit in each place.
 
-    Thermometers drift over the `run_s` that it is expected to take; not at all where that is 0.
+    Thermometers drift over the expected duration `run_s`; not at all if it is 0.
     """
     return _Draws(bench, seed).settings(units, run_s)
 
 
 class _Draws:
-    """Draws for one bench file and one seed."""
+    """Random draws for one bench file and one seed."""
 
     def __init__(self, bench: BenchFile, seed: int) -> None:
         self._bench, self._seed = bench, seed
         self._stated, self._corrections = bench_record(bench), corrections_of(bench)
 
     def settings(self, units: Mapping[str, AnyUnitFile], run_s: float) -> WorldSettings:
-        """Everything that the simulated world is made from."""
+        """Return all settings of the simulated world."""
         bench, stated, simulation = self._bench, self._stated, self._bench.simulation
         fixture = Fixture(tuple(bench.axes.values()) or (SOUTH,), bench.fixture.x, bench.fixture.z)
         entries = [(name, units[name], entry) for name, entry in bench.places.items()]
@@ -80,7 +80,7 @@ class _Draws:
             latitude_deg=bench.site.latitude,
             table=TableErrors() if simulation.table is None else self._table(simulation.table),
             fixture=fixture,
-            built=self._built(fixture),
+            built=self._installed(fixture),
             chamber=_chamber(bench),
             remount_deg=simulation.remount / ARCSEC_PER_DEG,
             thermometer_lag_s=simulation.thermometer.lag,
@@ -94,7 +94,7 @@ class _Draws:
         return float(sd * stream(self._seed, "bench", *path).standard_normal())
 
     def _thermometer(self, reading: str) -> tuple[float, float, Table, float]:
-        """Offset, gain, what its certificate corrects, and by how much the offset changes within a run."""
+        """Return offset, gain, corrections of the certificate, and change of the offset within a run."""
         offset_u, gain_u = self._stated.thermometer_u(reading)
         table = columns(self._corrections.thermometers.get(reading))
         drift_c = self._draw(self._stated.thermometer_drift(reading).u, reading, "drift")
@@ -155,13 +155,13 @@ class _Draws:
         )
 
     def _backlash_deg(self, known: AxisRecord, path: tuple[str, ...]) -> float:
-        """Drawn from the certificate where that states one."""
+        """Draw the backlash from the certificate, if it states one."""
         if known.backlash_u_deg is None:
             return self._bench.simulation.head.backlash / ARCSEC_PER_DEG
         return self._draw(known.backlash_u_deg, "head", *path, "backlash")
 
-    def _built(self, fixture: Fixture) -> Fixture:
-        """A table with several axes as it was put up: turned about the vertical, tilted eastwards, not quite square."""
+    def _installed(self, fixture: Fixture) -> Fixture:
+        """Return a table with several axes as installed: rotated about the vertical, tilted, not quite square."""
         if len(fixture.axes) < 2:
             return fixture
         stated = self._stated
@@ -213,12 +213,12 @@ def _chamber(bench: BenchFile) -> ChamberPhysics:
 
 
 def columns(table: CorrectionTable | None) -> Table:
-    """A table of corrections as the simulated world knows it."""
+    """Return a table of corrections in the form of the simulated world."""
     return (tuple(table.at.tolist()), tuple(table.add.tolist())) if table is not None else ((), ())
 
 
 def simulated_mount(mount: Mount) -> attitude.Mount:
-    """A mount as the simulated world knows it."""
+    """Return a mount in the form of the simulated world."""
     return attitude.Mount(mount.angle, mount.roll, mount.clock)
 
 
@@ -239,7 +239,7 @@ def current_errors(bench: BenchFile, role: str, seed: int) -> CurrentErrors:
 
 
 def ammeter_input(bench: BenchFile, role: str, world: World, seed: int) -> CurrentInSeries:
-    """What an ammeter is in series with, by the places of the bench, and its errors; InputError."""
+    """Return the current through an ammeter from the places of the bench, and its errors. Raises InputError."""
     source = bench.in_series(role)
     if source is None:
         raise InputError(f"no place of the bench has '{role}' in the cable of its source: write there ammeter: {role}")
@@ -250,20 +250,20 @@ def ammeter_input(bench: BenchFile, role: str, world: World, seed: int) -> Curre
 
 
 def encoder_skew_s(bench: BenchFile, role: str, seed: int) -> float:
-    """By how much later than its samples end a device latches an encoder, drawn from its certificate."""
+    """Return the delay from the end of a sample to the latch of an encoder in s, drawn from the certificate."""
     known = bench.devices[role].calibration
     u_s = getattr(known.U, "encoder_skew", 0.0) / known.k if known is not None else 0.0
     return float(u_s * stream(seed, "bench", role, "encoder skew").standard_normal())
 
 
 def voltmeter_settings(bench: BenchFile, role: str, seed: int) -> VoltmeterSettings:
-    """What a voltmeter is connected to, and its errors as drawn from its certificate; InputError."""
+    """Return the input of a voltmeter, and its errors drawn from its certificate. Raises InputError."""
     connected, certificate = bench.simulation.voltmeters.get(role), bench.devices[role].calibration
     if connected is None:
         raise InputError(f"nothing is connected to '{role}': add it to simulation.voltmeters of the bench file")
 
     def draw(error: str) -> float:
-        """What is left of an error once the certificate has corrected it, less that correction."""
+        """Return the residual of an error after the correction of the certificate."""
         if certificate is None:
             return 0.0
         sd, corrected = getattr(certificate.U, error) / certificate.k, getattr(certificate.corrections, error)

@@ -1,4 +1,4 @@
-"""Faults of a rehearsal, drawn from a seed of their own."""
+"""Random faults of a rehearsal, drawn from their own seed."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from bench.config.simulation import FaultSimulation
 from simulators.units.unit_file import stream
 
 MOST_FAULTS = 3
-# What each kind of instrument can suffer; others cannot measure wrongly without being silent, or restart unseen.
+# faults of each kind of instrument; others cannot err silently or restart unnoticed
 _OF_A_COUNTER, _OF_A_SOURCE = ("silent", "cut", "frozen", "restart"), ("silent", "cut", "stuck")
 _OF_OTHERS, _OF_A_PERSON = ("silent", "cut", "frozen", "stuck"), ("silent", "stuck")
 
 
 def with_drawn_faults(prepared: PreparedRun, seed: int) -> PreparedRun:
-    """A run with drawn faults beside those that it has; its request says so, for when it is resumed."""
+    """Add drawn faults to a run, and to its request for a resumption."""
     bench = prepared.loaded.bench
     drawn = draw_faults(bench, prepared.expected.total_s, seed)
     loaded = prepared.loaded._replace(bench=with_faults(bench, drawn))
@@ -24,7 +24,7 @@ def with_drawn_faults(prepared: PreparedRun, seed: int) -> PreparedRun:
 
 
 def draw_faults(bench: BenchFile, planned_s: float, seed: int) -> tuple[FaultSimulation, ...]:
-    """One to three faults of devices that the bench has, at times within the plan; the same for the same seed."""
+    """Draw one to three faults of devices of the bench, at times within the plan; reproducible by the seed."""
     draw = stream(seed, "rehearsal", "faults")
     roles = draw.permutation(sorted(bench.devices))[: draw.integers(1, MOST_FAULTS + 1)]
     drawn = [

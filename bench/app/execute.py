@@ -1,4 +1,4 @@
-"""A prepared run from the first directory to the last line of its report."""
+"""Execution of a prepared run, from the directory to the report."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench.app.beginning import began, instant, keep_inputs, made_directory, write_beginning
+from bench.app.beginning import create_directory, instant, keep_inputs, write_beginning, write_manifest
 from bench.app.clock_record import ClockRecord
 from bench.app.credited import credit_of
 from bench.app.devices import open_devices
@@ -41,7 +41,7 @@ from bench.runner import manifest
 from bench.runner.alert import alert
 from bench.runner.found_on import NOTHING, LeftOn
 from bench.runner.guard import guarded
-from bench.runner.held import A_RUN, holding, real_addresses, why_locked_out
+from bench.runner.held import A_RUN, address_lock, real_addresses, why_locked_out
 from bench.runner.power import Hold, power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
@@ -53,12 +53,12 @@ from bench.store.unsafe import keep_unsafe
 from bench.store.writer import RunWriter
 from drivers.values import Identity
 
-HEALTHY_BLOCK_S = 60.0  # how long frames are left together where nothing is to break
+HEALTHY_BLOCK_S = 60.0  # time for which frames stay with the nodes if no fault is planned
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """How a run ended: its directory, why it did not get to its end, what was found, and its report if any."""
+    """Outcome of a run: directory, problems, results, and report if any."""
 
     path: Path
     outcome: Outcome
@@ -69,7 +69,7 @@ class RunResult:
 
     @property
     def problems(self) -> list[str]:
-        """Everything a person must know, the reason first."""
+        """All problems for a person, the reason of the end first."""
         return [
             *self.outcome.problems,
             *(f"{device} COULD NOT BE MADE SAFE: {why}" for device, why in self.outcome.unsafe.items()),
@@ -79,15 +79,15 @@ class RunResult:
 def execute(
     prepared: PreparedRun, observer: RunObserver, signals: Signals | None = None, resumption: Resumption | None = None
 ) -> RunResult:
-    """Runs it, or goes on with it where it was interrupted; everything that goes wrong is in the result.
+    """Start or resume a run; all errors are in the result.
 
-    But StoreError when there is no directory to run in, and InUseError when another program uses the bench. The bench
-    is free for others as soon as it is safe and closed, before the report is written. `signals` are those of the
-    process, where its caller goes on keeping them; else they are kept until this returns.
+    Except StoreError if there is no directory for the run, and InUseError if another program uses the bench. The bench
+    is free for others as soon as it is safe and closed, before the report is written. `signals` are the handlers of the
+    caller; without them, handlers are installed until this returns.
     """
     with ExitStack() as in_use, nullcontext(signals) if signals is not None else Signals() as kept:
         bench = prepared.loaded.bench
-        in_use.enter_context(holding(real_addresses(bench).values(), f"{A_RUN}{prepared.plan.name}"))
+        in_use.enter_context(address_lock(real_addresses(bench).values(), f"{A_RUN}{prepared.plan.name}"))
         if why := why_locked_out(bench):
             raise InUseError(f"The bench is {why}. When the work is done: bench lockout --lift --bench FILE")
         return _execute(prepared, observer, kept, in_use.close, resumption)
@@ -104,13 +104,13 @@ def _execute(
     units = unit_files(bench, prepared.request.uut_model, prepared.serials) if bench.needs_simulators else {}
     now = wall_utc()
     if resumption is None:
-        directory, started = made_directory(prepared, now), now
+        directory, started = create_directory(prepared, now), now
     else:
         directory = RunDirectory.reopen(resumption.path)
         started = datetime.fromisoformat(resumption.manifest["started"])
     watch = Stopwatch(0.0 if resumption is None else resumption.passed_s(now))
     try:
-        record = began(prepared, directory, started) if resumption is None else dict(resumption.manifest)
+        record = write_manifest(prepared, directory, started) if resumption is None else dict(resumption.manifest)
 
         async def main() -> _Run:
             laboratory, faults = None, None
@@ -159,7 +159,7 @@ def _execute(
 
 
 class _World(NamedTuple):
-    """What is simulated of a run: its laboratory, and the faults in that."""
+    """Simulated part of a run: laboratory and faults."""
 
     laboratory: Laboratory | None
     faults: Faults | None
@@ -173,22 +173,22 @@ async def _go_through(
     signals: Signals,
     past: Past | None,
 ) -> None:
-    """Run the plan on a simulated bench, unwatched."""
+    """Run the plan on a simulated bench, without display."""
     await _with_devices(prepared, folder, world, Quiet(), None, signals, Hold(), journal, past)
 
 
 @dataclass(frozen=True)
 class _Run:
     outcome: Outcome
-    made_safe: bool  # as far as the outcome says; False where it ended before it could open an instrument
+    made_safe: bool  # from the outcome; False if it ended before it could open an instrument
     instruments: dict[str, Any]
     laboratory: Laboratory | None
     bench_s: float
-    digest: str  # of the data; "" when they could not be written
-    begun: bytes  # the head of the first link of its chain
-    end: Link  # the last one
+    digest: str  # of the data; "" if they could not be written
+    begun: bytes  # head of the first link of the chain
+    end: Link  # last link of the chain
     clock_steps: list[dict[str, float]]
-    folder: Path  # where the record is; another one where the directory was moved or removed
+    folder: Path  # location of the record; different if the directory was moved or removed
 
 
 async def _run(
@@ -229,7 +229,7 @@ async def _run(
             observer.notice(writer.ledger_problem)
             journal.write("warning", text=writer.ledger_problem)
         journal.write("run_ended", how=outcome.how)
-    except Exception as problem:  # noqa: BLE001  how the run ended, and what is not safe, is not to be lost
+    except Exception as problem:  # noqa: BLE001  the outcome, and what is not safe, must not be lost
         outcome.failed(in_words(problem))
     try:
         writer.close()
@@ -268,7 +268,7 @@ async def _with_devices(
     bench, laboratory = prepared.loaded.bench, world.laboratory
 
     def note(device: str, text: str) -> None:
-        with suppress(StoreError):  # the step that it stops tells it
+        with suppress(StoreError):  # reported by the step that it stops
             journal.write("device_note", device=device, text=text)
 
     with nullcontext(observer) if world.faults is None else world.faults.during(journal, observer) as watching:
@@ -295,7 +295,7 @@ async def _with_devices(
 
 
 def _alert(prepared: PreparedRun, run: str, outcome: Outcome, results: Results | None, observer: RunObserver) -> None:
-    """Alert a person to the end of a run that was left alone, is not a PASS, or is not safe."""
+    """Alert a person to the end of an unattended run, or of one that is not a PASS or not safe."""
     entry, verdict = prepared.loaded.bench.alert, "no results" if results is None else results.verdict
     is_bad = outcome.unsafe or outcome.not_reached or verdict != "PASS"
     if entry is None or prepared.loaded.bench.is_simulated or not (is_bad or prepared.request.unattended):
@@ -307,7 +307,7 @@ def _alert(prepared: PreparedRun, run: str, outcome: Outcome, results: Results |
 
 
 def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: RunObserver) -> None:
-    """Keeps what could not be made safe where a full or failing disk of the runs does not reach."""
+    """Record devices that could not be made safe outside the disk of the runs, which may be full or failing."""
     if not outcome.unsafe:
         return
     connections = {role: str(entry.connection) for role, entry in bench.devices.items()}
@@ -322,7 +322,7 @@ def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: Run
 def _technician(
     prepared: PreparedRun, laboratory: Laboratory | None, observer: RunObserver
 ) -> Callable[[Desk], object] | None:
-    """The technician of a simulated run: scripted, or at full speed an obliging one; otherwise None, for people."""
+    """Return the simulated technician: scripted, or at full speed a default one; None if people answer."""
     bench, script = prepared.loaded.bench, prepared.script
     if script is None and prepared.speed >= AS_FAST_AS_POSSIBLE:
         script = {}
@@ -332,7 +332,7 @@ def _technician(
 
 
 def _follow(prepared: PreparedRun, directory: RunDirectory, record: dict[str, Any], ran: _Run) -> None:
-    """Go on in the folder where the record is; one that was rescued gets the inputs and the manifest once more."""
+    """Continue in the folder of the record; a rescued one gets inputs and manifest again."""
     directory.path = ran.folder
     if (ran.folder / "manifest.json").exists():
         return

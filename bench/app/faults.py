@@ -1,4 +1,4 @@
-"""Plays the faults of a bench on its simulated instruments and units, each at its time and for as long as it lasts."""
+"""Injection of faults into simulated instruments and units, at their times and for their durations."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from bench.sequence.plan.plan import PlannedStep
 from simulators.faults import instrument_faults as faults
 from simulators.faults.instrument_faults import Breakable
 
-BEGINS, ENDS = "fault_begins", "fault_ends"  # in the journal
-Tell = Callable[[str, FaultSimulation], object]
-"""Is told BEGINS and ENDS, and of which fault."""
+BEGINS, ENDS = "fault_begins", "fault_ends"  # kinds of journal entries
+OnFault = Callable[[str, FaultSimulation], object]
+"""Callback with BEGINS or ENDS, and the fault."""
 
 
 class FaultPlayer:
@@ -28,15 +28,15 @@ class FaultPlayer:
     Concurrency: timers of the running loop.
     """
 
-    def __init__(self, laboratory: Laboratory, to_play: Sequence[FaultSimulation], tell: Tell) -> None:
-        self._laboratory, self._tell = laboratory, tell
+    def __init__(self, laboratory: Laboratory, to_play: Sequence[FaultSimulation], on_fault: OnFault) -> None:
+        self._laboratory, self._on_fault = laboratory, on_fault
         self._waiting = [fault for fault in to_play if fault.after is not None]
         for fault in to_play:
             if fault.after is None:
                 _in(fault.at, self._begin, fault)
 
     def step_ended(self, step: str) -> None:
-        """The first time that a step has ended, what comes after it begins, or waits for its time from now on."""
+        """Start or schedule the faults that follow a step, on its first end."""
         ended = first_visit(step)
         due = [fault for fault in self._waiting if fault.after == ended]
         self._waiting = [fault for fault in self._waiting if fault.after != ended]
@@ -46,14 +46,14 @@ class FaultPlayer:
     def _begin(self, fault: FaultSimulation) -> None:
         self._laboratory.world.before_change()
         faults.begin(self._victim(fault), fault.kind)
-        self._tell(BEGINS, fault)
+        self._on_fault(BEGINS, fault)
         if fault.for_ is not None:
             _in(fault.for_, self._end, fault)
 
     def _end(self, fault: FaultSimulation) -> None:
         self._laboratory.world.before_change()
         faults.end(self._victim(fault), fault.kind)
-        self._tell(ENDS, fault)
+        self._on_fault(ENDS, fault)
 
     def _victim(self, fault: FaultSimulation) -> Breakable:
         world = self._laboratory.world
@@ -66,7 +66,7 @@ class FaultPlayer:
 
 
 class Faults:
-    """The faults of a simulated laboratory in all stretches of a run; they go on while the run is interrupted."""
+    """Faults of a simulated laboratory over all stretches of a run; they continue while the run is interrupted."""
 
     def __init__(self, laboratory: Laboratory, to_play: Sequence[FaultSimulation]) -> None:
         self._laboratory, self._to_play = laboratory, to_play
@@ -76,18 +76,18 @@ class Faults:
 
     @contextmanager
     def during(self, journal: Journal, observer: RunObserver) -> Iterator[RunObserver]:
-        """Play them in a stretch of a run, and journal them, those first that came while it was interrupted."""
+        """Inject and journal the faults during a stretch of a run, after journalling those of the interruption."""
         self._journal = journal
         unwritten, self._unwritten = self._unwritten, []
         for kind, fault, at_s in unwritten:
             journal.write(kind, **as_journalled(fault), since_s=at_s)
-        self._player = self._player or FaultPlayer(self._laboratory, self._to_play, self._tell)
+        self._player = self._player or FaultPlayer(self._laboratory, self._to_play, self._on_fault)
         try:
             yield Cue(observer, self._player)
         finally:
             self._journal = None
 
-    def _tell(self, kind: str, fault: FaultSimulation) -> None:
+    def _on_fault(self, kind: str, fault: FaultSimulation) -> None:
         if self._journal is None:
             self._unwritten.append((kind, fault, asyncio.get_running_loop().time()))
             return
@@ -96,7 +96,7 @@ class Faults:
 
 
 def laboratory_of(bench: BenchFile) -> Laboratory | None:
-    """The laboratory of a bench with its own units, seed and faults, in the running loop; None for one without any."""
+    """Return the laboratory of a bench with its units, seed and faults, in the running loop; None for a real bench."""
     if not bench.needs_simulators:
         return None
     host_s = asyncio.get_running_loop().time

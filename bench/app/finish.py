@@ -1,4 +1,4 @@
-"""What is written when a run is over: its manifest, its results, and at last the report of it all."""
+"""Completion of a run: results, final manifest, seal and report."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from bench.store.seal import close_record
 from bench.store.verify import changed_files, examine
 
 RESULTS, TRUTH = "results.json", "truth.json"
-FOREIGN = ".found"  # after the name of a file that was in the way of one of the run
+FOREIGN = ".found"  # suffix of a file that was in the way of one of the run
 
 
 class Finish:
@@ -43,15 +43,15 @@ class Finish:
         self._signals, self._watch = signals, watch
         self._signals_before = len(signals.received)
         self.report: Path | None = None
-        """The report, once it is written."""
+        """Report, once it is written."""
 
     def results(self, laboratory: Laboratory | None, begun: bytes, end: Link) -> Results | None:
-        """Reduce the run and write results, manifest and report; None where it cannot be reduced.
+        """Reduce the run and write results, manifest and report; return None if it cannot be reduced.
 
         `begun` is the head of the first link of its chain, `end` the last link.
         """
         outcome, record, path = self._outcome, self._record, self._directory.path
-        with suppress(OSError):  # a full disk shows in the writes that follow
+        with suppress(OSError):  # a full disk shows in the later writes
             self._directory.use_reserve()
         stored, results = None, None
         with ExitStack() as stack:
@@ -62,7 +62,7 @@ class Finish:
                 results = stored.evaluate()
                 self._write_results(stored, results, laboratory)
                 record["verdict"] = results.verdict
-            except Exception as problem:  # noqa: BLE001  what was measured is on the disk; the run says how it ended
+            except Exception as problem:  # noqa: BLE001  the outcome of the run must be written all the same
                 outcome.failed(in_words(problem))
                 record["verdict"] = "ERROR"
                 results = None if results is None else replace(results, verdict="ERROR")
@@ -74,11 +74,11 @@ class Finish:
                 stored.record = examine(path, thoroughly=False)
                 self._report(stored)
                 if self.report is None:
-                    self._close(begun, end)  # with the reason
+                    self._close(begun, end)  # the manifest states the reason
         return results
 
     def _set_aside(self, name: str) -> None:
-        """Keep a file that is not the run's own, and whose name it needs, under another name; the manifest says so."""
+        """Rename a foreign file whose name the run needs, and record it in the manifest."""
         path = self._directory.path / name
         kept = path.with_name(f"{name}{FOREIGN}")
         try:
@@ -87,12 +87,11 @@ class Finish:
         except OSError as problem:
             what_became = f"what was there could not be kept ({problem})"
         self._outcome.problems.append(
-            f"{path}: somebody else wrote or removed this file while the run went on. The run wrote its own; "
-            f"{what_became}"
+            f"{path}: another program wrote or removed this file during the run. The run wrote its own; {what_became}"
         )
 
     def _expect_unchanged(self) -> None:
-        """Raise StoreError where the files that the run was made of are not those that it wrote when it began."""
+        """Raise StoreError if the input files differ from those written at the beginning of the run."""
         if changed := list(changed_files(self._directory.path, self._record["hashes"])):
             raise StoreError(f"{'; '.join(changed)}. The run is not reduced, because that is not what was run")
 
@@ -134,13 +133,13 @@ class Finish:
         again = f"'bench report {stored.folder}' tries again"
         try:
             with self._signals.dropping(self._signals_before):
-                from bench.report.write import write_report  # and matplotlib with it, which a run needs only here
+                from bench.report.write import write_report  # imports matplotlib, which a run needs only here
 
                 self.report = write_report(stored)
         except Dropped:
-            came = self._signals.received[-1].name
+            received = self._signals.received[-1].name
             self._outcome.problems.append(
-                f"no report was written, because a signal arrived meanwhile ({came}); {again}"
+                f"no report was written, because a signal arrived meanwhile ({received}); {again}"
             )
         except Exception as problem:  # noqa: BLE001  the run is over, and its results are on the disk
             self._outcome.problems.append(f"no report could be written ({problem}); {again}")

@@ -1,4 +1,4 @@
-"""The files that a run depends on, as they are copied into its directory."""
+"""Input files of a run, as copied into its directory."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from drivers.can.options import text_of
 from drivers.schema.fields import DocumentFile
 
 SCENARIO_COPY = "scenario.yaml"
-CALLED = "called"  # the folder of sequences that the one of a run calls
+CALLED = "called"  # folder of the sequences that the sequence of a run calls
 
 
 def inputs_of(prepared: PreparedRun) -> dict[str, str]:
-    """The text of each file by the name of its copy."""
+    """Return the text of each input file, by the name of its copy."""
     copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
     copies |= {released_copy(place): released.text for place, released in prepared.released.items()}
     if prepared.scenario is not None:

@@ -11,7 +11,7 @@ from bench.app.request import load_bench_named
 from bench.config.models import BenchFile
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
-from bench.runner.held import holding, real_addresses
+from bench.runner.held import address_lock, real_addresses
 from drivers.capabilities import Device
 from drivers.errors import DriverError
 
@@ -25,18 +25,18 @@ class Look:
     role: str
     driver: str
     connection: str
-    said: str
+    text: str
     problem: bool
 
     def line(self) -> str:
-        """For a terminal."""
-        return f"{self.role:<10} {self.driver:<18} {self.connection:<44} {self.said}"
+        """Line for a terminal."""
+        return f"{self.role:<10} {self.driver:<18} {self.connection:<44} {self.text}"
 
 
 def look_at_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
-    """Connect to every instrument of a bench, identify it and read it once; a failure is in its Look.
+    """Connect to every instrument of a bench, identify it and read it once; errors are in the results.
 
-    InUseError while another program talks to one of them.
+    Raises InUseError while another program talks to one of them.
     """
     bench = load_bench_named(name, simulate=simulate).bench
 
@@ -44,7 +44,7 @@ def look_at_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
         devices = open_devices(bench, laboratory_of(bench))
         return list(await asyncio.gather(*(_look(bench, role, device) for role, device in devices.items())))
 
-    with holding(real_addresses(bench).values(), "a look at the devices"):
+    with address_lock(real_addresses(bench).values(), "a look at the devices"):
         return run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
 
 
@@ -61,9 +61,9 @@ async def _look(bench: BenchFile, role: str, device: Device) -> Look:
         values = ", ".join(
             f"{key} {found[-1].value:.5g} {units.get(key, '')}".rstrip() for key, found in readings.items() if found
         )
-        said = f"{identity.words}{stated}; {values}" if values else f"{identity.words}{stated}"
+        text = f"{identity.words}{stated}; {values}" if values else f"{identity.words}{stated}"
     except DriverError as error:
-        said, problem = str(error), True
+        text, problem = str(error), True
     except TimeoutError:
-        said, problem = f"no answer within {LOOK_S:g} s", True
-    return Look(role, entry.driver, str(entry.connection), said, problem)
+        text, problem = f"no answer within {LOOK_S:g} s", True
+    return Look(role, entry.driver, str(entry.connection), text, problem)

@@ -1,4 +1,4 @@
-"""From a bench file to the simulated laboratory behind its wires."""
+"""Creation of the simulated laboratory behind the wires of a bench file."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ SERIAL_LATENCY_S = 0.004
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A world, the instruments in it by role, what sends CAN frames, and the voltmeters' errors as drawn.
+    """Simulated world, instruments by role, sources of CAN frames, and drawn errors of voltmeters.
 
-    `by_hand` has no wires: heads that people turn. `lines` are those, by role, on which answers may suffer.
+    `by_hand` are heads that people turn, without wires. `lines` are faulty lines, by role.
     """
 
     world: World
@@ -68,12 +68,12 @@ class Laboratory:
     lines: Mapping[str, BadLine] = field(default_factory=dict)
 
     def end_of_line(self, role: str) -> Callable[[], asyncio.Protocol]:
-        """What is at the other end of the wire to an instrument, behind its bad line where it has one."""
+        """Return the instrument at the end of a wire, behind its faulty line if there is one."""
         factory = protocol_factory(self.instruments[role])
         return self.lines[role].in_front_of(factory) if role in self.lines else factory
 
     def leave_frames(self, longest_s: float) -> None:
-        """How long frames may stay with the nodes, which is faster; their content is then known later."""
+        """Set the time for which frames may stay with the nodes; longer is faster, but delays their content."""
         for node in self.nodes.values():
             node.longest_block_s = longest_s
 
@@ -81,7 +81,10 @@ class Laboratory:
 def unit_files(
     bench: BenchFile, override: Path | None, places: Collection[str] | None = None
 ) -> dict[str, AnyUnitFile]:
-    """The truth of the unit in each place; `override` is that of the units in `places`, None for all. InputError."""
+    """Return the truth of the unit in each place. Raises InputError.
+
+    `override` applies to the units in `places`, None for all.
+    """
     overridden = {} if override is None else dict.fromkeys(bench.places if places is None else places, override)
     files = {**bench.simulation.units, **overridden}
     missing = [name for name in bench.places if name not in files]
@@ -93,7 +96,7 @@ def unit_files(
 
 
 def _unit_file(path: Path, *, is_inertial: bool) -> AnyUnitFile:
-    """An inertial unit, or a unit with an accelerometer, or with a gyro where the file has one."""
+    """Return an inertial unit, or a unit with an accelerometer or gyro, as in the file."""
     document = read_document(path)
     if is_inertial:
         return load(document, ImuFile)
@@ -102,7 +105,7 @@ def _unit_file(path: Path, *, is_inertial: bool) -> AnyUnitFile:
 
 
 def _without_power(settings: WorldSettings, places: Collection[str]) -> WorldSettings:
-    """The same, where only the units in `places` are connected to their supplies."""
+    """Return the settings with only the units in `places` connected to their supplies."""
     return replace(
         settings,
         places={name: at if name in places else replace(at, supply="") for name, at in settings.places.items()},
@@ -118,12 +121,10 @@ def make_laboratory(
     places: Collection[str] | None = None,
     run_s: float = 0.0,
 ) -> Laboratory:
-    """The simulated laboratory of one run with the units in `places` (None: all); the others have no power.
+    """Return the simulated laboratory of one run with the units in `places` (None: all); the others have no power.
 
-    What drifts within a run does so over `run_s`.
-
-    The units are in the first chamber of the file, on the axes of its fixture. Each further chamber or head
-    has its own air, or its own axis.
+    Drift within a run is spread over `run_s`. The units are in the first chamber of the file, on the axes of its
+    fixture. Each further chamber or head has its own air, or its own axis.
     """
     around_all = world_settings(bench, units, seed, run_s)
     world = World(around_all if places is None else _without_power(around_all, places), host_s)
@@ -131,7 +132,7 @@ def make_laboratory(
     nodes: dict[str, CanNode] = {}
     voltmeters: dict[str, VoltmeterSettings] = {}
     by_hand: dict[str, HandTurnedHead] = {}
-    beside = _beside(bench)
+    beside = _separate(bench)
     for role, entry in bench.devices.items():
         faults = FaultPlan(now_s=world.now)
         around = World(replace(world.settings, places={}, imus={}), host_s) if role in beside else world
@@ -158,13 +159,13 @@ def make_laboratory(
 
 
 def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: int) -> dict[str, BadLine]:
-    """A line for each instrument on whose answers a fault of the bench comes."""
+    """Return a line for each instrument whose answers have a fault in the bench file."""
     suffering = {fault.device for fault in bench.simulation.faults if fault.kind in LINE_FAULTS}
-    return {role: BadLine(seed, partial(_suffered, instruments, role)) for role in instruments if role in suffering}
+    return {role: BadLine(seed, partial(_line_fault, instruments, role)) for role in instruments if role in suffering}
 
 
-def _suffered(instruments: Mapping[str, Instrument], role: str, _number: int) -> LineFault | None:
-    """What happens to an answer now, of whatever then stands for the instrument."""
+def _line_fault(instruments: Mapping[str, Instrument], role: str, _number: int) -> LineFault | None:
+    """Return the present line fault of the instrument, if any."""
     return instruments[role].faults.on_the_line()
 
 
@@ -174,33 +175,33 @@ _MADE_HERE: Mapping[str, type] = {
 
 
 def simulator_of(driver: DriverDescription) -> type | None:
-    """The class of the simulator of a driver; None where there is none."""
+    """Return the class of the simulator of a driver, or None."""
     made: type | None = loaded(driver.simulator) if driver.simulator else _MADE_HERE.get(driver.name)
     return made
 
 
-def _beside(bench: BenchFile) -> set[str]:
-    """The chambers that no unit is in, and the heads that carry none."""
+def _separate(bench: BenchFile) -> set[str]:
+    """Return the chambers without units, and the heads that carry none."""
     heads = set(bench.with_capability("positioner", "rate_table")) - bench.axes.keys()
     return heads.union(bench.with_capability("thermal_chamber")[1:])
 
 
 def _check_current(place: str, units: Mapping[str, AnyUnitFile]) -> None:
-    """InputError for a gyro on a voltmeter whose file has no `current`."""
+    """Raise InputError for a gyro on a voltmeter whose file has no `current`."""
     unit = units.get(place)
     if isinstance(unit, GyroFile) and unit.current is None:
         raise InputError(f"the simulated gyro of place '{place}' has no analogue output: its file needs 'current'")
 
 
 def _target(role: str, entry: DeviceEntry) -> str:
-    """The simulator of a driver; InputError where it has none."""
+    """Return the simulator of a driver. Raises InputError if there is none."""
     if not entry.description.simulator:
         raise InputError(f"there is no simulator for '{entry.driver}'; '{role}' needs a real connection")
     return entry.description.simulator
 
 
 def _node(role: str, entry: DeviceEntry, setup: NodeSetup) -> CanNode:
-    """The simulator of a device that sends frames; InputError where it does not cover this bench."""
+    """Return the simulator of a device that sends frames. Raises InputError if it does not support this bench."""
     try:
         return make_node(_target(role, entry), setup)
     except NotSimulated as problem:
@@ -208,7 +209,7 @@ def _node(role: str, entry: DeviceEntry, setup: NodeSetup) -> CanNode:
 
 
 def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) -> Instrument:
-    """The simulator of a dialect, with the identity and settings that the bench file states."""
+    """Return the simulator of a dialect, with identity and settings from the bench file."""
     setup = InstrumentSetup(
         role, world, faults, entry.options, model=entry.identity.model or "", serial=entry.identity.serial or "",
         is_serial_line=entry.connection.is_serial_line, axis=role if role in world.axes else None,
@@ -217,9 +218,9 @@ def _instrument(role: str, entry: DeviceEntry, world: World, faults: FaultPlan) 
 
 
 class BenchWires:
-    """Joins what the bench file marks as simulated to the laboratory, in memory; everything else to real wires.
+    """Wires of a bench: simulated ones are joined to the laboratory in memory, others are real.
 
-    `bad` are lines, by role, on which answers suffer.
+    `bad` are faulty lines, by role.
     """
 
     def __init__(
@@ -233,7 +234,7 @@ class BenchWires:
                 loop.serve_in_memory(address.host, address.port, self._instrument(laboratory, role), TCP)
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
-        """Joins `factory()` to a TCP connection or a serial line."""
+        """Connect `factory()` to a TCP connection or a serial line."""
         if self._laboratory is None or not address.simulated or address.scheme == "tcp":
             return await self._real.stream(device, address, factory)
         line = Line.serial(address.option("baud", 9600), SERIAL_LATENCY_S)
@@ -242,12 +243,12 @@ class BenchWires:
         return protocol
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """An open CAN channel."""
+        """Open a CAN channel."""
         if self._laboratory is not None and address.simulated:
             return self._laboratory.nodes[device]
         return await self._real.frames(device, address)
 
     def _instrument(self, laboratory: Laboratory, role: str) -> Callable[[], asyncio.Protocol]:
-        """What is at the other end of a simulated wire, behind a bad line where there is one."""
+        """Return the far end of a simulated wire, behind a faulty line if there is one."""
         factory = laboratory.end_of_line(role)
         return self._bad[role].in_front_of(factory) if role in self._bad else factory

@@ -1,4 +1,4 @@
-"""Locks benches out while a person works at them, and lifts that."""
+"""Locking benches out while a person works at them, and lifting the lockout."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bench.store.machine_state import printable
 
 
 def set_lockout(name: str, by: str, reason: str) -> None:
-    """Record that somebody works at the bench of a name or path. Raises InputError, StoreError."""
+    """Record that a person works at the bench of a name or path. Raises InputError, StoreError."""
     loaded = load_bench_named(name)
     connections = {role: str(address) for role, address in real_addresses(loaded.bench).items()}
     if not connections:
@@ -22,10 +22,10 @@ def set_lockout(name: str, by: str, reason: str) -> None:
 
 
 def lift_lockout(name: str, by: str, reason: str) -> None:
-    """Take the lockout off the bench of a name or path. Raises InputError, StoreError."""
+    """Lift the lockout of the bench of a name or path. Raises InputError, StoreError."""
     lift(load_bench_named(name).document.path, wall_utc(), by, reason)
 
 
 def listed() -> Iterator[str]:
-    """A line for each bench that is locked out."""
+    """Yield a line for each locked-out bench."""
     yield from (printable(f"{each.bench}: {each.in_words}") for each in lockouts())

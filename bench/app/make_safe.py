@@ -1,4 +1,4 @@
-"""Makes a bench safe by hand: whoever holds it, and with some of its instruments missing."""
+"""Manual make-safe of a bench, also while a program holds it or instruments are missing."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from bench.loop import run as run_loop
 from bench.rig import OWN_LIMIT_S, limits_to_make_safe
 from bench.runner.held import (
     A_RESCUE,
+    address_lock,
     energising_addresses,
-    holding,
     is_followed,
     owners,
     real_addresses,
@@ -47,9 +47,9 @@ def make_safe(
 ) -> Iterator[Lane]:  # fmt: skip
     """Make the bench of a name or path safe; without one, every bench that a run may have left energised.
 
-    Whoever holds a bench is ended. `notice` receives what a person should know, `ended` each lane as it ends, and
-    `made` each bench; a bench on record whose file cannot be used is one lane. With `if_left_on` a bench is left as it
-    is unless a run that is over may have left an instrument of it on, and no guardian makes it safe or ends its hold.
+    Programs that hold the bench are ended. `notice` receives messages for a person, `ended` each lane as it ends, and
+    `made` each bench; a registered bench whose file cannot be used is one lane. With `if_left_on` a bench is left as it
+    is unless a finished run may have left an instrument of it on, and no guardian makes it safe or ends its hold.
     Raises InputError when there is nothing to make safe.
     """
     if name is not None:
@@ -73,7 +73,7 @@ def make_safe(
 
 
 def _registered(notice: Notice, *, over: bool) -> list[str]:
-    """Paths of the bench files of runs that may have left instruments on; only of runs that are `over`, if asked."""
+    """Return the bench files of runs that may have left instruments on; with `over`, of finished runs only."""
     found: dict[str, None] = {}
     if over:
         _let_guardians_finish(notice)
@@ -83,18 +83,18 @@ def _registered(notice: Notice, *, over: bool) -> list[str]:
         if over and all(map(is_followed, each.connections.values())):
             notice(printable(f"{each.name}: {', '.join(each.connections)} held; its guardian ends that"))
             continue
-        notice(printable(f"{each.name}, begun {each.since}: {', '.join(each.connections)} not known to be safe"))
+        notice(printable(f"{each.name}, started {each.since}: {', '.join(each.connections)} not known to be safe"))
         found[each.bench] = None
     return list(found)
 
 
 def _is_over(left: Energised) -> bool:
-    """Whether a run has ended, and nobody has its instruments; the directory of another user cannot be looked into."""
+    """Return True if a run has ended and nobody has its instruments; runs of other users may be unreadable."""
     return summary(Path(left.run)).state != "running" and not owners(_addresses(left))
 
 
 def _addresses(left: Energised) -> list[Address]:
-    """The addresses of an entry that anybody may have edited."""
+    """Return the valid addresses of an entry; other users may have edited it."""
     addresses = []
     for text in left.connections.values():
         with suppress(ValueError):
@@ -103,7 +103,7 @@ def _addresses(left: Energised) -> list[Address]:
 
 
 def _let_guardians_finish(notice: Notice) -> None:
-    """Return when no guardian makes a bench safe any more, at most after the time that this may take."""
+    """Wait until no guardian is making a bench safe, at most for the time that this may take."""
     addresses = [address for found in energised(lambda _: None) for address in _addresses(found)]
 
     def nobody_does(limit_s: float) -> bool:
@@ -129,8 +129,8 @@ def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], objec
     with _uninterrupted(), ExitStack() as in_use:
         take_over(addresses, notice, max(limits_s.values(), default=0.0) + END_BEYOND_S)
         try:
-            in_use.enter_context(holding(addresses, "bench make-safe"))
-        except (InUseError, StoreError) as problem:  # a lock never stands in the way of an emergency
+            in_use.enter_context(address_lock(addresses, "bench make-safe"))
+        except (InUseError, StoreError) as problem:  # a lock never prevents making safe
             notice(f"{problem}. The bench is made safe all the same.")
         lanes = run_loop(main(), AS_FAST_AS_POSSIBLE if bench.is_simulated else REAL_TIME)
         safe, run = {lane.role for lane in lanes if lane.state == "safe"}, run_of(loaded)
@@ -141,7 +141,7 @@ def _of_bench(loaded: LoadedBench, notice: Notice, ended: Callable[[Lane], objec
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """While inside, no signal but SIGKILL ends the program: it has an end of its own."""
+    """Ignore all signals but SIGKILL during the block; its duration is bounded."""
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
     before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
     try:
@@ -152,7 +152,7 @@ def _uninterrupted() -> Iterator[None]:
 
 
 def _record(loaded: LoadedBench, lanes: list[Lane], notice: Notice) -> None:
-    """Keep how the lanes ended, and take what is safe out of the register."""
+    """Record the outcome of the lanes, and remove safe instruments from the register."""
     connections = {role: str(address) for role, address in real_addresses(loaded.bench).items()}
     try:
         record_made_safe(loaded.document.path, wall_utc(), [lane._asdict() for lane in lanes])

@@ -1,4 +1,4 @@
-"""A new method to start from: a package of its own that works as it is, copied from the template."""
+"""Starter package of a plug-in method, copied from the working template."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bench.sequence.method import known_methods
 
 
 def write_method(name: str, out: Path) -> list[Path]:
-    """Write the package `OUT/NAME`; InputError for a name that is none or taken, or what cannot be written."""
+    """Write the package `OUT/NAME`. Raises InputError for an invalid or used name, and errors of writing."""
     expect_free(name, "method", known_methods())
     template = next(path for folder in shipped("templates") if (path := folder / "method").is_dir())
     return write_package(template, name, out)

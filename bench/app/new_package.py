@@ -1,4 +1,4 @@
-"""A package of its own to start from, copied from a template that works as it is, under another name."""
+"""Starter package, copied from a working template under another name."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
 
 
 def expect_free(name: str, kind: str, known: Collection[str]) -> None:
-    """Raises InputError for a name that is none, or that one of `known`, of this kind, or a module has."""
+    """Raise InputError for an invalid name, and for one that is in `known` of this kind or is a module."""
     try:
         TypeAdapter(Name).validate_python(name)
     except ValidationError as error:
@@ -26,12 +26,12 @@ def expect_free(name: str, kind: str, known: Collection[str]) -> None:
     if name in known:
         raise InputError(f"NAME: there is a {kind} '{name}' already; choose another name")
     module = find_spec(name)
-    if module is not None and module.origin is not None:  # a folder that happens to lie here has none
+    if module is not None and module.origin is not None:  # a folder of that name here has no origin
         raise InputError(f"NAME: there is a Python module '{name}' already; choose another name")
 
 
 def write_package(template: Path, name: str, out: Path) -> list[Path]:
-    """Write the package `OUT/NAME`; InputError where it cannot be written."""
+    """Write the package `OUT/NAME`. Raises InputError if it cannot be written."""
     folder = out / name
     try:
         with folder_made_whole(folder) as draft:
@@ -56,7 +56,7 @@ def _copied(template: Path, folder: Path, name: str) -> Iterator[Path]:
 
 
 def _renamed(text: str, toy: str, name: str) -> str:
-    """The text with the names of the toy in it replaced: of the package, of the distribution and of classes."""
+    """Replace the names of the template in a text: package, distribution and classes."""
     for spell in (str, lambda words: words.replace("_", "-"), _camel):
         text = text.replace(spell(toy), spell(name))
     return text

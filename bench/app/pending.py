@@ -1,4 +1,4 @@
-"""Interrupted runs that go on by themselves after their computer has started again, as their bench files allow."""
+"""Interrupted runs that resume by themselves after a restart of the computer, as their bench files allow."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bench.store.runs import list_runs
 
 
 class Pending(NamedTuple):
-    """An interrupted run: what it takes to go on with it, or why a person decides."""
+    """Interrupted run: data for its resumption, or the reason why a person must decide."""
 
     path: Path
     found: tuple[Resumption, PreparedRun] | None
@@ -23,7 +23,7 @@ class Pending(NamedTuple):
 
 
 def pending(runs: Path) -> Iterator[Pending]:
-    """Each interrupted run below a directory, the newest first; the bench of an older one has been taken by it."""
+    """Yield each interrupted run below a directory, newest first; of each bench only the newest can resume."""
     taken: set[Path] = set()
     for each in reversed(list(list_runs(runs))):
         if each.state != "interrupted":
@@ -41,7 +41,7 @@ def pending(runs: Path) -> Iterator[Pending]:
 
 
 def _by_policy(resumption: Resumption, prepared: PreparedRun) -> str:
-    """Why a person decides about a run; "" where its bench file lets it go on."""
+    """Return the reason why a person must decide about a run; "" if its bench file lets it resume."""
     policy = prepared.loaded.bench.resume
     if policy is None:
         return "its bench file has no 'resume', so that a person decides"

@@ -1,4 +1,4 @@
-"""Whether a run may be left alone: everything that is looked at before, line by line. Nothing is energised or moved."""
+"""Preflight: checks that decide whether a run may be unattended. Nothing is energised or moved."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from bench.rig import OpenError, Rig
 from bench.runner.alert import route
 from bench.runner.found_on import Found, found_energised
 from bench.runner.guard import try_guardian
-from bench.runner.held import energising_addresses, holding, real_addresses, why_locked_out
+from bench.runner.held import address_lock, energising_addresses, real_addresses, why_locked_out
 from bench.runner.nut import Client, PowerState
 from bench.runner.power import IN_WORDS
 from bench.sequence.language.values import as_written
@@ -42,7 +42,7 @@ ALERT_AGAIN = "try it with 'bench alert --bench FILE'"
 
 
 class Line(NamedTuple):
-    """One thing that was looked at: *ok*, a person should *look*, *NO* keeps the run from being left alone.
+    """Result of one check: *ok*, *look* (a person should look), or *NO* (the run must not be unattended).
 
     "-" does not apply to this bench.
     """
@@ -53,25 +53,25 @@ class Line(NamedTuple):
 
 
 class Preflight(NamedTuple):
-    """All lines."""
+    """Results of all checks."""
 
     lines: tuple[Line, ...]
 
     @property
     def is_green(self) -> bool:
-        """Whether the run may be left alone."""
+        """True if the run may be unattended."""
         return all(line.state != "NO" for line in self.lines)
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """Verdict as text."""
         if self.is_green:
             return "READY TO BE LEFT ALONE"
         return f"NOT READY: {', '.join(line.what for line in self.lines if line.state == 'NO')}"
 
 
 def rehearsal_key(prepared: PreparedRun) -> str:
-    """What a rehearsal holds for: the files of a run, its parameters, and the version of this program."""
+    """Return the key of a rehearsal: files and parameters of a run, and the version of this program."""
     from importlib.metadata import version
 
     digest = sha256(version("inertial-test-bench").encode())
@@ -83,14 +83,14 @@ def rehearsal_key(prepared: PreparedRun) -> str:
 
 
 def preflight(prepared: PreparedRun) -> Preflight:
-    """Look at everything. Raises InUseError while another program uses the bench."""
+    """Perform all checks. Raises InUseError while another program uses the bench."""
     bench = prepared.loaded.bench
     if bench.is_simulated:
         simulated = Line(
-            "instruments", "-", "every instrument is simulated: only what a simulated run needs was looked at"
+            "instruments", "-", "every instrument is simulated: only the conditions of a simulated run were checked"
         )
         return Preflight((simulated, _disk(prepared), _times(prepared)))
-    with holding(real_addresses(bench).values(), "bench preflight"):
+    with address_lock(real_addresses(bench).values(), "bench preflight"):
         (instruments, found), guardian = _instruments(prepared), _guardian(prepared)
     return Preflight((
         instruments, guardian, _register(), _lockout(prepared), _left_on(prepared, found), _certificates(prepared),
@@ -100,7 +100,7 @@ def preflight(prepared: PreparedRun) -> Preflight:
 
 
 def _instruments(prepared: PreparedRun) -> tuple[Line, dict[str, Found]]:
-    """Whether each is there, and is the one that the bench file names; those that are energised."""
+    """Check presence and identity of each instrument; return those that are energised as well."""
     bench = prepared.loaded.bench
 
     async def look() -> tuple[Rig, str, dict[str, Found]]:
@@ -131,7 +131,7 @@ def _guardian(prepared: PreparedRun) -> Line:
 
 
 def _register() -> Line:
-    """Whether other users of this computer know of this run, and it of theirs."""
+    """Check that the register of energised benches is shared with other users."""
     folder = machine_folder()
     if folder is None:
         return Line("register", "look", "of this user alone: others see neither what this run leaves on nor a lockout")
@@ -142,11 +142,11 @@ def _register() -> Line:
 
 def _lockout(prepared: PreparedRun) -> Line:
     why = why_locked_out(prepared.loaded.bench)
-    return Line("lockout", "NO" if why else "ok", why or "nobody has locked the bench out")
+    return Line("lockout", "NO" if why else "ok", why or "the bench is not locked out")
 
 
 def _left_on(prepared: PreparedRun, found: Mapping[str, Found]) -> Line:
-    """Whether an earlier run may have left something on, and what the instruments themselves say."""
+    """Check that no earlier run has left an instrument on, by the register and the instruments themselves."""
     loaded = prepared.loaded
     ours = {str(address): role for role, address in energising_addresses(loaded.bench).items()}
     problems: list[StoreError] = []
@@ -186,7 +186,7 @@ def _rehearsal(prepared: PreparedRun) -> Line:
 
 
 def _questions(prepared: PreparedRun) -> Line:
-    """Steps that wait for a person; those of the setup come while there is one."""
+    """Check for steps that wait for a person; in the setup one is still present."""
     plan = prepared.plan
     asking = {
         plan.where(each.place): each.phase
@@ -201,7 +201,7 @@ def _questions(prepared: PreparedRun) -> Line:
         return Line("questions", "NO", f"a person turns {', '.join(used)}")
     if asking:
         return Line("questions", "look", f"stay until these are answered: {', '.join(asking)}")
-    return Line("questions", "ok", "the run asks nothing")
+    return Line("questions", "ok", "the run has no prompts")
 
 
 def _sections(nodes: Nodes) -> Iterator[Section]:
@@ -231,13 +231,13 @@ def _disk(prepared: PreparedRun) -> Line:
 
 
 def _clock() -> Line:
-    """Whether the computer's clock is kept in step with others."""
+    """Check that the computer's clock is synchronised."""
     command = ["timedatectl", "show", "--property=NTPSynchronized", "--value"]
     try:
-        said = subprocess.run(command, capture_output=True, text=True, timeout=CLOCK_ANSWERS_S, check=True).stdout  # noqa: S603  fixed words
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=CLOCK_ANSWERS_S, check=True).stdout  # noqa: S603  fixed words
     except (OSError, subprocess.SubprocessError):
         return Line("clock", "look", "whether this computer's clock is synchronised is not known (no timedatectl)")
-    if said.strip() == "yes":
+    if answer.strip() == "yes":
         return Line("clock", "ok", "synchronised")
     return Line("clock", "look", "this computer's clock is not synchronised; times in the report follow it")
 
@@ -247,7 +247,7 @@ def _power(prepared: PreparedRun) -> Line:
     if entry is not None:
         return _state_of_power(entry)
     return Line(
-        "power", "look", "no uninterruptible supply is watched: if the computer loses its power, the bench stays on"
+        "power", "look", "no uninterruptible supply is monitored: if the computer loses its power, the bench stays on"
     )
 
 
@@ -261,7 +261,7 @@ def _state_of_power(entry: PowerEntry) -> Line:
 
     state = run_loop(ask())
     if state.kind == "line":
-        return Line("power", "ok", f"on line power ({state.text}), watched at {entry.ups.name}@{entry.ups.host}")
+        return Line("power", "ok", f"on line power ({state.text}), monitored at {entry.ups.name}@{entry.ups.host}")
     return Line("power", "NO", f"{IN_WORDS[state.kind]} ({state.text})")
 
 
@@ -304,7 +304,7 @@ def _clock_of(at: datetime, prepared: PreparedRun) -> str:
 
 
 def lines_of(found: Preflight) -> Iterator[str]:
-    """One screen."""
+    """Yield the lines of the display."""
     width = max(len(line.what) for line in found.lines)
     for line in found.lines:
         yield f"{line.what:<{width}}  {line.state:<4}  {line.text}"

@@ -1,4 +1,4 @@
-"""Entries of a bench file for instruments that a scan has found."""
+"""Proposed bench file entries for instruments found by a scan."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from bench.app.scan import Candidate, Place
+from bench.app.scan import AddressScan, Candidate
 from drivers.description import IdentityPin
 from drivers.values import Identity
 
@@ -16,17 +16,17 @@ ROLES: Mapping[str, str] = {
     "current_source": "source", "voltmeter": "voltmeter", "thermometer": "scanner",
 }  # fmt: skip
 _PLAIN = re.compile(r"[A-Za-z/][\w ./+°-]*", re.ASCII)
-_OTHERWISE = {"true", "false", "null", "yes", "no", "on", "off"}  # words that some readers of YAML take for values
+_OTHERWISE = {"true", "false", "null", "yes", "no", "on", "off"}  # words that some YAML parsers read as values
 _CAREFUL = "options, limits and safe hold conservative values: replace them by what your bench and its units allow"
 
 
-def entries(places: Sequence[Place]) -> dict[str, Mapping[str, Any]]:
-    """The entry of every instrument that one driver alone knows, by a role that suits it."""
+def entries(places: Sequence[AddressScan]) -> dict[str, Mapping[str, Any]]:
+    """Return the entries of instruments that exactly one driver recognises, by a suitable role."""
     return {role: entry for role, entry, doubt in _all(places) if not doubt}
 
 
-def proposal(places: Sequence[Place]) -> str:
-    """A `devices:` block to paste into a bench file; entries that need a decision are comments."""
+def proposal(places: Sequence[AddressScan]) -> str:
+    """Return a `devices:` block for a bench file; entries that need a decision are comments."""
     lines = [f"# {_CAREFUL}", "devices:"]
     for role, entry, doubt in _all(places):
         if doubt:
@@ -37,8 +37,8 @@ def proposal(places: Sequence[Place]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _all(places: Sequence[Place]) -> Iterator[tuple[str, Mapping[str, Any], str]]:
-    """Role, entry, and what makes it doubtful, of every candidate."""
+def _all(places: Sequence[AddressScan]) -> Iterator[tuple[str, Mapping[str, Any], str]]:
+    """Yield role, entry and doubt of every candidate."""
     taken: set[str] = set()
     for place in places:
         numbers = [candidate.unit_id for candidate in place.candidates]
@@ -66,13 +66,13 @@ def _entry(candidate: Candidate) -> Mapping[str, Any]:
 
 
 def pinned(identity: Identity) -> dict[str, str]:
-    """The `identity` block of a bench file: everything the instrument reports about itself."""
-    told = identity._asdict()
-    return {name: told[name] for name in IdentityPin.model_fields if told[name]}
+    """Return the `identity` block of a bench file: everything the instrument reports about itself."""
+    fields = identity._asdict()
+    return {name: fields[name] for name in IdentityPin.model_fields if fields[name]}
 
 
 def _spelled(value: object) -> str:
-    """A value in YAML, on one line; text of an instrument cannot be anything but text."""
+    """Return a value as YAML in one line; text from an instrument is always quoted."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key}: {_spelled(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, str):

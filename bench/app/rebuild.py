@@ -1,4 +1,4 @@
-"""The simulated world of an interrupted run: gone through again up to the interruption, then through an outage."""
+"""Reconstruction of the simulated world of an interrupted run: repeated up to the interruption, then an outage."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from bench.engine.ending import EndRequest
 from bench.engine.journal import Journal
 from bench.engine.past import Past, past_of
 from bench.errors import InputError
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 from bench.store.database import FILE_NAME
 from bench.store.reader import Event, RunReader
 from bench.store.runs import MANIFEST, RESERVE, RUNNER, json_text
 from bench.store.writer import RunWriter
 
-OUTAGE_S = (60.0, 7200.0)  # of a simulated bench, drawn with equal chance for each ratio
-KILLED = Sent("interruption", EndRequest("interruption", "interrupted"))
+OUTAGE_S = (60.0, 7200.0)  # of a simulated bench, log-uniform
+KILLED = EndSignal("interruption", EndRequest("interruption", "interrupted"))
 _FROM_OUTSIDE = frozenset({"run_begins", "preflight", "run_ended", RESUMED, "warning", "clock_step", "stalled"})
-"""Entries that are not written by the plan and its devices."""
+"""Kinds of entries that the plan and its devices do not write."""
 GoThrough = Callable[[Journal, Signals, Past | None], Awaitable[object]]
 
 
 class _Again(RunWriter):
-    """A writer that calls `reached` with the last of as many entries of the journal as are `expected`."""
+    """Writer that calls `reached` with the last of the `expected` number of journal entries."""
 
     def __init__(self, folder: Path, expected: int, reached: Callable[[], object], *, resumed: bool) -> None:
         super().__init__(folder, resumed=resumed, noted=False)
         self._left, self._reached = expected, reached
 
     def event(self, kind: str, step: str = "", **data: Any) -> None:
-        """An entry, counted."""
+        """Append an entry, and count it."""
         super().event(kind, step, **data)
         self._left -= 1
         if self._left == 0:
@@ -45,17 +45,17 @@ class _Again(RunWriter):
 
 
 async def rebuild(resumption: Resumption, seed: int, go_through: GoThrough) -> None:
-    """Take a simulated world to where it is when the run is resumed.
+    """Bring a simulated world to its state when the run is resumed.
 
-    `go_through` does the plan once more with a journal, signals and what was done before. Every stretch of the run ends
-    where it was interrupted, with the bench made safe, and is followed by its outage. Raises InputError when the run
-    does not go as it did.
+    `go_through` executes the plan again with a journal, signals and the past. Every stretch of the run ends where it
+    was interrupted, with the bench made safe, and is followed by its outage. Raises InputError if the repetition
+    differs from the run.
     """
     outage = random.Random(seed)  # noqa: S311  of a simulation
     with TemporaryDirectory() as temporary:
         folder = Path(temporary) / resumption.path.name
         shutil.copytree(resumption.path, folder, ignore=shutil.ignore_patterns(f"{FILE_NAME}*", RESERVE, RUNNER))
-        manifest = {**resumption.manifest, "run": "rebuilt"}  # of which the ledger has nothing
+        manifest = {**resumption.manifest, "run": "rebuilt"}  # without entries in the ledger
         (folder / MANIFEST).write_text(json_text(manifest), "utf-8")
         for before, stretch in _stretches(resumption.entries):
             later = next(iter(resumption.entries[len(before) + len(stretch) :]), None)
@@ -71,11 +71,11 @@ async def rebuild(resumption: Resumption, seed: int, go_through: GoThrough) -> N
 async def _once_more(
     folder: Path, stretch: Sequence[Event], interrupted_s: float, past: Past | None, go_through: GoThrough
 ) -> list[Event]:
-    """Go through a stretch up to its interruption; its entries in the journal."""
+    """Repeat a stretch up to its interruption; return its journal entries."""
     loop, signals = asyncio.get_running_loop(), Signals()
 
     def interrupt() -> None:
-        loop.call_at(interrupted_s, signals.tell, KILLED)
+        loop.call_at(interrupted_s, signals.request_end, KILLED)
 
     expected = sum(entry.kind not in _FROM_OUTSIDE for entry in stretch)
     if not expected:
@@ -91,7 +91,7 @@ async def _once_more(
 
 
 async def _until(when_s: float) -> None:
-    """Return at an instant of bench time, to the last bit."""
+    """Sleep until an exact instant of bench time."""
     loop = asyncio.get_running_loop()
     reached: asyncio.Future[None] = loop.create_future()
     loop.call_at(when_s, reached.set_result, None)
@@ -99,7 +99,7 @@ async def _until(when_s: float) -> None:
 
 
 def _stretches(entries: Sequence[Event]) -> list[tuple[Sequence[Event], Sequence[Event]]]:
-    """The parts of a journal between interruptions, each with all before it."""
+    """Return the parts of a journal between interruptions, each with all entries before it."""
     begins = [index for index, entry in enumerate(entries) if index == 0 or entry.kind == RESUMED]
     ends = [*begins[1:], len(entries)]
     return [(entries[:begin], entries[begin:end]) for begin, end in zip(begins, ends, strict=True)]

@@ -1,4 +1,4 @@
-"""A run in the register of benches that may be energised: what it finds there, what it leaves."""
+"""Entry of a run in the register of energised benches."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from bench.store.machine_state import problem_to_write
 
 
 class Register:
-    """The entry of one run; a bench without real connections has none. Trouble with it is a notice."""
+    """Register entry of one run; none for a bench without real connections. Errors are shown as notices."""
 
     def __init__(self, loaded: LoadedBench, run: Path, notice: Callable[[str], object]) -> None:
         self._bench, self._run, self._notice = loaded.document.path, run, notice
         self._connections = {role: str(address) for role, address in energising_addresses(loaded.bench).items()}
 
     def begin(self, at: datetime) -> LeftOn:
-        """Enter this run, before anything is opened; what others may have left on."""
+        """Register this run before anything is opened; return what other runs may have left on."""
         found: dict[str, str] = {}
         held: set[str] = set()
         if not self._connections:
@@ -51,7 +51,7 @@ class Register:
         return LeftOn(found, held)
 
     def end(self, outcome: Outcome) -> None:
-        """Take out what this run has made safe; a chamber that is held is not safe yet."""
+        """Remove the instruments that this run has made safe; a held chamber is not safe yet."""
         left = {*outcome.unsafe, *outcome.not_reached, *outcome.held}
         try:
             note_safe({address for role, address in self._connections.items() if role not in left})

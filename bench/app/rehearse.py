@@ -1,4 +1,4 @@
-"""A rehearsal: a sequence on simulators of a bench's instruments, held against its plan; on demand with faults."""
+"""Rehearsal: a sequence on simulated instruments, compared with its plan; optionally with faults."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ENDS = ("step_ended", "step_failed", "step_cut")
 
 @dataclass(frozen=True)
 class Compared:
-    """How long something was planned to take, and how long it took; both in s."""
+    """Planned and actual duration in s."""
 
     name: str
     planned_s: float
@@ -32,7 +32,7 @@ class Compared:
 
     @property
     def ratio(self) -> float | None:
-        """Took / planned; None where nothing was planned."""
+        """Actual / planned duration; None if nothing was planned."""
         return self.took_s / self.planned_s if self.planned_s else None
 
 
@@ -40,10 +40,10 @@ class Compared:
 class Rehearsal:
     """Results of a rehearsal.
 
-    `faults` are those of the bench, of the scenario and those drawn, `began_s` when each began, None where it did not.
-    `phases` are those that were begun, `steps` those that ended, in the order of the plan. `unsafe` says which devices
-    were not made safe and why, among them those that `faults` broke. `lost` is what was acknowledged in the run and is
-    not on the disk, and files that are not as they were written.
+    `faults` are those of the bench, of the scenario and the drawn ones; `began_s` their start times, None for those
+    that did not occur. `phases` are those that started, `steps` those that ended, in the order of the plan. `unsafe`
+    maps devices that were not made safe to the reasons, including those broken by `faults`. `lost` lists acknowledged
+    data that are not on the disk, and changed files.
     """
 
     result: RunResult
@@ -58,23 +58,23 @@ class Rehearsal:
 
     @property
     def unsafe_unbroken(self) -> tuple[str, ...]:
-        """Devices that were not made safe although nothing had broken them; there should be none."""
+        """Devices that were not made safe although no fault was injected; there should be none."""
         return tuple(set(self.unsafe) - {fault.device for fault in self.faults})
 
     def most_different(self, count: int) -> list[Compared]:
-        """The steps whose times differ most from the plan, the most different first."""
+        """Return the steps with the greatest deviation from the planned duration, greatest first."""
         return sorted(self.steps, key=lambda step: -abs(step.took_s - step.planned_s))[:count]
 
 
 def rehearse(
     prepared: PreparedRun, observer: RunObserver, fault_seed: int | None = None, signals: Signals | None = None
 ) -> Rehearsal:
-    """Runs what was prepared with every instrument simulated, with drawn faults where a seed for them is given."""
+    """Run a prepared run with all instruments simulated, and with drawn faults if a seed is given."""
     expected = prepared.expected
     if fault_seed is not None:
         prepared = with_drawn_faults(prepared, fault_seed)
     faults = prepared.loaded.bench.simulation.faults
-    witness = _Witness(observer)
+    witness = _AcknowledgedSteps(observer)
     result = execute(prepared, witness, signals)
     with RunReader(result.path) as reader:
         events = list(reader.events())
@@ -85,14 +85,14 @@ def rehearse(
         steps=tuple(_steps(expected, events)),
         stored_bytes=(result.path / FILE_NAME).stat().st_size,
         faults=faults,
-        began_s=tuple(_began(faults, events)),
+        began_s=tuple(_start_times(faults, events)),
         unsafe=_unsafe(result, events),
         lost=(*witness.lost(events), *verify(result.path)),
     )
 
 
-def _began(faults: Sequence[FaultSimulation], events: list[Event]) -> Iterator[float | None]:
-    """When each of the faults began, by the journal; the same one again in its order."""
+def _start_times(faults: Sequence[FaultSimulation], events: list[Event]) -> Iterator[float | None]:
+    """Yield the start time of each fault from the journal, None if it did not occur."""
     left = [event for event in events if event.kind == BEGINS]
     for fault in faults:
         found = next((event for event in left if as_journalled(fault).items() <= event.data.items()), None)
@@ -102,7 +102,7 @@ def _began(faults: Sequence[FaultSimulation], events: list[Event]) -> Iterator[f
 
 
 def _phases(expected: Estimate, events: list[Event]) -> Iterator[Compared]:
-    """From the first step of each phase to its last."""
+    """Yield each phase, from the start of its first step to the end of its last."""
     for phase in PHASES:
         at_s = [event.at_s for event in events if event.step.startswith(f"{phase}/")]
         if at_s:
@@ -110,7 +110,7 @@ def _phases(expected: Estimate, events: list[Event]) -> Iterator[Compared]:
 
 
 def _steps(expected: Estimate, events: list[Event]) -> Iterator[Compared]:
-    """Steps that the plan has with a time, as they were done first; later passes and attempts have other ids."""
+    """Yield the first execution of each planned step; later passes and attempts have other ids."""
     began_s = {event.step: event.at_s for event in events if event.kind == "step_begins"}
     ended_s = {event.step: event.at_s for event in events if event.kind in _ENDS}
     for span in expected.spans:
@@ -120,13 +120,13 @@ def _steps(expected: Estimate, events: list[Event]) -> Iterator[Compared]:
 
 
 def _unsafe(result: RunResult, events: list[Event]) -> Mapping[str, str]:
-    """Devices that were not made safe, and why; if the run never got there, all that it may have energised."""
+    """Return the devices that were not made safe, with reasons; "every device" if making safe was not reached."""
     if any(event.kind == "made_safe" for event in events) or not any(event.kind == "step_begins" for event in events):
         return result.outcome.unsafe
     return {"every device": "the run ended before the devices were made safe"}
 
 
-class _Witness(Relay):
+class _AcknowledgedSteps(Relay):
     """Forward everything to another observer, and store the acknowledged steps."""
 
     def __init__(self, observer: RunObserver) -> None:
@@ -134,18 +134,18 @@ class _Witness(Relay):
         self._told: list[tuple[str, str]] = []
 
     def lost(self, events: list[Event]) -> Iterator[str]:
-        """What was acknowledged and is not in the journal."""
+        """Yield the acknowledged steps that are not in the journal."""
         kept = {(event.kind, event.step) for event in events}
         for kind, step in dict.fromkeys(self._told):
             if (kind, step) not in kept:
                 yield f"{kind} {step} is not in the journal"
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
-        """Kept, and passed on."""
+        """Store and forward."""
         self._told.append(("step_begins", planned.id))
         super().step_begins(planned, index)
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
-        """Kept, and passed on."""
+        """Store and forward."""
         self._told.append(("step_ended", planned.id))
         super().step_ended(planned, index)

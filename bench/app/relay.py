@@ -1,4 +1,4 @@
-"""The observer of a run, and one that forwards to another."""
+"""Observer interface of a run, and an observer that forwards to another."""
 
 from __future__ import annotations
 
@@ -17,42 +17,42 @@ class RunObserver(Observer, Protocol):
     """Display of a run, from the creation of its directory to its results."""
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
-        """The directory is made; the clock is that of the bench."""
+        """Called when the directory exists; `clock` is that of the bench."""
 
     def reading(self, name: str, reading: Judged) -> None:
-        """A channel has a new value."""
+        """Called with a new reading of a channel."""
 
 
 class Relay:
-    """Passes everything on to another observer."""
+    """Observer that forwards everything to another one."""
 
     def __init__(self, observer: RunObserver) -> None:
         self._observer = observer
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
-        """Passed on."""
+        """Forward."""
         self._observer.run_begins(path, expected, clock)
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
-        """Passed on."""
+        """Forward."""
         self._observer.step_begins(planned, index)
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
-        """Passed on."""
+        """Forward."""
         self._observer.step_ended(planned, index)
 
     def reading(self, name: str, reading: Judged) -> None:
-        """Passed on."""
+        """Forward."""
         self._observer.reading(name, reading)
 
     def asked(self, question: Question) -> None:
-        """Passed on."""
+        """Forward."""
         self._observer.asked(question)
 
     def held(self, by: str) -> None:
-        """Passed on."""
+        """Forward."""
         self._observer.held(by)
 
     def notice(self, text: str) -> None:
-        """Passed on."""
+        """Forward."""
         self._observer.notice(text)

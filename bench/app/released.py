@@ -1,4 +1,4 @@
-"""Calibrations that were released for units and are given to a run, which checks the units by them."""
+"""Released calibrations of units, against which a run verifies them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Ramp
 from drivers.schema.suggest import did_you_mean
 
-if TYPE_CHECKING:  # checking a sequence that needs none loads no arithmetic
+if TYPE_CHECKING:  # sequences without a calibration load no arithmetic
     from bench.offline.calibration_file import CalibrationFile
 
 OPTION = "--calibration"
@@ -24,14 +24,14 @@ AT_A_KNOT_C = 1.0
 
 
 class Released(NamedTuple):
-    """A calibration file as given: its path and its content."""
+    """Calibration file: path and content."""
 
     path: Path
     text: str
     content: CalibrationFile
 
     def to_json(self) -> dict[str, Any]:
-        """Its entry in the manifest; the run also has a copy and its hash."""
+        """Return the entry for the manifest; the run also has a copy and its hash."""
         low_c, high_c = self.content.valid_c
         return {
             "file": self.path.name,
@@ -43,7 +43,7 @@ class Released(NamedTuple):
 
 
 def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[str, Released]:
-    """The calibrations by places, of `PLACE=FILE`, or `FILE` with a single place; InputError names every problem."""
+    """Read calibrations, `PLACE=FILE` or `FILE` with a single place, by place. Raises InputError with every problem."""
     if given and not _entries(plan):
         raise InputError(f"{OPTION}: no method of {plan.document.path.name} uses a calibration")
     found: dict[str, Released] = {}
@@ -63,7 +63,7 @@ def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[st
             )
         found[place] = _read(Path(name))
     problems = [problem for place, released in found.items() for problem in _channels(place, released, bench)]
-    problems += plan.document.told(_beyond(found, plan, bench))
+    problems += plan.document.located(_beyond(found, plan, bench))
     if problems:
         raise InputError(*problems)
     return found
@@ -77,7 +77,7 @@ def _read(path: Path) -> Released:
 
 
 def _channels(place: str, released: Released, bench: BenchFile) -> Iterator[str]:
-    """What a unit has and its calibration lacks, or has of another output."""
+    """Yield channels of a unit that its calibration lacks, or has for another output."""
     channels, known = dict(bench.places[place].channels or {}), released.content.compensations()
     if lacking := [name for name in channels if name not in known]:
         yield f"{released.path}: has no channel {', '.join(lacking)}, which the unit in place '{place}' has"
@@ -89,7 +89,7 @@ def _channels(place: str, released: Released, bench: BenchFile) -> Iterator[str]
 
 
 def _entries(plan: Plan) -> dict[str, int]:
-    """The labels of methods that need a calibration, with the numbers of their results."""
+    """Return the labels of methods that need a calibration, with the indices of their results."""
     methods = known_methods()
     return {
         entry.data: number
@@ -99,7 +99,7 @@ def _entries(plan: Plan) -> dict[str, int]:
 
 
 def _measured_at(plan: Plan) -> dict[float, Place]:
-    """Set points of the acquisitions for these methods, each with the place of its ramp in the document."""
+    """Return the set points of acquisitions for these methods, with the place of each ramp in the document."""
     labels, found = _entries(plan), dict[float, Place]()
     last: tuple[float, Place] | None = None
     for planned in plan:
@@ -116,7 +116,7 @@ def _warms_by_c(place: str, bench: BenchFile) -> float:
 
 
 def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Problem]:
-    """Set points at which a unit is, cold or warm, beyond what its calibration is known at."""
+    """Yield set points at which a unit, cold or warm, is outside the temperature range of its calibration."""
     for place, released in found.items():
         low_c, high_c = released.content.valid_c
         for set_c, where in _measured_at(plan).items():
@@ -131,14 +131,14 @@ def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iter
 
 
 def remarks(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Remark]:
-    """Warnings: doubtful calibrations, and temperatures that do not test the interpolation."""
+    """Yield warnings: doubtful calibrations, and temperatures that do not test the interpolation."""
     for number in _entries(plan).values():
         where: Place = ("results", number, "method")
         for released in found.values():
-            as_expected = released.content.simulated and bench.is_simulated  # which is what the first warning tells
-            for told in released.content.warnings[as_expected:]:
+            as_expected = released.content.simulated and bench.is_simulated  # the first warning reports it
+            for warning in released.content.warnings[as_expected:]:
                 advice = "Make sure that this calibration was released"
-                yield Remark("warning", "calibration-doubtful", where, f"{released.path.name}: {told}", advice)
+                yield Remark("warning", "calibration-doubtful", where, f"{released.path.name}: {warning}", advice)
     for place, released in found.items():
         for set_c, at in _measured_at(plan).items():
             warm_c = set_c + _warms_by_c(place, bench)
@@ -160,7 +160,7 @@ def _knots_c(released: Released) -> set[float]:
 
 
 def of_units(found: Mapping[str, Released], plan: Plan, serials: Mapping[str, str]) -> None:
-    """InputError where a unit in the run has no calibration that its methods need, or that of another unit."""
+    """Raise InputError if a unit in the run lacks a required calibration, or has that of another unit."""
     if not _entries(plan):
         return
     problems = []

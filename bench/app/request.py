@@ -1,4 +1,4 @@
-"""What a person asks of a run, and the plan and bench it comes to; everything is checked before anything opens."""
+"""Request for a run, and its checked plan and bench; everything is checked before anything opens."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:  # checking a sequence needs no simulators
     from bench.app.technician import Script
 
 DEFAULT_BENCH = "simulated"
-PAST_DUE = "past-due"  # what a check calls it
+PAST_DUE = "past-due"  # rule name in a check
 PastDue = Literal["refuse", "mark"]
 
 
 class RunRequest(NamedTuple):
-    """A run as asked for on a command line; None leaves the choice to the files."""
+    """Request for a run from a command line; None leaves the choice to the files."""
 
     sequence: str
     bench: str | None = None
@@ -65,10 +65,10 @@ class RunRequest(NamedTuple):
 
 
 class CheckedRun(NamedTuple):
-    """A plan and the bench it fits, how long it takes there, and what a person should know of it before.
+    """Checked plan with its bench, its expected duration there, and warnings.
 
-    `bench` is that which was loaded with the places that have a unit in the run. `serials` are those of the units that
-    were named, by their places, and `released` are the calibrations of units, by their places.
+    `bench` has only the places with a unit in the run. `serials` are those of the named units, and `released` the
+    calibrations, both by place.
     """
 
     plan: Plan
@@ -81,9 +81,10 @@ class CheckedRun(NamedTuple):
 
 
 class PreparedRun(NamedTuple):
-    """A run whose files fit together: what it does, on what, how long, how fast, and on which units by place.
+    """Prepared run: consistent files, expected duration, speed, and units by place.
 
-    The faults of a scenario are among those of the bench. `preflight` are the lines by which it may be left alone.
+    The faults of a scenario are among those of the bench. `preflight` are the lines of the preflight of an unattended
+    run.
     """
 
     request: RunRequest
@@ -101,13 +102,13 @@ class PreparedRun(NamedTuple):
 
 
 def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench:
-    """The bench file of a name or path, every wire simulated when asked."""
+    """Load the bench file of a name or path, on request with every wire simulated."""
     loaded = load_bench(find(name or DEFAULT_BENCH, "config"))
     return loaded._replace(bench=loaded.bench.all_simulated()) if simulate else loaded
 
 
 def load_checked(request: RunRequest) -> CheckedRun:
-    """The plan and the bench that a request names, checked; InputError lists what is wrong in both files."""
+    """Load and check plan and bench of a request. Raises InputError with the problems of both files."""
     found: list[str] = []
     loaded: LoadedBench | None = None
     judged: tuple[Plan, tuple[Remark, ...]] | None = None
@@ -141,7 +142,7 @@ def load_checked(request: RunRequest) -> CheckedRun:
 
 
 def _past_due(plan: Plan, bench: BenchFile, loaded: LoadedBench) -> Iterator[Remark]:
-    """A warning, at its line, for each certificate of what the run uses that is not valid any more."""
+    """Yield a warning, at its line, for each expired certificate of an instrument that the run uses."""
     for name, due in past_due_on(_begins(loaded).date(), plan, bench).items():
         part = "devices" if name in bench.devices else "readings"
         yield Remark(
@@ -156,7 +157,7 @@ def _past_due(plan: Plan, bench: BenchFile, loaded: LoadedBench) -> Iterator[Rem
 
 
 def past_due_on(day: date, plan: Plan, bench: BenchFile) -> dict[str, date]:
-    """What the run uses and whose certificate is not valid any more on a day, with when it was due."""
+    """Return the instruments used by the run whose certificates have expired on a day, with their due dates."""
     used = {*plan.sequence.needs, *(place.temperature for place in bench.places.values())}
     for place in bench.places.values():
         used |= {meter for meter in (place.voltmeter, place.ammeter) if meter is not None}
@@ -166,21 +167,21 @@ def past_due_on(day: date, plan: Plan, bench: BenchFile) -> dict[str, date]:
 
 
 def _begins(loaded: LoadedBench) -> datetime:
-    """When a run that is asked for now begins, in bench time."""
+    """Return the start of a run requested now, in bench time."""
     if loaded.bench.is_simulated:
         return loaded.bench.simulation.start
-    from bench.clock import wall_utc  # asyncio with it, which other checks do not need
+    from bench.clock import wall_utc  # imports asyncio, which other checks do not need
 
     return wall_utc()
 
 
 def folder_of_runs(runs: Path) -> Path:
-    """The folder of run directories, or the nearest around it that is there."""
+    """Return the folder of run directories, or its nearest existing parent."""
     return next(folder for folder in (runs.absolute(), *runs.absolute().parents) if folder.is_dir())
 
 
 def _little_disk_space(expected: Estimate, runs: Path) -> Iterator[Remark]:
-    """A warning when the run will not fit on the disk of the run directories."""
+    """Yield a warning if the run will not fit on the disk of the run directories."""
     folder = folder_of_runs(runs)
     free_bytes, size_bytes = shutil.disk_usage(folder).free, expected.size_bytes
     if size_bytes > free_bytes:
@@ -194,7 +195,7 @@ def _little_disk_space(expected: Estimate, runs: Path) -> Iterator[Remark]:
 
 
 def _ends_too_late(expected: Estimate, loaded: LoadedBench, not_after: str | None) -> Iterator[Remark]:
-    """A warning when a run that begins now, or where simulated runs begin, will not be over in time; InputError."""
+    """Yield a warning if a run that starts now ends after `not_after`. Raises InputError."""
     if not_after is None:
         return
     try:
@@ -215,8 +216,8 @@ def _ends_too_late(expected: Estimate, loaded: LoadedBench, not_after: str | Non
 
 
 def prepare(request: RunRequest) -> PreparedRun:
-    """Read and check everything; InputError."""
-    from bench.app.scenario import with_scenario  # and the simulators with it
+    """Read and check everything. Raises InputError."""
+    from bench.app.scenario import with_scenario  # imports the simulators
 
     checked = load_checked(request)
     plan, loaded = checked.plan, checked.loaded
@@ -237,7 +238,7 @@ def prepare(request: RunRequest) -> PreparedRun:
 
 
 def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) -> Script | None:
-    """The scripted answers, or None for people. InputError if nobody could answer."""
+    """Return the scripted answers, or None for people. Raises InputError if nobody could answer."""
     from bench.app.technician import read_script, unanswered
 
     if request.answers is not None and not loaded.bench.is_simulated:
@@ -254,8 +255,8 @@ def _script(request: RunRequest, plan: Plan, loaded: LoadedBench, speed: float) 
 
 
 def _speed(request: RunRequest, loaded: LoadedBench) -> float:
-    """Bench seconds a second: as fast as possible on a simulated bench, else real time."""
-    from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME  # asyncio, which checking a sequence does not need
+    """Return bench seconds per second: as fast as possible on a simulated bench, else real time."""
+    from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME  # imports asyncio, which checking a sequence does not need
 
     simulated = loaded.bench.is_simulated
     if request.speed is None:
@@ -272,7 +273,7 @@ def _speed(request: RunRequest, loaded: LoadedBench) -> float:
 
 
 def _named_units(units: Iterable[str], bench: BenchFile) -> dict[str, str]:
-    """The units that are named, by their places: `--uut PLACE=SERIAL`, or `--uut SERIAL` with a single place."""
+    """Return the named units by place: `--uut PLACE=SERIAL`, or `--uut SERIAL` with a single place."""
     places = bench.places
     serials: dict[str, str] = {}
     for given in units:
@@ -292,7 +293,7 @@ def _named_units(units: Iterable[str], bench: BenchFile) -> dict[str, str]:
 
 
 def _serials(checked: CheckedRun) -> Mapping[str, str]:
-    """The serial number of each unit in the run; on a simulated bench they have some where none is named."""
+    """Return the serial number of each unit in the run; on a simulated bench with defaults."""
     if not checked.serials and not checked.bench.is_simulated:
         raise InputError("a run with real connections needs the serial numbers of its units: --uut PLACE=SERIAL")
     return checked.serials or {place: f"SIM-{place.upper()}" for place in checked.bench.places}

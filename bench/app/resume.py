@@ -1,4 +1,4 @@
-"""Reads an interrupted run, decides whether it may go on, and prepares it from the files that it began with."""
+"""Resumption of an interrupted run: reading it, deciding, and preparing it from its original files."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from bench.store.runs import MANIFEST, summary
 from bench.store.verify import examine
 from drivers.schema.bounded import expect_bounded
 
-REQUEST, RESUMED = "request", "run_resumed"  # a key of the manifest, and a kind of entry of the journal
+REQUEST, RESUMED = "request", "run_resumed"  # key of the manifest, and kind of journal entry
 _FILES = ("sequence", "bench", "parameters", "uut_model", "answers", "scenario")
 _NOT_KEPT = frozenset({"runs", "not_after", "trace"})
 PROGRAM = "inertial-test-bench"
 
 
 class Resumption(NamedTuple):
-    """An interrupted run: its directory, its manifest, its journal, and what it has done of its plan.
+    """Interrupted run: directory, manifest, journal, and completed part of its plan.
 
-    `last_s` is the bench time of the last thing that is on the disk.
+    `last_s` is the bench time of the last record on the disk.
     """
 
     path: Path
@@ -43,27 +43,27 @@ class Resumption(NamedTuple):
 
     @property
     def began_s(self) -> float:
-        """Bench time at which the run began."""
+        """Bench time of the start of the run in s."""
         return self.entries[0].at_s
 
     @property
     def began(self) -> datetime:
-        """The UTC instant of `began_s`."""
+        """UTC instant of `began_s`."""
         return datetime.fromisoformat(self.entries[0].data["utc"])
 
     @property
     def number(self) -> int:
-        """Number of this resumption of the run, from 1."""
+        """Number of this resumption, from 1."""
         return 1 + sum(entry.kind == RESUMED for entry in self.entries)
 
     def outage_s(self, now: datetime) -> float:
-        """Time since the last entry; 0 where the computer's clock was set back meanwhile."""
+        """Return the time since the last entry in s; 0 if the computer's clock was set back meanwhile."""
         return max(0.0, (now - self.began - timedelta(seconds=self.last_s - self.began_s)).total_seconds())
 
     def passed_s(self, now: datetime) -> float:
-        """Real time since the run began, however the computer's clock was set meanwhile; never negative.
+        """Return the real time since the start of the run in s, independent of clock settings; never negative.
 
-        That of a simulated bench is not in its bench time, but only in what the clock says.
+        For a simulated bench it comes from the clock, since bench time does not contain it.
         """
         if "boot" in self.entries[0].data:
             return self.last_s - self.began_s + self.outage_s(now)
@@ -71,7 +71,7 @@ class Resumption(NamedTuple):
 
 
 def request_json(request: RunRequest, prepared: PreparedRun) -> dict[str, Any]:
-    """What a run was asked for, for its manifest: enough to prepare it again, with absolute paths."""
+    """Return the request of a run for its manifest, with absolute paths: enough to prepare it again."""
     kept: dict[str, Any] = {key: value for key, value in request._asdict().items() if key not in _NOT_KEPT}
     kept |= {"sequence": prepared.plan.document.path, "bench": prepared.loaded.document.path}
     kept |= {key: str(Path(kept[key]).absolute()) for key in _FILES if kept[key] is not None}
@@ -81,13 +81,16 @@ def request_json(request: RunRequest, prepared: PreparedRun) -> dict[str, Any]:
 
 
 def read_interrupted(path: Path) -> Resumption:
-    """An interrupted run that may go on; raises InputError with the reason, StoreError for a damaged record."""
+    """Read an interrupted run that may be resumed.
+
+    Raises InputError with the reason, StoreError for a damaged record.
+    """
     found = summary(path)
     if found.state != "interrupted":
         raise InputError(f"{found.id}: only an interrupted run is resumed; this one is {found.state}")
     if (latched := latch(found)) is not None:
         raise InputError(
-            f"{found.id}: is latched: {latched.why}. Look at the bench, then take the latch off: bench acknowledge "
+            f"{found.id}: is latched: {latched.why}. Inspect the bench, then acknowledge the run: bench acknowledge "
             f"{found.id} --reason TEXT"
         )
     record = examine(path, thoroughly=False)
@@ -96,11 +99,11 @@ def read_interrupted(path: Path) -> Resumption:
     expect_bounded(path / MANIFEST, LIMIT_BYTES)
     manifest = read_kept(path / MANIFEST, WHOLE_FORM)
     if REQUEST not in manifest:
-        raise InputError(f"{found.id}: was begun by a version of this program that did not keep what was asked for")
+        raise InputError(f"{found.id}: was started by a version of this program that did not record its request")
     with RunReader(path) as reader:
         entries, (_, last_s) = tuple(reader.events()), reader.span_s()
     if not entries:
-        raise InputError(f"{found.id}: was interrupted before its first entry; start it anew")
+        raise InputError(f"{found.id}: was interrupted before its first entry; start a new run")
     if any(entry.kind == "run_ended" for entry in entries):
         raise InputError(
             f"{found.id}: had ended when it was interrupted; 'bench reduce {found.id}' and 'bench report {found.id}' "
@@ -110,10 +113,9 @@ def read_interrupted(path: Path) -> Resumption:
 
 
 def prepared_again(resumption: Resumption, *, left_on: bool = False) -> PreparedRun:
-    """The run as it was prepared when it began; groups with a restart point are marked in the past of the resumption.
+    """Prepare the run as at its start; groups with a restart point are marked in the past of the resumption.
 
-    Raises InputError with everything that is different now; also where instruments may still be energised, unless
-    `left_on`.
+    Raises InputError with all differences, and if instruments may still be energised, unless `left_on`.
     """
     manifest = resumption.manifest
     asked: dict[str, Any] = dict(manifest[REQUEST])
@@ -123,7 +125,7 @@ def prepared_again(resumption: Resumption, *, left_on: bool = False) -> Prepared
         asked[key] = tuple(asked[key])
     prepared = prepare(RunRequest(**asked, runs=resumption.path.parent))
     if (fault_seed := prepared.request.fault_seed) is not None:
-        from bench.app.drawn_faults import with_drawn_faults  # and the simulators with it
+        from bench.app.drawn_faults import with_drawn_faults  # imports the simulators
 
         prepared = with_drawn_faults(prepared, fault_seed)
     if problems := [*_changed(prepared, manifest), *_cannot_go_on(prepared, resumption, left_on=left_on)]:
@@ -134,7 +136,7 @@ def prepared_again(resumption: Resumption, *, left_on: bool = False) -> Prepared
 
 
 def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
-    """Lines on a resumption: when the run was interrupted, what is done again, what is restored."""
+    """Yield lines about a resumption: time of the interruption, repeated and restored steps."""
     past, total = resumption.past, len(prepared.plan)
     done = len(past.over & {planned.id for planned in prepared.plan})
     last = resumption.began + timedelta(seconds=resumption.last_s - resumption.began_s)
@@ -150,13 +152,13 @@ def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
 
 
 def _holds(prepared: PreparedRun) -> bool:
-    """Whether a guardian may have held a chamber for this run."""
+    """Return True if a guardian may have held a chamber for this run."""
     bench = prepared.loaded.bench
     return not bench.is_simulated and any(entry.safe_state.hold_s for entry in bench.devices.values())
 
 
 def _changed(prepared: PreparedRun, manifest: Mapping[str, Any]) -> list[str]:
-    """Differences from the run as it began: files, parameters, program."""
+    """Return the differences from the start of the run: files, parameters, program."""
     now = {name: f"sha256:{sha256(text.encode()).hexdigest()}" for name, text in inputs_of(prepared).items()}
     changed = [name for name in {**now, **manifest["hashes"]} if now.get(name) != manifest["hashes"].get(name)]
     problems = [f"{name} has changed since the run began; its copy is in the run directory" for name in changed]
@@ -165,7 +167,7 @@ def _changed(prepared: PreparedRun, manifest: Mapping[str, Any]) -> list[str]:
         problems.append("its parameters have changed since the run began")
     began_with, now_is = manifest["software"].get(PROGRAM), _version()
     if began_with != now_is:
-        problems.append(f"was begun by version {began_with} of this program; this is {now_is}")
+        problems.append(f"was started by version {began_with} of this program; this is {now_is}")
     return problems
 
 
@@ -176,7 +178,7 @@ def _version() -> str:
 
 
 def _cannot_go_on(prepared: PreparedRun, resumption: Resumption, *, left_on: bool) -> list[str]:
-    """Reasons why the run cannot go on, each with what to do."""
+    """Return the reasons why the run cannot be resumed, each with what to do."""
     problems: list[str] = []
     plan, past = prepared.plan, resumption.past
     groups = list(interrupted_in((*plan.setup, *plan.steps), past))
@@ -188,7 +190,7 @@ def _cannot_go_on(prepared: PreparedRun, resumption: Resumption, *, left_on: boo
         if each.step.resumed == "never" and each.id in past.under_way and not each.id.startswith(again)
     ]
     if never:
-        problems.append(f"{', '.join(never)} was under way, and may not be done again; start the run anew")
+        problems.append(f"{', '.join(never)} was under way, and must not be repeated; start a new run")
     if not left_on and (left := _left_on(prepared)):
         problems.append(
             f"{', '.join(left)} may still be energised. Make the bench safe first: bench make-safe --bench "
@@ -198,7 +200,7 @@ def _cannot_go_on(prepared: PreparedRun, resumption: Resumption, *, left_on: boo
 
 
 def _left_on(prepared: PreparedRun) -> Sequence[str]:
-    """The instruments of the bench that no run, guardian or person has made safe since a run had them."""
+    """Return the instruments that a run may have left on and that nothing has made safe since."""
     connections = {str(address): role for role, address in energising_addresses(prepared.loaded.bench).items()}
     if not connections:
         return []

@@ -1,4 +1,4 @@
-"""Search for instruments: which drivers recognise the instrument at an address."""
+"""Search for instruments: identification of the drivers that recognise the instrument at an address."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from itertools import groupby
 from bench.errors import InputError, InUseError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from drivers.description import DriverDescription, known_drivers
 from drivers.discovery.questions import QuestionPort
 from drivers.discovery.recognition import Found, Language, Recognition
@@ -24,14 +24,14 @@ from drivers.transport.serial import serial_ports
 from drivers.transport.wires import RealWires, Wires
 
 PLACE_LIMIT_S = 60.0
-BETWEEN_CONNECTIONS_S = 0.2  # what an instrument that takes one connection needs to let go of the last one
+BETWEEN_CONNECTIONS_S = 0.2  # time for an instrument with a single connection to release the last one
 
 Known = tuple[DriverDescription, Recognition]
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An instrument that was found, and a driver that knows it."""
+    """Instrument that was found, and a driver that recognises it."""
 
     address: Address
     unit_id: int
@@ -41,21 +41,23 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Place:
-    """What there is at an address: every driver that knows who answers, or in words why there is none."""
+class AddressScan:
+    """Result for one address: drivers that recognise the instrument, or the reason why there is none."""
 
     address: Address
     candidates: tuple[Candidate, ...] = ()
     words: str = ""
 
     def line(self) -> str:
-        """For a terminal."""
-        told = [f"{each.driver.name} ({each.found.identity.words or 'gives no identity'})" for each in self.candidates]
-        return f"{self.address}: {' or '.join(told) or self.words}"
+        """Line for a terminal."""
+        drivers = [
+            f"{each.driver.name} ({each.found.identity.words or 'gives no identity'})" for each in self.candidates
+        ]
+        return f"{self.address}: {' or '.join(drivers) or self.words}"
 
 
 def address_of(text: str) -> Address:
-    """An address as in a bench file, `host:port`, or the path of a serial port; InputError."""
+    """Parse an address as in a bench file, `host:port`, or the path of a serial port. Raises InputError."""
     spelled = text
     if text.startswith("/"):
         spelled = f"serial://{text}"
@@ -73,7 +75,7 @@ def address_of(text: str) -> Address:
 
 
 def recognising(names: Sequence[str] = ()) -> list[Known]:
-    """The drivers of these names, or all, that know their instruments; InputError for a name that is none."""
+    """Return the drivers of these names, or all, that can recognise instruments. Raises InputError."""
     drivers = known_drivers()
     for name in names:
         if name not in drivers:
@@ -89,10 +91,10 @@ def recognising(names: Sequence[str] = ()) -> list[Known]:
 def scan_here(
     texts: Sequence[str], *, serial: bool | None = None, drivers: Sequence[str] = (), units: Sequence[int] = (1,),
     baud: int = 0,
-) -> list[Place]:  # fmt: skip
-    """Scans these addresses, and the serial ports of this machine when asked, or when no address is given. InputError.
+) -> list[AddressScan]:  # fmt: skip
+    """Scan these addresses; also the serial ports of this machine, on request or without addresses. Raises InputError.
 
-    A place without a candidate says why in its words.
+    A result without a candidate has the reason as text.
     """
     known, addresses = recognising(drivers), [address_of(text) for text in texts]
     if serial if serial is not None else not texts:
@@ -100,14 +102,14 @@ def scan_here(
         ports = [port.path for port in serial_ports() if os.path.realpath(port.path) not in given]
         addresses += [address_of(port) for port in ports]
 
-    async def look(address: Address) -> Place:
+    async def look(address: Address) -> AddressScan:
         try:
-            with holding([address], "a scan"):
+            with address_lock([address], "a scan"):
                 return await scan(address, RealWires(), known, units=units, baud=baud)
         except InUseError as problem:
-            return Place(address, words=str(problem))
+            return AddressScan(address, words=str(problem))
 
-    async def main() -> list[Place]:
+    async def main() -> list[AddressScan]:
         return await asyncio.gather(*(look(address) for address in addresses))
 
     return run_loop(main(), REAL_TIME)
@@ -115,11 +117,11 @@ def scan_here(
 
 async def scan(
     address: Address, wires: Wires, drivers: Sequence[Known], *, units: Sequence[int] = (1,), baud: int = 0
-) -> Place:
-    """Identify the instruments at an address; takes a minute at most."""
+) -> AddressScan:
+    """Identify the instruments at an address, within PLACE_LIMIT_S."""
     usable = [known for known in drivers if address.scheme in known[0].schemes]
     if not usable:
-        return Place(
+        return AddressScan(
             address, words="no driver that can recognise its instrument by queries uses this kind of connection"
         )
     look = _Look(address, wires, units)
@@ -131,15 +133,15 @@ async def scan(
                     break
     except CannotConnect as problem:
         if not look.connected:
-            return Place(address, words=problem.problem)
+            return AddressScan(address, words=problem.problem)
         look.words = f"accepted {look.connected} connections, then refused more"
     except TimeoutError:
         look.words = f"scan not finished within {PLACE_LIMIT_S:g} s"
-    return Place(address, tuple(look.candidates), look.words or ("" if look.candidates else look.silence))
+    return AddressScan(address, tuple(look.candidates), look.words or ("" if look.candidates else look.silence))
 
 
 def _settings(address: Address, drivers: Sequence[Known], baud: int) -> Iterator[tuple[Address, list[Known]]]:
-    """The address with every setting of its line that is worth trying, each with the drivers to try there."""
+    """Yield the address with every useful line setting, and the drivers to try there."""
     if address.scheme != "serial" or address.options:
         yield address, list(drivers)
         return
@@ -161,7 +163,7 @@ class _Look:
 
     @property
     def silence(self) -> str:
-        """Why no instrument was recognised."""
+        """Reason why no instrument was recognised."""
         if not self._heard:
             return "no answer"
         question, answer = next(iter(self._heard.items()))
@@ -170,7 +172,7 @@ class _Look:
         )
 
     async def at(self, address: Address, drivers: Sequence[Known]) -> None:
-        """Tries the languages of these drivers."""
+        """Try the protocols of these drivers."""
 
         def language(known: Known) -> tuple[int, str]:
             return known[1].language.rank, known[1].language.name
@@ -186,7 +188,7 @@ class _Look:
         return self._units if language.numbered else self._units[:1]
 
     async def _speak(self, address: Address, drivers: Sequence[Known], unit_id: int) -> None:
-        """Asks in one language; the generic drivers only when no other one knows who answers."""
+        """Query in one protocol; generic drivers only if no other one recognises the instrument."""
         if self.connected:
             await asyncio.sleep(BETWEEN_CONNECTIONS_S)
         async with QuestionPort(self._wires, address, unit_id) as port:
@@ -202,7 +204,7 @@ async def _known_by(drivers: Sequence[Known], port: QuestionPort, address: Addre
     for driver, recognition in drivers:
         try:
             found = await recognition.ask(port)
-        except ValueError:  # somebody else, or nobody
+        except ValueError:  # another instrument, or no answer
             continue
         candidates.append(Candidate(address, port.unit_id, driver, recognition, found))
     return candidates

@@ -1,4 +1,4 @@
-"""Faults from a scenario: read, and checked against the faults of each simulator."""
+"""Reading of scenarios, and checks of faults against the simulators."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ IN_SCENARIO: Place = ("faults",)
 
 
 def with_scenario(loaded: LoadedBench, path: Path | None, plan: Plan | None) -> tuple[LoadedBench, Document | None]:
-    """The bench with the faults of a scenario after its own, and the scenario; InputError for what does not fit.
+    """Add the faults of a scenario to those of the bench; return both. Raises InputError for faults that do not fit.
 
-    Without a plan the instruments are only served, and nothing can come after a step.
+    Without a plan the instruments are only served, and no fault can follow a step.
     """
     if plan is None or loaded.bench.needs_simulators:
         own = loaded.bench.simulation.faults
-        if found := loaded.document.told(_misfits(own, loaded.bench, plan, IN_BENCH)):
+        if found := loaded.document.located(_misfits(own, loaded.bench, plan, IN_BENCH)):
             raise InputError(*found)
     if path is None:
         return loaded, None
@@ -41,7 +41,7 @@ def with_scenario(loaded: LoadedBench, path: Path | None, plan: Plan | None) -> 
         )
     document = read_document(path)
     scripted = load(document, ScenarioFile).faults
-    if found := document.told(
+    if found := document.located(
         [*fault_misfits(scripted, loaded.bench, IN_SCENARIO), *_misfits(scripted, loaded.bench, plan, IN_SCENARIO)]
     ):
         raise InputError(*found)
@@ -49,24 +49,24 @@ def with_scenario(loaded: LoadedBench, path: Path | None, plan: Plan | None) -> 
 
 
 def with_faults(bench: BenchFile, faults: Sequence[FaultSimulation]) -> BenchFile:
-    """The bench with further faults."""
+    """Return the bench with additional faults."""
     simulation = bench.simulation.model_copy(update={"faults": (*bench.simulation.faults, *faults)})
     return bench.model_copy(update={"simulation": simulation})
 
 
 def known_faults(driver: DriverDescription) -> tuple[str, ...]:
-    """The kinds of fault that the simulator of a driver can play: those of any line first; none without simulator."""
+    """Return the faults that the simulator of a driver supports: line faults first; empty without a simulator."""
     simulator = simulator_of(driver)
     if simulator is None:
         return ()
-    if issubclass(simulator, HandTurnedHead):  # nobody may be there, but there is no wire to cut
+    if issubclass(simulator, HandTurnedHead):  # no wire to cut; the person may be absent
         return ("silent", *mishaps_of(simulator))
     lines = () if issubclass(simulator, CanNode) else LINE_FAULTS
     return ("silent", "cut", *lines, *mishaps_of(simulator))
 
 
 def _misfits(faults: Sequence[FaultSimulation], bench: BenchFile, plan: Plan | None, where: Place) -> Iterator[Problem]:
-    """Kinds that an instrument does not know, and steps that the plan does not have."""
+    """Yield unsupported kinds of faults, and steps that the plan does not have."""
     for index, fault in enumerate(faults):
         if fault.device is not None and fault.device in bench.devices:
             entry = bench.devices[fault.device]

@@ -1,4 +1,4 @@
-"""`bench simulate`: the other end of every local wire of a bench file, in real time."""
+"""`bench simulate`: simulated instruments at every local address of a bench file, in real time."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from simulators.serving.replay import ReplayedInstrument
 def serve_bench(
     name: str, seed: int | None, say: Callable[[str], object], trace: Path | None = None, scenario: Path | None = None
 ) -> None:
-    """Serves until SIGINT or SIGTERM; `say` gets a line for each address that is served, then `ready`.
+    """Serve until SIGINT or SIGTERM; `say` receives a line for each served address, then `ready`.
 
-    Devices recorded in a `trace` replay it. Faults of the bench file and of a `scenario` are
-    played from then on, each with a line when it begins and ends. Raises InputError when the file has no local address,
-    BenchError when one is taken.
+    Devices recorded in a `trace` replay it. Faults of the bench file and of a `scenario` are injected from then on,
+    each with a line when it begins and ends. Raises InputError if the file has no local address, BenchError if one is
+    taken.
     """
     loaded, _ = with_scenario(load_bench_named(name), scenario, None)
     bench = loaded.bench
@@ -55,18 +55,18 @@ def serve_bench(
             for line in await open_servers(bench, laboratory, stack):
                 say(line)
             say("ready")
-            FaultPlayer(laboratory, bench.simulation.faults, lambda kind, fault: say(_told(kind, fault)))
+            FaultPlayer(laboratory, bench.simulation.faults, lambda kind, fault: say(_show_fault(kind, fault)))
             await stopped.wait()
 
     run_loop(main(), REAL_TIME)
 
 
-def _told(kind: str, fault: FaultSimulation) -> str:
+def _show_fault(kind: str, fault: FaultSimulation) -> str:
     return f"{fault.victim} {fault.kind} {'begins' if kind == BEGINS else 'ends'}"
 
 
 async def open_servers(bench: BenchFile, laboratory: Laboratory, stack: AsyncExitStack) -> list[str]:
-    """Serves every local address of a bench until `stack` closes; a line for each. Raises BenchError."""
+    """Serve every local address of a bench until `stack` closes; return a line for each. Raises BenchError."""
     lines = []
     for role, entry in bench.devices.items():
         if entry.connection.is_person:

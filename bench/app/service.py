@@ -1,4 +1,4 @@
-"""The observer of a run that is a service of systemd: ready when the run begins, then the step that it is at."""
+"""Observer of a run under systemd: notifies readiness and the current step."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from bench.sequence.plan.plan import PlannedStep
 
 
 class Service(Relay):
-    """Passes everything on to another observer, with a notification to the service manager."""
+    """Observer that forwards to another one and notifies the service manager."""
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
-        """The run is ready."""
+        """Report readiness."""
         notify("READY=1", f"STATUS={path.name} begins")
         super().run_begins(path, expected, clock)
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
-        """The step is the status."""
+        """Report the step."""
         notify(f"STATUS=step {index + 1}: {planned.id}")
         super().step_begins(planned, index)
 
     def held(self, by: str) -> None:
-        """Who holds the run is the status."""
+        """Report the holder of the run."""
         if by:
             notify(f"STATUS=held by {by}")
         super().held(by)

@@ -1,4 +1,4 @@
-"""A technician in software: answers the questions of a run on simulated instruments, and does what they ask for."""
+"""Simulated technician: answers the prompts of a run on simulated instruments, and acts on them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bench.app.drawn import simulated_mount
 from bench.app.laboratory import Laboratory
-from bench.config.answers import AnswersFile, Deed, ScriptedAnswer
+from bench.config.answers import AnswersFile, ScriptedAction, ScriptedAnswer
 from bench.config.document import Problem, read_document
 from bench.config.load import load
 from bench.config.models import BenchFile
@@ -23,16 +23,16 @@ from drivers.schema.suggest import did_you_mean
 
 Script = Mapping[str, ScriptedAnswer]
 USUAL = ScriptedAnswer()
-USUALLY_S = 60.0  # what he takes for the question of a step
+USUALLY_S = 60.0  # default delay of an answer to the prompt of a step
 
 
 def read_script(path: Path | None, plan: Plan, bench: BenchFile) -> Script:
-    """The answers in a file, which fit the questions of the plan; InputError. Without a file there are none."""
+    """Read the answers of a file and check them against the plan; without a file there are none. Raises InputError."""
     if path is None:
         return {}
     document = read_document(path)
     script = load(document, AnswersFile).answers
-    if found := document.told(_misfits(script, plan, bench)):
+    if found := document.located(_misfits(script, plan, bench)):
         raise InputError(*found)
     return script
 
@@ -60,7 +60,7 @@ def _misfits(script: Script, plan: Plan, bench: BenchFile) -> Iterator[Problem]:
 
 
 def _device_misfits(key: str, given: ScriptedAnswer, bench: BenchFile) -> Iterator[Problem]:
-    """What does not fit in an answer to the questions of a device, or to one of them: `head`, `head#3`, `head#3~2`."""
+    """Yield the problems of an answer to the requests of a device, or to one: `head`, `head#3`, `head#3~2`."""
     device, numbered, number = _first_visit(key).partition("#")
     if not bench.devices[device].connection.is_person:
         scheme = bench.devices[device].connection.scheme
@@ -81,7 +81,7 @@ def _answer_misfits(key: str, answer: str, question: Question) -> Iterator[Probl
 
 
 def unanswered(plan: Plan, script: Script) -> list[str]:
-    """The steps that want something typed, which the script does not answer."""
+    """Return the steps with a prompt for text that the script does not answer."""
     return [
         planned.id for planned in plan
         if isinstance(planned.step, Prompt) and planned.step.input is not None
@@ -104,20 +104,20 @@ class Technician:
         self._desk, self._script, self._bench, self._notice = desk, script or {}, bench, notice
         self._world = laboratory.world if laboratory is not None else None
         self._by_hand = laboratory.by_hand if laboratory is not None else {}
-        self._answering = ""  # the question that he answers himself
+        self._answering = ""  # prompt that the technician is answering
         self._tasks: set[asyncio.Task[None]] = set()
         desk.on_answer = self.answered
         if script is not None:
             desk.on_question = self.asked
 
     def asked(self, question: Question) -> None:
-        """A question is open."""
+        """Answer a new question."""
         task = asyncio.create_task(self._serve(question), name=f"technician {question.step}")
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
     def answered(self, question: Question, answer: Answer) -> None:
-        """A question was answered; if by a person, turn the simulated head to the entered angle."""
+        """Turn the simulated head to the angle that a person has entered."""
         errand = question.errand
         if question.step == self._answering or errand is None or errand.turn is None:
             return
@@ -136,39 +136,39 @@ class Technician:
         else:
             return
         answer = given.answer if given.answer is not None else answer
-        if question in self._desk.questions:  # nobody was faster
+        if question in self._desk.questions:  # no person was faster
             self._notice(f"{question.text}\n{given.by}: {answer}")
             self._answering = question.step
             self._desk.answer(answer, given.by, question.step)
             self._answering = ""
 
     def _given(self, question: Question) -> ScriptedAnswer:
-        """The scripted answer for a question, else for the first visit of its step, else for its device."""
+        """Return the scripted answer for a question, else for the first visit of its step, else for its device."""
         more_often = question.errand.device if question.errand is not None else _first_visit(question.step)
         return self._script.get(question.step) or self._script.get(more_often, USUAL)
 
-    def _change(self, deed: Deed | PhysicalChange | None) -> None:
-        if deed is None or self._world is None:
+    def _change(self, action: ScriptedAction | PhysicalChange | None) -> None:
+        if action is None or self._world is None:
             return
-        if deed.mount is not None:
-            self._world.fix_units(simulated_mount(self._bench.fixture.mounts[deed.mount]))
-        if deed.input is not None:
-            self._world.connect(deed.input)
+        if action.mount is not None:
+            self._world.fix_units(simulated_mount(self._bench.fixture.mounts[action.mount]))
+        if action.input is not None:
+            self._world.connect(action.input)
 
-    def _turned(self, errand: Errand, deed: Deed | None) -> str:
+    def _turned(self, errand: Errand, action: ScriptedAction | None) -> str:
         """Turn a head as requested or as scripted; return the angle to enter, by default the requested one."""
         head, asked = self._by_hand[errand.device], errand.turn
         if asked is None:
             return f"{head.shown_deg:.12g} {errand.unit}"
-        if deed is None:
+        if action is None:
             head.turn(asked)
-        elif deed.turn is not None:
-            head.turn(asked._replace(angle_deg=deed.turn))
+        elif action.turn is not None:
+            head.turn(asked._replace(angle_deg=action.turn))
         return f"{asked.angle_deg:.12g} {errand.unit}"
 
 
 def _first_visit(step: str) -> str:
-    """The id of a step, also when it was begun again."""
+    """Return the id of a step without the suffix of a repetition."""
     return first_visit(step) + ("?" if "~" in step and step.endswith("?") else "")
 
 

@@ -1,4 +1,4 @@
-"""Recording what passes on the wires of a bench, and looking at a bench for a while to record it."""
+"""Recording of the traffic on the wires of a bench, and of a bench that is only read."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bench.files import make_folder, sync_folder
 from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import Rig
-from bench.runner.held import holding, real_addresses
+from bench.runner.held import address_lock, real_addresses
 from drivers.errors import DriverError
 from drivers.schema.bounded import read_bounded
 from drivers.transport.trace import Passed, head_of, read_trace
@@ -28,9 +28,9 @@ Keep = Callable[[Passed], object]
 
 @contextmanager
 def recording(path: Path, run: str | None = None) -> Iterator[Keep]:
-    """A place for what passes, in a new file that names the run; InputError when it cannot be made.
+    """Yield a sink for traffic, written to a new file that names the run. Raises InputError if it cannot be created.
 
-    Lines are written as they come, and are durable at the end. A disk that fails meanwhile ends the trace alone.
+    Lines are written as they arrive, and are durable at the end. A disk error meanwhile ends only the trace.
     """
     try:
         make_folder(path.parent)
@@ -62,7 +62,7 @@ def recording(path: Path, run: str | None = None) -> Iterator[Keep]:
 
 
 def read_trace_file(path: Path) -> list[Passed]:
-    """The lines of a trace; InputError."""
+    """Read the lines of a trace. Raises InputError."""
     try:
         return list(read_trace(read_bounded(path, TRACE_LIMIT_BYTES).decode("utf-8").splitlines()))
     except ValueError as problem:
@@ -90,7 +90,7 @@ def trace_bench(name: str | None, path: Path, for_s: float, *, simulate: bool = 
                         problems.append(str(problem))
                 await asyncio.sleep(bench.monitor.period)
 
-    with holding(real_addresses(bench).values(), "a trace"), recording(path) as keep:
+    with address_lock(real_addresses(bench).values(), "a trace"), recording(path) as keep:
 
         def counted(passed: Passed) -> None:
             nonlocal lines

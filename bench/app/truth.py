@@ -1,7 +1,7 @@
-"""What is true of a simulated run: computed by the simulators from the record of the run.
+"""Truth of a simulated run, computed by the simulators from the record of the run.
 
-It uses times, temperatures and attitudes of the record, but no code of a reduction, whose errors
-would otherwise be in the truth too. An import contract holds that.
+It uses times, temperatures and attitudes of the record, but no code of a reduction, whose errors would otherwise be in
+the truth too. An import contract ensures that.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from simulators.world import World
 
 
 def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
-    """The content of truth.json, which no reduction reads; raises StoreError for a record that cannot be read."""
+    """Return the content of truth.json, which no reduction reads. Raises StoreError for an unreadable record."""
     world = laboratory.world
     truth = truth_record(world, _dwells(stored), _legs(stored), laboratory.voltmeters, _readings(stored))
     truth |= ladders_record(world, _ladders(stored))
@@ -36,7 +36,7 @@ def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
 
 
 def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
-    """What methods know themselves of the truth of their data, by method and label; nothing where none does."""
+    """Return the truth that methods compute themselves, by method and label; empty without such methods."""
     found: dict[str, dict[str, Any]] = {}
     for entry in stored.sequence.results:
         target = known_methods()[entry.method].truth
@@ -46,7 +46,7 @@ def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
 
 
 def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUnderTest, Acquisition]]:
-    """What methods that count so measured, with the key that it has in the truth."""
+    """Yield the acquisitions of methods with this kind of counting, with their keys in the truth."""
     for data in stored.counted_at(counted_at):
         for unit in data.units:
             for acquisition in data.acquisitions:
@@ -54,14 +54,14 @@ def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUn
 
 
 def orientation(acquisition: Acquisition) -> Lies:
-    """How the bench knows that a unit lay: the angles of the table, and the mount."""
+    """Return the orientation of a unit as the bench knows it: angles of the table, and mount."""
     mount = acquisition.mount
     angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
 
 
 def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
-    """The dwells of a run as the truth wants to know them: when, how warm, at which angles."""
+    """Return the dwells of a run for the truth: times, temperatures and angles."""
     found = []
     for data in stored.counted_at("dwells"):
         for unit in data.units:
@@ -81,13 +81,13 @@ def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquis
 
 
 def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
-    """The windows of a run, each of each inertial unit."""
+    """Yield the windows of a run for each inertial unit."""
     for key, unit, window in _each(stored, "windows"):
         yield WindowAsMeasured(key, unit.place, (window.begin_s + window.end_s) / 2)
 
 
 def _readings(stored: StoredRun) -> list[LegAsMeasured]:
-    """The single readings of methods that count in records of their own: what each unit became stable at last."""
+    """Return the single readings of methods that count separately: the last stable reading of each unit."""
     return [
         LegAsMeasured(
             key, unit.place, each.end_s - (each.over_s or each.end_s - each.begin_s), each.end_s, orientation(each)
@@ -97,7 +97,7 @@ def _readings(stored: StoredRun) -> list[LegAsMeasured]:
 
 
 def _legs(stored: StoredRun) -> list[LegAsMeasured]:
-    """The legs of temperature ramps, an acquisition each."""
+    """Return the legs of temperature ramps, one acquisition each."""
     return [
         LegAsMeasured(key, unit.place, leg.begin_s, leg.end_s, orientation(leg))
         for key, unit, leg in _each(stored, "ramps")
@@ -105,7 +105,7 @@ def _legs(stored: StoredRun) -> list[LegAsMeasured]:
 
 
 def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
-    """The acquisitions at one input level each."""
+    """Return the acquisitions at one input level each."""
     return [
         LevelAsMeasured(
             key, unit.place, level.begin_s, level.end_s, orientation(level),
@@ -116,7 +116,7 @@ def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
 
 
 def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
-    """The ladders of small steps; where they began is their position."""
+    """Return the ladders of small steps; their position is that of the start."""
     return [
         LadderAsMeasured(
             key=f"{data.label}/{unit.place}@position={position:g}",
@@ -131,7 +131,7 @@ def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
 
 
 def _ladders_of(acquisitions: Sequence[Acquisition]) -> dict[float, list[Acquisition]]:
-    """The acquisitions of each ladder, by the loop variable `position`."""
+    """Return the acquisitions of each ladder, by the loop variable `position`."""
     found: dict[float, list[Acquisition]] = {}
     for acquisition in acquisitions:
         found.setdefault(acquisition.loops.get("position", 0.0), []).append(acquisition)

@@ -1,1 +1,1 @@
-"""The command line: parses, calls the application, prints, and sets the exit code."""
+"""Command line: parses arguments, calls the application, prints, and sets the exit code."""

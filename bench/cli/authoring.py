@@ -1,4 +1,4 @@
-"""schema, reference, fmt, new: what helps to write sequences and bench files."""
+"""schema, reference, fmt, new: commands for writing sequences and bench files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def schema_of_chamber_profiles() -> None:
 
 
 def schema_of_scenarios() -> None:
-    """Print the JSON Schema of scenarios, the files of faults that --scenario takes."""
+    """Print the JSON Schema of scenarios, the fault scripts for --scenario."""
     from bench.config.schema import scenario_schema
 
     _print(scenario_schema())
@@ -62,7 +62,7 @@ def reference(page: str, out: Path | None) -> None:
 
 
 def format_files(files: tuple[Path, ...], *, check: bool) -> int:
-    """Indent YAML files as the shipped ones are; values, comments and spelling stay."""
+    """Format the indentation of YAML files; values, comments and spelling stay unchanged."""
     from bench.config.layout import changes
     from bench.files import written_whole
 
@@ -76,7 +76,7 @@ def format_files(files: tuple[Path, ...], *, check: bool) -> int:
 
 
 def new_driver(name: str, kind: str, out: Path) -> None:
-    """Write a driver of a plug-in's own, with simulator and tests, that works as it is, to start from."""
+    """Write the starter package of a plug-in driver, with simulator and passing tests."""
     from bench.app.new_driver import write_driver
 
     for path in write_driver(name, kind, out):
@@ -84,7 +84,7 @@ def new_driver(name: str, kind: str, out: Path) -> None:
 
 
 def new_method(name: str, out: Path) -> None:
-    """Write a method of a plug-in's own, with words, case, truth and tests, that works as it is, to start from."""
+    """Write the starter package of a plug-in method, with words, case, truth and passing tests."""
     from bench.app.new_method import write_method
 
     for path in write_method(name, out):
@@ -92,14 +92,14 @@ def new_method(name: str, out: Path) -> None:
 
 
 def new_sequence(name: str, folder: Path) -> None:
-    """Write a commented sequence that runs on the shipped simulated bench, to start from."""
+    """Write a commented starter sequence that runs on the shipped simulated bench."""
     from bench.sequence.document.starter import write_starter
 
     sys.stdout.write(f"{write_starter(name, folder)}\n")
 
 
 def new_bench(name: str, source: str, folder: Path) -> None:
-    """Write a bench file to start from: a copy of one that is like yours, with the files that it names."""
+    """Write a starter bench file: a copy of a similar bench, with the files that it refers to."""
     from bench.config.new_bench import write_bench
 
     for path in write_bench(name, source, folder):

@@ -1,7 +1,7 @@
-"""What a check found, for people, for scripts, and for the places where other people's changes are looked at.
+"""Findings of a check as text, JSON, SARIF and GitHub annotations.
 
-The line that people read, `file:line:column: what [rule]`, is the form that problems have everywhere; the others are
-made from it.
+The line for people, `file:line:column: problem [rule]`, is the standard form of problems; the other formats are derived
+from it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bench.config.document import Document
 from bench.sequence.checks.remarks import Remark, Severity
 from bench.sequence.checks.rules import every_rule
 
-INPUT_RULE = "input"  # of what is wrong with a file by itself
+INPUT_RULE = "input"  # rule of problems of a file itself
 SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 _LINE = re.compile(
     r"(?:(?P<file>.+?):(?P<line>\d+):(?P<column>\d+): )?(?P<text>.*?)(?: \[(?P<rule>[a-z]+(-[a-z]+)+)\])?"
@@ -25,7 +25,7 @@ _LINE = re.compile(
 
 
 class Shown(NamedTuple):
-    """One thing found; `file` is None for what is wrong on the command line, and for files that cannot be read."""
+    """One finding; `file` is None for the command line and for files that cannot be read."""
 
     severity: Severity
     rule: str
@@ -36,7 +36,7 @@ class Shown(NamedTuple):
 
     @classmethod
     def of_error(cls, problem: str) -> Self:
-        """One of the problems of an InputError."""
+        """Return the finding of one problem of an InputError."""
         found = _LINE.fullmatch(problem)
         if found is None or found["file"] is None:
             return cls("error", INPUT_RULE, None, 1, 1, problem)
@@ -45,7 +45,7 @@ class Shown(NamedTuple):
 
     @classmethod
     def of_remark(cls, remark: Remark, document: Document) -> Self:
-        """A remark on a sequence, or on another document that it names."""
+        """Return the finding of a remark on a sequence, or on another document that it names."""
         document = remark.document(document)
         mark = document.mark(remark.place)
         text = f"{remark.problem}. {remark.advice}"
@@ -53,17 +53,17 @@ class Shown(NamedTuple):
 
 
 def warning_line(remark: Remark, document: Document) -> str:
-    """A warning as people read it."""
+    """Return a warning as a line for people."""
     return f"{remark.document(document).where(remark.place)}: warning: {remark.text}"
 
 
 def as_json(found: Sequence[Shown]) -> str:
-    """An object with a list of what was found, one line."""
+    """Return the findings as a JSON object in one line."""
     return json.dumps({"found": [shown._asdict() for shown in found]}, ensure_ascii=False)
 
 
 def as_sarif(found: Sequence[Shown]) -> str:
-    """SARIF 2.1.0: one run of one tool."""
+    """Return the findings as SARIF 2.1.0: one run of one tool."""
     results = [
         {
             "ruleId": shown.rule,
@@ -92,7 +92,7 @@ def _location(shown: Shown, file: str) -> dict[str, Any]:
 
 
 def as_github(found: Iterable[Shown]) -> str:
-    """Workflow commands, which a job on GitHub shows beside the lines of a change."""
+    """Return the findings as GitHub workflow commands, which annotate the lines of a change."""
     return "\n".join(map(_command, found))
 
 

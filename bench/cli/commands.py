@@ -1,7 +1,7 @@
-"""A command: the words that call it, its arguments, and the function that carries it out.
+"""Commands: their names, arguments and functions.
 
-Arguments are parsed by argparse. The parser of a command is made when it is called, so that it does not wait for those
-of all others.
+Arguments are parsed by argparse. The parser of a command is created when it is called, so that it need not wait for the
+parsers of all others.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from bench.errors import InputError
 
 
 class Argument(NamedTuple):
-    """An argument, an option or a flag, and the parameter of the command's function that takes its value."""
+    """Argument, option or flag, and the parameter of the command's function that receives its value."""
 
     parameter: str
-    words: str  # as they are typed, such as "--bench FILE"
+    words: str  # as typed, such as "--bench FILE"
     help: str
-    settings: Mapping[str, Any]  # of add_argument
+    settings: Mapping[str, Any]  # keyword arguments of add_argument
     default: Any = None
-    variable: str = ""  # of the environment, which holds where the option is not given
+    variable: str = ""  # environment variable that supplies a default
     is_required: bool = False
-    once: bool = False  # a second value is refused: it would take the place of the first
+    once: bool = False  # refuse a second value, which would replace the first
 
     @property
     def name(self) -> str:
-        """The option or flag without its value, such as "--bench"; of an argument its name in messages."""
+        """Option or flag without its value, such as "--bench"; for an argument its name in messages."""
         return self.words.partition(" ")[0]
 
     @property
     def without(self) -> str:
-        """What holds without it, or ""."""
+        """Default as text, or ""."""
         return "" if self.default in (None, False, "", ()) else str(self.default)
 
     def add_to(self, parser: argparse.ArgumentParser) -> None:
-        """Add it to a parser."""
+        """Add the argument to a parser."""
         text = (f"{self.help} [default: {self.without}]" if self.without else self.help).replace("%", "%%")
         if self.name.startswith("-"):
             parser.add_argument(self.name, dest=self.parameter, help=text, **self.settings)
@@ -45,7 +45,7 @@ class Argument(NamedTuple):
             parser.add_argument(self.parameter, metavar=self.words, help=text, **self.settings)
 
     def value(self, found: Any) -> Any:
-        """The value that the function gets, from what the parser found; InputError if an option is given twice."""
+        """Return the value for the function. Raises InputError if an option is given twice."""
         if found is None or found == []:
             return os.environ.get(self.variable) or self.default
         if not self.once:
@@ -56,13 +56,13 @@ class Argument(NamedTuple):
 
 
 def argument(word: str, help_: str, *, to: str = "", read: Callable[[str], Any] = str, **default: Any) -> Argument:
-    """An argument with its place; with a `default` it may be left out."""
+    """Return a positional argument; with a `default` it is optional."""
     settings = {"type": read, **({"nargs": "?"} if default else {})}
     return Argument(to or word.lower(), word, help_, settings, is_required=not default, **default)
 
 
 def arguments(word: str, help_: str, *, to: str, least: int, read: Callable[[str], Any] = str) -> Argument:
-    """The arguments that remain, `least` (0 or 1) or more; a tuple."""
+    """Return an argument for all remaining words, at least `least` (0 or 1), as a tuple."""
     settings = {"type": read, "nargs": "+" if least else "*"}
     return Argument(to, word, help_, settings, () if not least else None, is_required=bool(least))
 
@@ -78,20 +78,20 @@ def option(
     variable: str = "",
     is_required: bool = False,
 ) -> Argument:
-    """An option with a value; `words` are "--name VALUE", `variable` that of the environment."""
+    """Return an option with a value; `words` are "--name VALUE", `variable` names an environment variable."""
     name, _, metavar = words.partition(" ")
     settings = {"action": "append", "type": read, "metavar": metavar, "choices": choices, "required": is_required}
     return Argument(to or _parameter(name), words, help_, settings, default, variable, is_required, once=True)
 
 
 def options(words: str, help_: str, *, to: str, read: Callable[[str], Any] = str) -> Argument:
-    """An option that may be given several times; a tuple of values."""
+    """Return a repeatable option, whose values form a tuple."""
     settings = {"action": "append", "type": read, "metavar": words.partition(" ")[2]}
     return Argument(to, words, help_, settings, ())
 
 
 def flag(name: str, help_: str, *, to: str = "") -> Argument:
-    """An option without a value: whether it is given."""
+    """Return an option without a value."""
     return Argument(to or _parameter(name), name, help_, {"action": "store_true"}, default=False)
 
 
@@ -100,7 +100,7 @@ def _parameter(name: str) -> str:
 
 
 def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
-    """A reader of whole numbers from `least` to `most`."""
+    """Return a converter to whole numbers from `least` to `most`."""
 
     def read(text: str) -> int:
         number = int(text)
@@ -109,12 +109,12 @@ def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
             raise argparse.ArgumentTypeError(f"{number} is not {bounds}")
         return number
 
-    read.__name__ = "whole number"  # in the messages of argparse
+    read.__name__ = "whole number"  # shown in messages of argparse
     return read
 
 
 class Command(NamedTuple):
-    """A command; its function returns the exit code, or None for 0."""
+    """Command; its function returns the exit code, or None for 0."""
 
     words: str
     do: Callable[..., int | None]
@@ -122,12 +122,12 @@ class Command(NamedTuple):
 
     @property
     def help(self) -> str:
-        """The text that its function has for a reader, in paragraphs."""
+        """Help text from the docstring of the function, in paragraphs."""
         paragraphs = (self.do.__doc__ or "").split("\n\n")
         return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs).strip()
 
     def called(self, given: Sequence[str], below: str = "") -> int:
-        """Carry it out with the words that follow it; `below` is a list of the commands below it, for its help.
+        """Run the command with these arguments and return the exit code; `below` lists its subcommands in the help.
 
         Raises InputError, and Helped after --help.
         """
@@ -137,11 +137,11 @@ class Command(NamedTuple):
 
 
 class Helped(Exception):
-    """The help of a command was written, which is all that was asked for."""
+    """Raised after --help has written the help."""
 
 
 class Parser(argparse.ArgumentParser):
-    """The parser of one command: no option is abbreviated, and errors are InputErrors."""
+    """Parser of one command: options cannot be abbreviated, and errors raise InputError."""
 
     def __init__(self, command: Command, below: str = "") -> None:
         super().__init__(
@@ -156,10 +156,10 @@ class Parser(argparse.ArgumentParser):
             each.add_to(self)
 
     def values(self, given: Sequence[str]) -> dict[str, Any]:
-        """The values of the parameters of the command's function; InputError for words that are none of its own."""
+        """Return the values for the parameters of the function. Raises InputError for unknown words."""
         self._expect_known(given)
         of = self._command.arguments
-        # parse_args would take arguments that may be left out to be absent when an option comes before them
+        # parse_args would treat optional arguments as absent when an option precedes them
         may_lack = any(each.settings.get("nargs") in ("?", "*") for each in of)
         found = vars(self.parse_intermixed_args(given) if may_lack else self.parse_args(given))
         try:
@@ -168,7 +168,7 @@ class Parser(argparse.ArgumentParser):
             self.error(str(problem))
 
     def _expect_known(self, given: Sequence[str]) -> None:
-        """Name an option that there is not before argparse names the argument that it takes for missing."""
+        """Raise InputError for an unknown option, before argparse reports a missing argument instead."""
         known = ["-h", "--help", *(each.name for each in self._command.arguments)]
         for word in given:
             if word == "--":
@@ -183,16 +183,16 @@ class Parser(argparse.ArgumentParser):
                 )  # fmt: skip
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        """Where argparse would end the program, which it does after the help alone."""
+        """Raise Helped instead of ending the program."""
         raise Helped
 
     def error(self, message: str) -> NoReturn:
-        """Raise InputError with the command that the words were for."""
+        """Raise InputError with the name of the command."""
         raise InputError(f"{self.prog}: {message}", f"'{self.prog} --help' lists its arguments and options")
 
 
 def _is_option(word: str) -> bool:
-    """True for words that argparse takes for options: negative numbers and words with blanks are none."""
+    """Return True for words that argparse treats as options: not negative numbers or words with blanks."""
     if not word.startswith("-") or len(word) == 1 or " " in word:
         return False
     try:
@@ -202,4 +202,4 @@ def _is_option(word: str) -> bool:
     return False
 
 
-COMMANDS: dict[str, Command] = {}  # by their words; bench.cli.main, which imports every module with commands, fills it
+COMMANDS: dict[str, Command] = {}  # by name; filled by bench.cli.main, which imports all modules with commands

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bench.cli.commands import Command, argument, flag, option
 from bench.cli.stored import RUN, RUNS
 
-if TYPE_CHECKING:  # `bench --help` loads none of it
+if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.store.runs import RunSummary
 
 
@@ -52,7 +52,7 @@ def abort(run: str, runs: Path) -> None:
 
 
 def skip(run: str, runs: Path) -> None:
-    """Interrupt the current step and continue with the next; whatever is still moving is first brought to rest."""
+    """Interrupt the current step, bring moving axes to rest, and continue with the next step."""
     _tell(run, runs, "skip")
 
 
@@ -81,16 +81,16 @@ def status(run: str, runs: Path, *, as_json: bool) -> None:
 
 
 def _state_of(run: RunSummary) -> dict[str, Any]:
-    """The status of a run as JSON: asked of the run itself, or read from the journal of one that is over."""
+    """Return the status of a run as JSON: queried from a running run, or read from the journal."""
     if run.state == "running":
-        from bench.runner.tell import tell
+        from bench.runner.tell import send_command
 
-        asked: dict[str, Any] = json.loads(tell(run.path, "status"))
+        asked: dict[str, Any] = json.loads(send_command(run.path, "status"))
         return asked
     from bench.engine.state import replayed
     from bench.errors import StoreError
+    from bench.figures.after_run import last_states
     from bench.runner.commands import state_to_json
-    from bench.store.followed import course_of
     from bench.store.latch import latch
     from bench.store.reader import RunReader
     from bench.store.verify import examine
@@ -103,12 +103,12 @@ def _state_of(run: RunSummary) -> dict[str, Any]:
     with RunReader(run.path) as reader:
         over = {"state": run.state, "verdict": run.manifest.get("verdict")}
         over |= {"latched": latched.why} if latched is not None else {}
-        over |= {"made_safe": made_safe} if (made_safe := course_of(run.path)) else {}
+        over |= {"made_safe": made_safe} if (made_safe := last_states(run.path)) else {}
         return over | state_to_json(replayed(reader.events()))
 
 
 def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
-    """Take the latch off a run that did not end by itself with everything safe; a person has looked at the bench."""
+    """Acknowledge a run that did not end by itself with everything safe, after a person has inspected the bench."""
     import getpass
 
     from bench.runner.held import is_followed
@@ -121,11 +121,11 @@ def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
 
 
 def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:
-    from bench.runner.tell import tell
+    from bench.runner.tell import send_command
     from bench.store.runs import find_run
 
     path = find_run(run, runs)
-    sys.stdout.write(f"{path.name}: {tell(path, command, **arguments)}\n")
+    sys.stdout.write(f"{path.name}: {send_command(path, command, **arguments)}\n")
 
 
 COMMANDS = (

@@ -1,4 +1,4 @@
-"""devices, simulate, trace, console: what is done with the instruments of a bench."""
+"""devices, simulate, trace, console: commands for the instruments of a bench."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bench.cli.commands import Command, argument, arguments, flag, option, optio
 from bench.cli.exits import ABORTED, BENCH_ERROR, NOT_SAFE, PASS
 from bench.cli.running import BENCH, SCENARIO, SEED, SIMULATE
 
-if TYPE_CHECKING:  # `bench --help` loads none of it
+if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.app.arrival import MadeSafe
     from bench.lanes import Lane
 
@@ -28,7 +28,7 @@ def list_devices(bench: str | None, *, simulate: bool) -> int:
 def scan_for_devices(
     addresses: tuple[str, ...], baud: int, units: tuple[int, ...], drivers: tuple[str, ...], *, serial: bool
 ) -> None:
-    """Find instruments by queries that change nothing, and propose bench file entries for them on stdout."""
+    """Find instruments with read-only queries, and propose bench file entries for them on stdout."""
     from bench.app.proposals import proposal
     from bench.app.scan import scan_here
 
@@ -42,14 +42,14 @@ def scan_for_devices(
 
 
 def simulate(bench: str, seed: int | None, trace: Path | None, scenario: Path | None) -> None:
-    """Serve the other end of every loopback and pty address of a bench file, in real time, until Ctrl-C."""
+    """Simulate the instruments behind all loopback and pty addresses of a bench file, in real time, until Ctrl-C."""
     from bench.app.serve import serve_bench
 
     serve_bench(bench, seed, lambda line: sys.stderr.write(line + "\n"), trace, scenario)
 
 
 def trace(out: Path, bench: str | None, for_s: float, *, simulate: bool) -> int:
-    """Read every instrument of a bench for a while, and record every byte on the wires."""
+    """Read every instrument of a bench for a given time, and record every byte on the wires."""
     from bench.app.tracing import trace_bench
 
     lines, problems = trace_bench(bench, out, for_s, simulate=simulate)
@@ -60,7 +60,7 @@ def trace(out: Path, bench: str | None, for_s: float, *, simulate: bool) -> int:
 
 
 def console(device: str, bench: str | None, *, simulate: bool, write: bool) -> int:
-    """Talk to one instrument by hand: in its own language, and through its driver (:help)."""
+    """Communicate with one instrument by hand: in its own protocol, and through its driver (:help)."""
     from bench.app.console import talk
     from bench.runner.terminal import typed_lines
 
@@ -76,11 +76,11 @@ def make_safe(bench: str | None, *, if_left_on: bool, wait: bool) -> int:
 
     Without --bench: all benches that a run may have left on.
 
-    A chamber is safe when its safe set point is commanded; its air arrives later, which is told, and waited for with
-    --wait. Ctrl-C ends the wait (exit code 4) and leaves the chambers as commanded. A chamber that has not arrived in
-    the time that its bench file allows gives exit code 6.
+    A chamber is safe when its safe set point is commanded; its air arrives later. The command prints the air
+    temperature, and with --wait stays until the air has arrived. Ctrl-C ends the wait (exit code 4) and leaves the
+    chambers as commanded. A chamber that has not arrived in the time that its bench file allows gives exit code 6.
     """
-    from bench.app.arrival import look_after
+    from bench.app.arrival import report_arrivals
     from bench.app.make_safe import make_safe as made_safe
 
     def say(text: str) -> None:
@@ -96,14 +96,14 @@ def make_safe(bench: str | None, *, if_left_on: bool, wait: bool) -> int:
     left = [lane.role for lane in lanes if lane.state != "safe"]
     if left:
         say(f"NOT MADE SAFE: {', '.join(left)}. Switch them off by hand, then try again.")
-    arrivals = look_after(made, say, wait=wait)
+    arrivals = report_arrivals(made, say, wait=wait)
     if left or not arrivals.good:
         return NOT_SAFE
     return ABORTED if arrivals.ended else PASS
 
 
 def lockout(bench: str | None, reason: str, by: str, *, lift: bool) -> int:
-    """Lock a bench out while a person works at it: it is switched off and stopped, and no run begins.
+    """Lock a bench out while a person works at it: it is switched off and stopped, and no run starts.
 
     Without --bench: list the benches that are locked out.
     """
@@ -150,13 +150,13 @@ COMMANDS = (
     Command("make-safe", make_safe, (
         option("--bench FILE", "The bench; default: every bench that a run may have left on."),
         flag("--if-left-on", "Only benches that a run which is over may have left on."),
-        flag("--wait", "Stay until the air of every chamber has arrived, and show where it is."),
+        flag("--wait", "Wait until the air of every chamber has arrived, and show its temperature."),
     )),
     Command("lockout", lockout, (
         option("--bench FILE", "The bench; default: list the benches that are locked out."),
         option("--reason TEXT", "What is done at the bench; or, with --lift, that it is done.", default=""),
         option("--by NAME", "Who works there; default: $USER.", default=""),
-        flag("--lift", "Take the lockout off."),
+        flag("--lift", "Lift the lockout."),
     )),
     Command("simulate", simulate, (
         option("--bench FILE", "The bench whose instruments to simulate.", is_required=True),

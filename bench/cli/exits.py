@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # `bench --help` loads none of it
+if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.app.execute import RunResult
 
 PASS = 0
@@ -25,8 +25,8 @@ MEANINGS = {
     "FAIL keeps exit code 1); the bench is safe",
     ABORTED: "ABORTED: ended by the operator, by another program or by its terminal closing; the bench is safe",
     NOT_JUDGED: "NOT JUDGED: the run completed, and no limit applied",
-    NOT_SAFE: "NOT MADE SAFE: at least one device may still be energised or moving, or 'bench make-safe' has seen that "
-    "a chamber does not arrive at its safe set point; takes precedence over all other codes",
+    NOT_SAFE: "NOT MADE SAFE: at least one device may still be energised or moving, or a chamber did not "
+    "arrive at its safe set point; takes precedence over all other codes",
     INCOMPLETE: "INCOMPLETE: a step was skipped, or a result could not be determined",
 }
 OF_VERDICT = {
@@ -40,7 +40,7 @@ OF_VERDICT = {
 
 
 def of_run(result: RunResult) -> int:
-    """The exit code of a run, or of the run of a rehearsal."""
+    """Return the exit code of a run or rehearsal."""
     if result.outcome.unsafe:
         return NOT_SAFE
     if result.results is None or result.outcome.how == "error":

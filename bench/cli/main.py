@@ -1,4 +1,4 @@
-"""The command `bench`."""
+"""Main program of the command line `bench`."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ GROUPS = {
 
 
 def run() -> None:
-    """Entry point; the exit codes are those of `bench.cli.exits`."""
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for some takes a while
+    """Run the command line; exit codes are those of `bench.cli.exits`."""
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for plug-ins is slow
     make_usable()
     if sys.argv[1:2] in (["run"], ["rehearse"]):
         end_at_once()
     code = main(sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
-        signal.signal(number, signal.SIG_IGN)  # how it ended is decided
+        signal.signal(number, signal.SIG_IGN)  # the outcome is decided
     sys.exit(code)
 
 
 def main(words: Sequence[str]) -> int:
-    """Carry out what the words of a command line ask for; its exit code, and every problem on stderr."""
+    """Run the command of these words; return its exit code and print problems on stderr."""
     try:
         code = _done(words)
         sys.stdout.flush()
         return code
     except Helped:
         return 0
-    except SystemExit:  # of a plug-in, or of another module: its code would be taken for ours
-        _say("a module wants to end this program:\n" + traceback.format_exc())
+    except SystemExit:  # raised by a plug-in or another module; its code would pass for ours
+        _say("a module tried to end this program:\n" + traceback.format_exc())
         return BENCH_ERROR
     except InputError as problem:
         _say(str(problem))
@@ -63,12 +63,12 @@ def main(words: Sequence[str]) -> int:
         _say("interrupted")
         return ABORTED
     except BrokenPipeError:
-        sys.stderr.close()  # whoever read us has enough
+        sys.stderr.close()  # the reader of our output has closed the pipe
         return BENCH_ERROR
     except OSError as problem:
         _say(f"{problem.filename or 'standard output'}: {problem.strerror or problem}")
         return BENCH_ERROR
-    except Exception:  # noqa: BLE001  Python would exit with 1, which says that the unit failed
+    except Exception:  # noqa: BLE001  Python would exit with 1, which means that the unit failed
         _say("an internal error of this program:\n" + traceback.format_exc())
         return BENCH_ERROR
 
@@ -91,7 +91,7 @@ def _done(words: Sequence[str]) -> int:
 
 
 def _command(name: str, known: dict[str, Command]) -> Command:
-    """The command of that name; InputError."""
+    """Return the command of that name. Raises InputError."""
     if name not in known:
         from drivers.schema.suggest import nearest
 
@@ -104,7 +104,7 @@ def _command(name: str, known: dict[str, Command]) -> Command:
 
 
 def _of_group(group: str, options: Sequence[str]) -> int:
-    """The command that a group is without a further word, if it is one; else the list of its commands."""
+    """Run the command of a group without a further word if there is one; otherwise list its commands."""
     if group in COMMANDS:
         return COMMANDS[group].called(options, _listed(f"{group} "))
     sys.stdout.write(f"Usage: bench {group} COMMAND ...\n\n{GROUPS[group]}\n\n{_listed(f'{group} ')}")
@@ -112,7 +112,7 @@ def _of_group(group: str, options: Sequence[str]) -> int:
 
 
 def _listed(group: str) -> str:
-    """A line for each command of a group, or for each of the first words."""
+    """Return one line for each command of a group, or for each top-level name."""
     rows = dict(_rows(group))
     width = max(map(len, rows))
     return "Commands:\n" + "".join(f"  {name:{width}}  {text}\n" for name, text in rows.items())

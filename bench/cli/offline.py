@@ -1,4 +1,4 @@
-"""reduce, compensate: recorded data by our methods, stored runs once more, data of units by their calibrations."""
+"""reduce, compensate: reduction of recorded data and stored runs, and compensation of unit data by calibrations."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from bench.cli.running import ONLY_RESULTS
 from bench.cli.stored import DAMAGED, RUNS
 
 
-def reduce(what: str, out: Path | None, runs: Path, *, as_json: bool, damaged: bool) -> int:
+def reduce(case_or_run: str, out: Path | None, runs: Path, *, as_json: bool, damaged: bool) -> int:
     """Reduce a recorded case of the methods M0 to M4; or reduce a run again, and list the findings that changed.
 
     The exit code of a case is 0 if it is reduced or passes, 1 if it fails, and that of an incomplete run if a requested
     result could not be determined or its data are doubtful.
     """
-    if what.endswith(".json"):
-        return _reduce_case(Path(what), out, as_json=as_json)
-    _reduce_run(what, runs, out, as_json=as_json, damaged=damaged)
+    if case_or_run.endswith(".json"):
+        return _reduce_case(Path(case_or_run), out, as_json=as_json)
+    _reduce_run(case_or_run, runs, out, as_json=as_json, damaged=damaged)
     return exits.PASS
 
 
@@ -87,7 +87,7 @@ def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damag
 
 COMMANDS = (
     Command("reduce", reduce, (
-        argument("CASE.json|RUN", "A case file with its CSV records beside it, or a run.", to="what"),
+        argument("CASE.json|RUN", "A case file with its CSV records beside it, or a run.", to="case_or_run"),
         option("--out DIR", "Directory for the result.json of a case.", read=Path),
         ONLY_RESULTS,
         DAMAGED,

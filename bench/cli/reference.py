@@ -1,4 +1,4 @@
-"""The reference pages: those made from the models, and the one on the commands, which only this layer knows."""
+"""Reference pages: those generated from the models, and the page on commands, which only this layer knows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INDEX = "README"
 
 
 def index_page() -> Blocks:
-    """The list of pages."""
+    """List of pages."""
     rows = ((f"[{name}]({name}.md)", inspect.getdoc(page) or "") for name, page in PAGES.items() if name != INDEX)
     return [
         "# Reference",
@@ -32,7 +32,7 @@ def index_page() -> Blocks:
 
 
 def commands_page() -> Blocks:
-    """Every command with its arguments and options, and the exit codes."""
+    """Commands with their arguments and options, and exit codes."""
     blocks = [
         "# Commands",
         "Exit codes, the same for `bench run`, `bench rehearse` and `bench reduce`; other commands use those below 5:",
@@ -46,7 +46,7 @@ def commands_page() -> Blocks:
 
 
 def _row(each: Argument) -> tuple[str, str, str]:
-    """How an argument is written, what holds without it, and what it means."""
+    """Return name, default and meaning of an argument as a table row."""
     without = "required" if each.is_required else f"`{each.without}`" if each.without else ""
     return f"`{each.words}`", without, each.help
 
@@ -65,14 +65,14 @@ PAGES: Mapping[str, Callable[[], Blocks]] = {
 
 
 def page_text(name: str) -> str:
-    """A page as Markdown; InputError when there is no page of that name."""
+    """Return a page as Markdown. Raises InputError if there is no page of that name."""
     if name not in PAGES:
         raise InputError(f"there is no page '{name}'{did_you_mean(name, PAGES)}")
     return "\n\n".join(PAGES[name]()) + "\n"
 
 
 def write_pages(folder: Path) -> list[Path]:
-    """Writes every page to `folder/PAGE.md`; InputError when that cannot be done."""
+    """Write every page to `folder/PAGE.md`. Raises InputError if that fails."""
     paths = []
     for name in PAGES:
         paths.append(folder / f"{name}.md")

@@ -1,4 +1,4 @@
-"""rehearse: a sequence on simulators of a bench, held against its plan."""
+"""rehearse: run a sequence on simulators of a bench, and compare it with its plan."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bench.cli.commands import Command, option
 from bench.cli.exits import BENCH_ERROR, NOT_SAFE, of_run
 from bench.cli.running import ANSWERS, NEW_RUNS, OF_A_PLAN, SCENARIO, SEED, UUT_MODEL, warn
 
-if TYPE_CHECKING:  # `bench --help` loads none of it
+if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.app.rehearse import Compared, Rehearsal
 
 ENDED = {
@@ -30,13 +30,13 @@ def rehearse(*, faults: int | None, **wishes: Any) -> int:
     from bench.app.preflight import rehearsal_key
     from bench.app.rehearse import rehearse as rehearsed
     from bench.app.request import RunRequest, load_checked, prepare
-    from bench.runner.output import lasting_output
+    from bench.runner.output import tolerant_output
     from bench.runner.progress import TerminalProgress
     from bench.runner.signals import Signals
     from bench.store.tried import note_tried
 
     as_it_is = RunRequest(operator="rehearsal", past_due="mark", **wishes)
-    with lasting_output():
+    with tolerant_output():
         checked = load_checked(as_it_is)
         warn(checked.plan, checked.warnings)
         units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())
@@ -45,7 +45,7 @@ def rehearse(*, faults: int | None, **wishes: Any) -> int:
             with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
                 rehearsal = rehearsed(prepared, progress, faults, signals)
             with signals.not_waiting():
-                for line in _told(rehearsal):
+                for line in _summary(rehearsal):
                     sys.stdout.write(line + "\n")
         if rehearsal.result.outcome.how == "completed" and not rehearsal.unsafe and not rehearsal.lost:
             note_tried("rehearsal", rehearsal_key(prepared))
@@ -53,13 +53,13 @@ def rehearse(*, faults: int | None, **wishes: Any) -> int:
 
 
 def _exit_code(rehearsal: Rehearsal) -> int:
-    """That of its run; also when acknowledged data are lost, or no device was made safe at all."""
+    """Return the exit code of the run; an error if acknowledged data are lost, or no device was made safe."""
     if rehearsal.unsafe:
         return NOT_SAFE
     return BENCH_ERROR if rehearsal.lost else of_run(rehearsal.result)
 
 
-def _told(rehearsal: Rehearsal) -> Iterator[str]:
+def _summary(rehearsal: Rehearsal) -> Iterator[str]:
     from bench.figures.times_and_sizes import megabytes
 
     result, expected = rehearsal.result, rehearsal.expected
@@ -105,8 +105,8 @@ def _made_safe(rehearsal: Rehearsal) -> str:
         return "every device"
     broken = ", ".join(sorted(set(rehearsal.unsafe) - set(rehearsal.unsafe_unbroken)))
     wrong = ", ".join(sorted(rehearsal.unsafe_unbroken))
-    told = [f"every device but {broken}, in which a fault was injected"] if broken else []
-    return "; ".join([*told, *([f"NOT {wrong}, in which no fault was injected"] if wrong else [])])
+    broken_text = [f"every device but {broken}, in which a fault was injected"] if broken else []
+    return "; ".join([*broken_text, *([f"NOT {wrong}, in which no fault was injected"] if wrong else [])])
 
 
 def _row(compared: Compared) -> str:

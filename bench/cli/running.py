@@ -1,4 +1,4 @@
-"""check, plan, run: what is done with a sequence."""
+"""check, plan, run: commands for a sequence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, NOT_SAFE, PASS, of_run
 from bench.cli.interrupts import raise_again
 from bench.errors import InputError
 
-if TYPE_CHECKING:  # `bench --help` loads none of it
+if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.app.execute import RunResult
     from bench.app.request import PreparedRun
     from bench.app.resume import Resumption
@@ -50,12 +50,12 @@ ONLY_RESULTS = flag("--json", "Print only the results, as JSON, on stdout.", to=
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Nothing is collected meanwhile: a short command needs what it builds, and looking takes a fifth of its time."""
+    """Disable garbage collection in the block; it would take a fifth of the time of a short command."""
     gc.disable()
     try:
         yield
     finally:
-        gc.freeze()  # or the next collection, at the latest that of the end, goes through all of it
+        gc.freeze()  # exclude these objects from later collections, at the latest that at exit
         gc.enable()
 
 
@@ -73,7 +73,7 @@ def check(*, strict: bool, form: str, **wishes: Any) -> int:
             others = [each for each in warnings if each.elsewhere is not None]
             raise InputError(
                 *(f"{each.document(document).where(each.place)}: {each.text}" for each in others),
-                *document.told((warning.place, warning.text) for warning in own),
+                *document.located((warning.place, warning.text) for warning in own),
             )
     except InputError as error:
         if form == "text":
@@ -85,9 +85,9 @@ def check(*, strict: bool, form: str, **wishes: Any) -> int:
         sys.stdout.write(f"{found}\n" if found else "")
         return PASS
     warn(checked.plan, warnings)
-    told = _counted(len(warnings), "warning") if warnings else "no problem"
+    outcome = _counted(len(warnings), "warning") if warnings else "no problem"
     steps = _counted(len(checked.plan), "step")
-    sys.stdout.write(f"{document.path}: {steps}, {told} on {checked.loaded.document.path}\n")
+    sys.stdout.write(f"{document.path}: {steps}, {outcome} on {checked.loaded.document.path}\n")
     return PASS
 
 
@@ -96,7 +96,7 @@ def _counted(count: int, what: str) -> str:
 
 
 def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
-    """Writes what a person should know before a run, a line for each."""
+    """Write warnings before a run to stderr, one per line."""
     from bench.cli.check_output import warning_line
 
     for warning in warnings:
@@ -104,7 +104,7 @@ def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
 
 
 def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
-    """List the steps of a sequence: when each begins, how long it takes, the bench after it; nothing is opened."""
+    """List the steps of a sequence with start times, durations and the state of the bench; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
     from bench.figures.times_and_sizes import duration, megabytes
     from bench.report.plan_view.timeline import plan_table, safe_states, timeline_json, turned_by_hand
@@ -113,7 +113,7 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
     warn(checked.plan, checked.warnings)
     expected = checked.expected
     if picture is not None:
-        from bench.report.plan_view.picture import write_picture  # and matplotlib with it
+        from bench.report.plan_view.picture import write_picture  # imports matplotlib
 
         write_picture(picture, checked.plan, expected, checked.bench)
     if as_json:
@@ -134,9 +134,9 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
 def run(*, as_json: bool, **wishes: Any) -> int:
     """Run a sequence on a bench."""
     from bench.app.request import RunRequest, prepare
-    from bench.runner.output import lasting_output
+    from bench.runner.output import tolerant_output
 
-    with lasting_output():
+    with tolerant_output():
         if wishes["bench"] is None:
             sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
         prepared = prepare(RunRequest(**wishes))
@@ -156,7 +156,7 @@ def run(*, as_json: bool, **wishes: Any) -> int:
 
 
 def preflight(*, as_json: bool, **wishes: Any) -> int:
-    """Look at everything that decides whether a run may be left alone; nothing is energised or moved."""
+    """Check all conditions for an unattended run; nothing is energised or moved."""
     from bench.app.preflight import lines_of
     from bench.app.preflight import preflight as looked_at
     from bench.app.request import RunRequest, prepare
@@ -172,7 +172,7 @@ def preflight(*, as_json: bool, **wishes: Any) -> int:
 
 
 def alert(bench: str | None) -> int:
-    """Try the alert of a bench: run its program as at the end of a run."""
+    """Test the alert of a bench: run its program as at the end of a run."""
     from bench.app.request import load_bench_named
     from bench.runner.alert import alert as alerted
     from bench.runner.alert import route
@@ -192,13 +192,13 @@ def alert(bench: str | None) -> int:
 
 
 def resume_interrupted(path: Path, *, confirmed: bool) -> int:
-    """Go on with an interrupted run, once a person or an option has confirmed it."""
+    """Continue an interrupted run, after confirmation by a person or an option."""
     from bench.app.resume import in_words, prepared_again, read_interrupted
-    from bench.runner.output import lasting_output
+    from bench.runner.output import tolerant_output
 
     resumption = read_interrupted(path)
     prepared = prepared_again(resumption)
-    with lasting_output():
+    with tolerant_output():
         for line in in_words(resumption, prepared):
             sys.stderr.write(line + "\n")
         if not confirmed and not _says_yes():
@@ -207,16 +207,16 @@ def resume_interrupted(path: Path, *, confirmed: bool) -> int:
 
 
 def resume_pending(runs: Path) -> int:
-    """Go on with the runs that the failure of this computer has interrupted; the highest exit code."""
+    """Continue the runs that a failure of this computer interrupted; return the highest exit code."""
     from bench.app.make_safe import make_safe
     from bench.app.pending import pending
-    from bench.runner.output import lasting_output
+    from bench.runner.output import tolerant_output
 
     def say(text: str) -> None:
         sys.stderr.write(f"{text}\n")
 
     code = PASS
-    with lasting_output():
+    with tolerant_output():
         for each in list(pending(runs)):
             if each.found is None:
                 say(f"{each.path.name}: not resumed: {each.why_not}")
@@ -253,12 +253,12 @@ def _executed(prepared: PreparedRun, resumption: Resumption | None, *, as_json: 
             result = execute(prepared, Service(progress), signals, resumption)
         notify("STOPPING=1", f"STATUS={result.outcome.how}")
         with signals.not_waiting():
-            _show(result, progress.said, as_json=as_json)
+            _show(result, progress.notices, as_json=as_json)
     return of_run(result)
 
 
-def _show(result: RunResult, said: Collection[str], *, as_json: bool) -> None:
-    """Writes the results, and the problems that were not `said` before."""
+def _show(result: RunResult, shown: Collection[str], *, as_json: bool) -> None:
+    """Write the results, and the problems that are not in `shown`."""
     from bench.report.terminal import results_text
 
     if as_json:
@@ -267,7 +267,7 @@ def _show(result: RunResult, said: Collection[str], *, as_json: bool) -> None:
     else:
         sys.stdout.write(results_text(result.results))
     for problem in result.problems:
-        if problem not in said:
+        if problem not in shown:
             sys.stderr.write(f"\n{problem}\n")
     sys.stderr.write(
         f"\n{result.bench_s:.0f} s of bench time in {result.wall_s:.1f} s, {result.bench_s / result.wall_s:.0f} times "

@@ -1,4 +1,4 @@
-"""The entry point of `bench`: a program that cannot be imported does not end as a unit that failed, with 1."""
+"""Entry point of `bench`: an import error must not exit with 1, which means that the unit failed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def run() -> None:
     """Run the command line."""
     try:
         from bench.cli.main import run as command
-    except (Exception, SystemExit):  # noqa: BLE001  whatever it is, the unit has not failed
+    except (Exception, SystemExit):  # noqa: BLE001  on any error: the unit has not failed
         traceback.print_exc()
         sys.exit(BENCH_ERROR)
     command()

@@ -1,4 +1,4 @@
-"""runs, report, export: what is done with runs that are on the disk."""
+"""runs, report, export: commands for stored runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bench.cli.exits import BENCH_ERROR, PASS
 RUN = argument("RUN", "A run directory, an id, its first characters, or last.")
 RUNS = option("--runs DIR", "Directory that holds the run directories.", read=Path, default=Path("runs"))
 DAMAGED = flag("--damaged", "Read the run even if it is damaged, and mark everything written from it.")
-_SEPARATORS = re.compile("[-_ ]+")  # between the words of a verdict, as a shell takes them without quotes
+_SEPARATORS = re.compile("[-_ ]+")  # between words of a verdict, which a shell accepts without quotes
 
 
 def list_runs(
@@ -57,7 +57,7 @@ def digest(run: str, runs: Path, *, damaged: bool) -> None:
 
 
 def verify(run: str, runs: Path) -> int:
-    """Check a run against its chain, its seal and the ledger: sealed, intact up to a row, or damaged, and where."""
+    """Verify a run by its chain, its seal and the ledger: sealed, intact up to a row, or damaged, and where."""
     from bench.report.verify import examined
     from bench.store.runs import find_run
 
@@ -82,7 +82,7 @@ def report(run: str, runs: Path, form: str, lang: str, *, damaged: bool) -> None
 
 
 def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None, *, damaged: bool) -> None:
-    """Write a run's data as files that other programs read.
+    """Write a run's data in formats that other programs read.
 
     The format candump has the frames of acquisitions, not the whole bus. A run started with --trace FILE has recorded
     the whole bus in FILE: --all FILE writes all frames of that.
@@ -103,7 +103,7 @@ def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None,
 
 
 def _expect_one_of(option: str, known: Iterable[str], given: str) -> None:
-    """Raises InputError for a value that an option does not have."""
+    """Raise InputError if the value is not one of the known ones."""
     from bench.errors import InputError
     from drivers.schema.suggest import nearest
 

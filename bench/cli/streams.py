@@ -1,4 +1,4 @@
-"""Standard input, output and error, whatever the program was started with."""
+"""Standard input, output and error in a usable state, whatever the program was started with."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import io
 import os
 import sys
 
-ESCAPED = "bench-escaped"  # an error handler of encoders: \u00b0 for °, which is also right within JSON
+ESCAPED = "bench-escaped"  # error handler of encoders: writes \u00b0 for °, which is also valid in JSON
 
 
 def make_usable() -> None:
-    """Open closed standard streams on the null device; write what their encoding does not have as an escape.
+    """Open closed standard streams on the null device; escape characters that their encoding lacks.
 
-    Without it the next file to be opened, such as the store of a run, would be given the number of a closed stream, and
-    with it whatever a library or another process writes there.
+    Otherwise the next opened file, such as the run database, would get the descriptor of a closed stream, and output of
+    libraries and child processes would be written into it.
     """
     codecs.register_error(ESCAPED, _escaped)
     if sys.stdin is None:
@@ -29,7 +29,7 @@ def make_usable() -> None:
 
 
 def _null(mode: str) -> io.TextIOWrapper:
-    """The null device, under the lowest number that is free: that of the closed stream."""
+    """Open the null device on the lowest free descriptor: that of the closed stream."""
     number = os.open(os.devnull, os.O_RDWR)
     os.set_inheritable(number, True)
     raw = io.FileIO(number, mode, closefd=False)

@@ -1,1 +1,1 @@
-"""Bench files: YAML documents, strictly read, into models."""
+"""Bench files: strictly parsed YAML documents, validated into models."""

@@ -1,4 +1,4 @@
-"""A bench file whose parts fit together."""
+"""Loading of a bench file and checks between its parts."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ LOOKS_WITHIN_A_WATCHDOG = 3
 
 
 class LoadedBench(NamedTuple):
-    """A bench and the document it was read from."""
+    """Bench and the document it was read from."""
 
     document: Document
     bench: BenchFile
 
 
 def load_bench(path: Path, *, named: set[str] | None = None) -> LoadedBench:
-    """The bench in a file; InputError lists every problem with its place.
+    """Load a bench file. Raises InputError with the place of every problem.
 
-    `named` takes the names of the files that the bench file names, relative to its folder, as it writes them.
+    `named` collects the names of the files that the bench file refers to, as written there, relative to its folder.
     """
     document = read_document(path)
     bench = load(document, BenchFile, named=named)
-    if found := document.told(misfits(bench)):
+    if found := document.located(misfits(bench)):
         raise InputError(*found)
     return LoadedBench(document, bench)
 
 
 def load_kept_bench(path: Path) -> BenchFile:
-    """The bench file that a run has kept: it fitted when the run began, and the files it names may be gone."""
+    """Load the bench file kept by a run; it was valid when the run began, and files it refers to may be missing."""
     return load(read_document(path), BenchFile, files_needed=False)
 
 
 def misfits(bench: BenchFile) -> Iterator[Problem]:
-    """Names in one part of the file that another part does not have, each with its place."""
+    """Yield references to names that another part of the file does not define, with their places."""
     for name, reading in bench.readings.items():
         yield from _reading(bench, name, reading)
     for name in bench.together:
-        yield from _together(bench, name)
+        yield from _groups(bench, name)
     yield from _ambient(bench)
     yield from interlock_misfits(bench.interlocks, bench)
     for name, place in bench.places.items():
@@ -63,12 +63,12 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
 
 
 def _watchdogs(bench: BenchFile) -> Iterator[Problem]:
-    """A device that would switch itself off between two looks, or after an answer that has to be asked for again."""
+    """Yield watchdogs that would expire between two polls, or after one repeated query."""
     for role, entry in bench.devices.items():
         alone_after_s, every_s = entry.safe_state.alone_after_s, period_s(role, bench)
         if alone_after_s is not None and alone_after_s < LOOKS_WITHIN_A_WATCHDOG * every_s:
             least_s = LOOKS_WITHIN_A_WATCHDOG * every_s
-            problem = f"is less than {LOOKS_WITHIN_A_WATCHDOG} periods of {every_s:g} s in which it is looked at"
+            problem = f"is less than {LOOKS_WITHIN_A_WATCHDOG} polling periods of {every_s:g} s"
             yield ("devices", role, "options", "watchdog"), f"watchdog: {problem}; give {least_s:g} s or more"
 
 
@@ -77,7 +77,7 @@ def _axes(bench: BenchFile) -> Iterator[Problem]:
     for index, axis in enumerate(bench.fixture.axes):
         if axis.device not in turning:
             where: Place = ("fixture", "axes", index, "device")
-            yield where, f"'{axis.device}' is no head and no rate table{did_you_mean(axis.device, turning)}"
+            yield where, f"'{axis.device}' is neither a head nor a rate table{did_you_mean(axis.device, turning)}"
 
 
 def _simulation(bench: BenchFile) -> Iterator[Problem]:
@@ -97,7 +97,7 @@ def _simulation(bench: BenchFile) -> Iterator[Problem]:
 
 
 def fault_misfits(faults: Sequence[FaultSimulation], bench: BenchFile, where: Place) -> Iterator[Problem]:
-    """Faults of devices and units that the bench does not have; `where` the faults stand in the document."""
+    """Yield faults of devices and units that the bench does not have; `where` is their place in the document."""
     for index, fault in enumerate(faults):
         if fault.unit is not None and fault.unit not in bench.places:
             problem = f"there is no place '{fault.unit}'{did_you_mean(fault.unit, bench.places)}"
@@ -107,11 +107,11 @@ def fault_misfits(faults: Sequence[FaultSimulation], bench: BenchFile, where: Pl
             yield (*where, index, "device"), problem
 
 
-def _together(bench: BenchFile, name: str) -> Iterator[Problem]:
-    """A name for several must be a name of its own, and those behind it must be alike."""
+def _groups(bench: BenchFile, name: str) -> Iterator[Problem]:
+    """Yield group names that are in use already, and groups of unlike members."""
     where, members = ("together", name), bench.together[name]
     if name in bench.devices or name in bench.readings:
-        yield where, f"'{name}' is a device or a reading already; several need a name of their own"
+        yield where, f"'{name}' is a device or a reading already; a group needs a name of its own"
     kinds = {member: _kind_of(bench, member) for member in members}
     for index, (member, kind) in enumerate(kinds.items()):
         if kind is None:
@@ -119,13 +119,13 @@ def _together(bench: BenchFile, name: str) -> Iterator[Problem]:
             problem = f"there is no supply, current source or reading '{member}'{did_you_mean(member, known)}"
             yield (*where, index), problem
     if len(kinds) < len(members):
-        yield where, "names one of them twice"
+        yield where, "names a member twice"
     if len(found := {kind for kind in kinds.values() if kind is not None}) > 1:
-        yield where, f"these are not alike: {' and '.join(sorted(found))}"
+        yield where, f"members of different kinds: {' and '.join(sorted(found))}"
 
 
 def _kind_of(bench: BenchFile, member: str) -> str | None:
-    """What several can be together: supplies, current sources, readings in one unit."""
+    """Return the kind of members of a group: supplies, current sources, or readings in one unit."""
     if member in bench.readings:
         reading = bench.readings[member]
         device = bench.devices.get(reading.device)
@@ -181,7 +181,7 @@ def _ambient(bench: BenchFile) -> Iterator[Problem]:
 
 
 def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:
-    """Whether a reading is in °C; one of a device that is not there is told elsewhere."""
+    """Return True if a reading is in °C; unknown devices are reported elsewhere."""
     device = bench.devices.get(reading.device)
     return device is None or device.channels.get(reading.channel, "°C") == "°C"
 
@@ -194,7 +194,7 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
         if reading is not None and reading not in bench.readings:
             yield (*where, key), f"there is no reading '{reading}'{did_you_mean(reading, bench.readings)}"
         elif reading is not None and not _is_temperature(bench, bench.readings[reading]):
-            yield (*where, key), f"'{reading}' is no temperature"
+            yield (*where, key), f"'{reading}' is not a temperature"
     supply = bench.devices.get(place.supply)
     if supply is None or "power_supply" not in supply.description.capabilities:
         supplies = [key for key, entry in bench.devices.items() if "power_supply" in entry.description.capabilities]
@@ -207,7 +207,7 @@ def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
 
 
 def _ammeter(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
-    """An ammeter that is none, or that another place has in the cable of another source."""
+    """Yield ammeters that do not exist, or that are in the cable of another source."""
     where, meters = ("places", name, "ammeter"), bench.with_capability("ammeter")
     if place.ammeter is None:
         return
@@ -218,7 +218,7 @@ def _ammeter(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem
 
 
 def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
-    """What measures a unit's output, and is not there or measures another place already."""
+    """Yield outputs of a unit that do not exist, or that measure another place already."""
     devices = bench.devices.items()
     counted, sent = (
         [channel for _, entry in devices for channel, output in entry.outputs.items() if isinstance(output, kind)]
@@ -246,12 +246,12 @@ def _output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]
         )
         if first != (name, key):
             yield where, f"'{found}' {_verb(key, found, sent)} place '{first[0]}' already"
-    yield from _unlike(bench, name, place)
+    yield from _mixed_units(bench, name, place)
     yield from _nominal_output(bench, name, place)
 
 
 def _inertial(found: str, counted: Sequence[str], sent: Sequence[str], meters: Sequence[str]) -> Iterator[str]:
-    """What is wrong with a channel of an inertial unit."""
+    """Yield the problems of a channel of an inertial unit."""
     if found in meters:
         yield f"'{found}' is a voltmeter, which reads one channel; those of an inertial unit are wanted all at once"
     elif found in counted and found in sent:
@@ -260,24 +260,27 @@ def _inertial(found: str, counted: Sequence[str], sent: Sequence[str], meters: S
         yield f"no counter and no telemetry has a channel '{found}'{did_you_mean(found, (*counted, *sent))}"
 
 
-def _unlike(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
-    """Three accelerometers, or three gyros, of an inertial unit whose outputs are not in one unit."""
+def _mixed_units(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
+    """Yield triads of an inertial unit, accelerometers or gyros, with outputs in different units."""
     sent = bench.sent_units(place)
-    for sensor, said in (("acc", "accelerometers"), ("gyro", "gyros")) if place.channels is not None else ():
+    for sensor, sensors in (("acc", "accelerometers"), ("gyro", "gyros")) if place.channels is not None else ():
         units = dict.fromkeys(sent.get(f"{sensor}_{axis}", Counted.unit) for axis in "xyz")
         if len(units) > 1:
-            yield ("places", name, "channels"), f"the outputs of the {said} are in {' and '.join(units)}; one is needed"
+            yield (
+                ("places", name, "channels"),
+                f"the outputs of the {sensors} are in {' and '.join(units)}; one is needed",
+            )
 
 
 def _verb(key: str, found: str, sent: Sequence[str]) -> str:
-    """What is done by what a place names with a key."""
+    """Return the verb for the device named by a key of a place."""
     if key.startswith("channels"):
         key = "telemetry" if found in sent else "channel"
     return {"voltmeter": "measures", "telemetry": "carries"}.get(key, "counts")
 
 
 def _nominal_output(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
-    """What 1 g does to an output, of a place whose unit sends none, or in the unit of another output."""
+    """Yield nominal outputs per 1 g of units that send none, or in a wrong unit."""
     output = place.nominal.output if place.nominal is not None else None
     if output is None:
         return

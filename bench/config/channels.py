@@ -1,4 +1,4 @@
-"""What can be read on a bench: the channels of its devices, also by the names that the bench file gives them."""
+"""Readings of a bench: channels of its devices, also by the names that the bench file gives them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 from bench.config.models import BenchFile
 
-LOST_POLLS = 4  # in a row, after which a reading without `stale_after` is stale
+LOST_POLLS = 4  # consecutive lost polls after which a reading without `stale_after` is stale
 
 
 class Channel(NamedTuple):
-    """Something that can be read; `source` is DEVICE.CHANNEL.
+    """Reading of a device; `source` is DEVICE.CHANNEL.
 
-    `usual_age_s` is how old its newest value becomes while nothing is wrong: the device is asked in so long intervals,
-    and its driver may take readings in together. `stale_after_s` is the age from which no decision is taken on it.
+    `usual_age_s` is the greatest age of its newest value in normal operation, from the polling interval and the
+    driver's own interval. `stale_after_s` is the age from which no decision is based on it.
     """
 
     source: str
@@ -23,9 +23,9 @@ class Channel(NamedTuple):
 
 
 def channels_of(bench: BenchFile) -> dict[str, Channel]:
-    """Every channel of a bench by every name it has: named readings first, then DEVICE.CHANNEL.
+    """Return every channel by every name it has: named readings first, then DEVICE.CHANNEL.
 
-    A named reading that is from nowhere is left out.
+    Named readings of unknown devices are omitted.
     """
     by_source = {
         source: Channel(source, unit, usual_age_s(role, bench), stale_after_s(source, bench))
@@ -38,18 +38,18 @@ def channels_of(bench: BenchFile) -> dict[str, Channel]:
 
 
 def stale_after_s(source: str, bench: BenchFile) -> float:
-    """Age from which the newest reading of DEVICE.CHANNEL is stale: as the bench file says, or after lost polls."""
+    """Return the age in s from which a reading is stale: as in the bench file, or after lost polls."""
     role = source.partition(".")[0]
     stated = [reading.stale_after for reading in bench.readings.values() if reading.from_ == source]
     return min(stated, default=LOST_POLLS * period_s(role, bench)) + bench.devices[role].description.reports_every_s
 
 
 def usual_age_s(role: str, bench: BenchFile) -> float:
-    """How old the newest reading of a device becomes while nothing is wrong."""
+    """Return the greatest age in s of the newest reading of a device in normal operation."""
     return period_s(role, bench) + bench.devices[role].description.reports_every_s
 
 
 def period_s(role: str, bench: BenchFile) -> float:
-    """How often a device is asked for its readings while a run goes on."""
+    """Return the polling interval of a device in s during a run."""
     named = any(reading.device == role for reading in bench.readings.values())
     return bench.monitor.period if named else bench.monitor.devices

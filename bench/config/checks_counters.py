@@ -1,4 +1,4 @@
-"""Devices that send frames against the rest of a bench file: their bus, and the encoders that they latch."""
+"""Checks of devices that send frames against the rest of a bench file: bus load, and latched encoders."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from bench.config.models import BenchFile
 from drivers.can.options import text_of
 from drivers.schema.suggest import did_you_mean
 
-MOST_LOAD = 0.8  # of a bus; what is left is for the other frames on it, and for those that are sent again
+MOST_LOAD = 0.8  # of the capacity of a bus; the rest is for other frames and for retransmission
 
 
 def counter_misfits(bench: BenchFile) -> Iterator[Problem]:
-    """What is wrong with the devices of a bench that send frames, each with its place."""
+    """Yield the problems of devices that send frames, with their places."""
     for role, entry in bench.devices.items():
         frames = entry.description.frames
         if frames is not None and all(path.is_file() for path in entry.files.values()):
@@ -27,7 +27,7 @@ def counter_misfits(bench: BenchFile) -> Iterator[Problem]:
 
 
 def files_of_one_name(bench: BenchFile) -> Iterator[Problem]:
-    """Different files with one name, of which a run, that keeps them side by side, could keep only one."""
+    """Yield different files with the same name: a run keeps all files in one folder."""
     texts: dict[str, str] = {}
     for role, entry in bench.devices.items():
         for key, path in entry.files.items():
@@ -37,7 +37,7 @@ def files_of_one_name(bench: BenchFile) -> Iterator[Problem]:
 
 
 def _bus(role: str, entry: DeviceEntry, needed: float) -> Iterator[Problem]:
-    """More frames than the bus can carry, in bit/s."""
+    """Yield devices whose frames exceed the capacity of the bus, in bit/s."""
     bitrate = entry.connection.option("bitrate", 0)
     if bitrate and needed > MOST_LOAD * bitrate:
         share = f"{100 * needed / bitrate:.0f} %"
@@ -49,7 +49,7 @@ def _bus(role: str, entry: DeviceEntry, needed: float) -> Iterator[Problem]:
 
 
 def _encoder(bench: BenchFile, role: str, device: str, bits: int | None) -> Iterator[Problem]:
-    """An encoder of nothing that turns, or one that comes half round between two latches."""
+    """Yield encoders of axes that do not exist, and those that turn half a revolution or more between two latches."""
     where: Place = ("devices", role, "options", "positions", device)
     if device not in bench.axes:
         yield where, f"'{device}' drives no axis of the fixture{did_you_mean(device, bench.axes)}"
@@ -59,7 +59,7 @@ def _encoder(bench: BenchFile, role: str, device: str, bits: int | None) -> Iter
     if bits is not None and counts >= 2 ** (bits - 1):
         yield (
             where,
-            f"its signal has {bits} bits; at {fastest_dps:g} °/s it goes {counts:.6g} counts in a period, half round "
+            f"its signal has {bits} bits; at {fastest_dps:g} °/s it counts {counts:.6g} in a period, half its range "
             "or more: shorten the period, or use a longer signal",
         )
 

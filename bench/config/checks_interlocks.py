@@ -1,4 +1,4 @@
-"""Interlocks against a bench: whether it has what they look at, and whether their limits are in its unit."""
+"""Checks of interlocks against a bench: existing readings, and limits in their units."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from drivers.schema.suggest import did_you_mean
 
 
 def interlock_misfits(entries: Mapping[str, AnyInterlock], bench: BenchFile) -> Iterator[Problem]:
-    """What is wrong with interlocks on a bench; places are those of a document with the key `interlocks`."""
+    """Yield the problems of interlocks on a bench, at places of a document with the key `interlocks`."""
     channels = channels_of(bench) if entries else {}
     for name, entry in entries.items():
         place: Place = ("interlocks", name)
@@ -34,7 +34,7 @@ def interlock_misfits(entries: Mapping[str, AnyInterlock], bench: BenchFile) -> 
 
 
 def _unknown_names(entry: AnyInterlock, channels: Mapping[str, Channel], bench: BenchFile) -> Iterator[Problem]:
-    """What the bench does not have; a named reading that is from nowhere is told at its own place."""
+    """Yield unknown names; named readings of unknown devices are reported at their own place."""
     key = next(key for key, model in INTERLOCKS.items() if isinstance(entry, model))
     for index, name in enumerate(entry.names):
         if name not in channels and name not in bench.readings:
@@ -50,7 +50,7 @@ def _unknown(name: str, channels: Mapping[str, Channel]) -> str:
 
 
 def _misfits(entry: AnyInterlock, channels: Mapping[str, Channel]) -> Iterator[Problem]:
-    """Limits in another unit than what is looked at, and what can never trip or never be good."""
+    """Yield limits in another unit than the reading, and limits that always or never trip."""
     channel = channels[entry.names[0]]
     match entry:
         case ReadingInterlock():
@@ -63,15 +63,15 @@ def _misfits(entry: AnyInterlock, channels: Mapping[str, Channel]) -> Iterator[P
                 yield ("difference",), "the difference of a reading from itself is always 0"
             elif channel.unit != other.unit:
                 is_in = [f"{name} is in {channels[name].unit or 'no unit'}" for name in entry.names]
-                yield ("difference",), f"{is_in[0]}, {is_in[1]}: they have no difference"
+                yield ("difference",), f"{is_in[0]}, {is_in[1]}: their difference cannot be formed"
             else:
                 yield from _in_unit(channel.unit, above=entry.above)
         case AgeInterlock():
             if entry.above_s <= channel.usual_age_s:
                 yield (
                     ("above",),
-                    f"above: the newest value of {entry.reading} is up to {channel.usual_age_s:g} s old when nothing "
-                    f"is wrong; expected more than that",
+                    f"above: the newest value of {entry.reading} is up to {channel.usual_age_s:g} s old in normal "
+                    "operation; expected more than that",
                 )
 
 

@@ -1,4 +1,4 @@
-"""What a bench file says of one instrument: the blocks of every driver, and the driver's own."""
+"""Entry of one instrument in a bench file: the blocks common to all drivers, and the driver's own."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ CoverageFactor = Annotated[Number, Field(gt=0, le=4)]
 
 
 class Calibration(StrictModel):
-    """A certificate.
+    """Calibration certificate.
 
-    `U` holds expanded uncertainties and `corrections` what must be added to readings, under the names that the driver
-    or the reading gives them.
+    `U` holds expanded uncertainties, and `corrections` holds values to be added to readings, under the names that the
+    driver or the reading gives them.
     """
 
     certificate: Text = Field(description="its number")
@@ -73,12 +73,12 @@ def _address(raw: object, info: ValidationInfo) -> Address:
     context = info.context or {}
     if address.is_recording and isinstance(folder := context.get("folder"), Path):
         note_named(address.path, context)
-        return replace(address, path=str(folder / address.path))  # as every file that a bench file names
+        return replace(address, path=str(folder / address.path))  # relative to the bench file, as all its files
     return address
 
 
 class DeviceEntry(StrictModel):
-    """One instrument; the blocks `options`, `limits`, `safe`, `calibration.U` and its corrections are the driver's."""
+    """Instrument; the blocks `options`, `limits`, `safe`, `calibration.U` and its corrections are the driver's."""
 
     driver: Annotated[str, AfterValidator(_known_driver)] = Field(description="the name of an installed driver")
     connection: Annotated[Address, BeforeValidator(_address), WithJsonSchema({"type": "string"})] = Field(
@@ -86,53 +86,51 @@ class DeviceEntry(StrictModel):
     )
     options: Any = Field(None, description="how the instrument is used; its keys are the driver's")
     identity: IdentityPin = IdentityPin()
-    limits: Any = Field(None, description="what the bench allows it; its keys are the driver's")
-    safe: Any = Field(None, description="the state in which it is safe; its keys are the driver's")
+    limits: Any = Field(None, description="permitted ranges on this bench; its keys are the driver's")
+    safe: Any = Field(None, description="the safe state; its keys are the driver's")
     calibration: Calibration | None = None
 
     @property
     def description(self) -> DriverDescription:
-        """What is known of the driver."""
+        """Description of the driver."""
         return known_drivers()[self.driver]
 
     @property
     def channels(self) -> Mapping[str, str]:
-        """The readings that it gives: name → unit."""
+        """Units of the readings, by channel."""
         return self.description.channels_of(self.options)
 
     @property
     def outputs(self) -> Mapping[str, Output]:
-        """The channels on which it sends outputs of units by itself; none of a device that is asked."""
+        """Channels on which the device sends outputs of units unsolicited; empty for a device that is polled."""
         frames = self.description.frames
         return {} if frames is None else frames.outputs(self.options)
 
     @property
     def encoders(self) -> Mapping[str, Encoder]:
-        """The encoders that it latches with these, by the devices that drive their axes."""
+        """Encoders that are latched with the outputs, by the devices that drive their axes."""
         frames = self.description.frames
         return {} if frames is None else frames.encoders(self.options)
 
     @property
     def files(self) -> Mapping[str, Path]:
-        """The files that its options name, by their keys, such as a DBC."""
+        """Files that the options refer to, such as a DBC file, by key."""
         return {key: value for key, value in self.options or () if isinstance(value, Path)}
 
     @property
     def safe_state(self) -> SafeState:
-        """What making it safe does, and within what time."""
+        """Action of making the device safe, and its time limit."""
         return self.description.safe_state_of(self.options, self.limits, self.safe)
 
     @property
     def busy_s(self) -> float:
-        """The longest time for which it may give no reading while it is in order."""
+        """Longest time in s without a reading in normal operation."""
         return self.description.busy_s_of(self.options, self.limits)
 
     @model_validator(mode="wrap")
     @classmethod
-    def _with_the_blocks_of_its_driver(
-        cls, data: Any, handler: ModelWrapValidatorHandler[Any], info: ValidationInfo
-    ) -> Any:
-        """All problems at once: a misspelt key of the entry does not hide what is wrong in a block of the driver."""
+    def _with_driver_blocks(cls, data: Any, handler: ModelWrapValidatorHandler[Any], info: ValidationInfo) -> Any:
+        """Validate all blocks together, so that a misspelt key does not hide problems in a block of the driver."""
         entry: DeviceEntry | None = None
         blocks: dict[str, BaseModel] = {}
         problems: list[InitErrorDetails] = []
@@ -157,7 +155,7 @@ class DeviceEntry(StrictModel):
 def _blocks(
     description: DriverDescription, data: Mapping[str, Any], info: ValidationInfo, problems: list[InitErrorDetails]
 ) -> dict[str, BaseModel]:
-    """The valid blocks of a driver; what is wrong with the others goes to `problems`."""
+    """Return the valid blocks of a driver; problems of the others are appended to `problems`."""
     blocks: dict[str, BaseModel] = {}
     own: list[tuple[tuple[str, ...], type[BaseModel], Mapping[str, Any]]] = [
         (("options",), description.options, data),
@@ -182,7 +180,7 @@ def _blocks(
 def _misfits(
     description: DriverDescription, entry: DeviceEntry | None, blocks: Mapping[str, BaseModel]
 ) -> Iterator[InitErrorDetails]:
-    """An address that the driver cannot use, and settings that the entry's own limits do not allow."""
+    """Yield unusable addresses, and settings outside the limits of the entry."""
     if entry is not None and (scheme := entry.connection.scheme) not in description.schemes:
         known = " or ".join(sorted(description.schemes))
         yield problem_at(("connection",), f"{description.name} is reached by {known}, not by {scheme}")
@@ -205,7 +203,7 @@ def _misfits(
 
 
 def _beyond(allowed: object, value: float) -> str:
-    """On which side `value` lies outside a range, "" when it does not."""
+    """Return the side on which `value` is outside a range, "" if it is inside."""
     low, high = getattr(allowed, "min", None), getattr(allowed, "max", None)
     if low is not None and value < low:
         return "below the min"

@@ -1,11 +1,10 @@
-"""YAML 1.2 documents, strictly: a small safe subset, and the place of every value.
+"""Strict YAML 1.2 documents: a small safe subset, with the place of every value.
 
 Refused are files above 32 KiB, text that is not UTF-8, more than 4000 lines, anchors, aliases, tags, merge keys, second
-documents, duplicate keys, nesting beyond 20 and more than 1500 values; all of it before anything is built. The limits
-are what the parser, written in Python, is through with in less than 100 ms, whatever stands in a file.
-Plain scalars are null, true, false, decimal integers and decimal floats; everything else is text, so `on`, `010`,
-`1_000`, `1:30`, `.nan` and dates stay what was written. Characters that a screen does not show, or shows in another
-order than they stand, are refused wherever they are.
+documents, duplicate keys, nesting beyond 20 and more than 1500 values, all before anything is built. With these limits
+the parser, written in Python, takes less than 100 ms for any file. Plain scalars are null, true, false, decimal
+integers and decimal floats; everything else is text, so `on`, `010`, `1_000`, `1:30`, `.nan` and dates stay as written.
+Invisible characters, and those that change the displayed order, are refused everywhere.
 """
 
 from __future__ import annotations
@@ -40,14 +39,14 @@ _UNSEEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff"
     "\ufffe\uffff\U000e0000-\U000e007f]"
 )
-# Seen at once, where the parser labours:
+# detected before parsing, which would be slow:
 _TOO_DEEP = re.compile(rf"(?:[\[{{][^][{{}}]{{0,100}}){{{DEPTH_LIMIT + 1}}}")
 _CLOSED = re.compile(r"\[[^][{}]{0,100}\]|\{[^][{}]{0,100}\}")
 _LONG_TAG = re.compile(r"^%TAG|(?<![^\s\[{,:-])!\S{100}", re.MULTILINE)
-_FAST = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # of libyaml, where it is installed with PyYAML
+_FAST = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, if PyYAML was built with it
 _WORDS: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
 
-# What the parser says of common slips, and what a person reads instead.
+# messages of the parser for common mistakes, and their replacements
 _PLAINLY = (
     ("character '\\t'", "a tab stands where only spaces may; indent with spaces"),
     ("mapping values are not allowed", "a colon stands where none may; put text with ': ' in it in quotes"),
@@ -63,15 +62,16 @@ _PLAINLY = (
     ("sequence entries are not allowed", "a list of lines that begin with - begins on a line of its own"),
     ("expected '<document start>'", "the document has ended before this"),
 )
-_IMPOSSIBLE = "an escape that stands for no character, or a version far too long"  # where Python has its own words
+# errors that Python reports with its own message
+_IMPOSSIBLE = "an escape that stands for no character, or a version far too long"
 _LEFT_OPEN = ("could not find expected ':'", "unexpected end of stream", "<stream end>")
 
 Place = tuple[str | int, ...]
-Problem = tuple[Place, str]  # what is wrong with a part of a document
+Problem = tuple[Place, str]  # problem at a place of a document
 
 
 class Mark(NamedTuple):
-    """A place in a file; both numbers begin at 1."""
+    """Position in a file; both numbers begin at 1."""
 
     line: int
     column: int
@@ -79,9 +79,9 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class Document:
-    """A file's value (dict, list, str, int, float, bool, None), its text, and where each part of it stands.
+    """Value of a file (dict, list, str, int, float, bool, None), its text, and the position of each part.
 
-    `included` are other documents that stand for a part of this one: places in them continue the place of that part.
+    `included` are documents that replace a part of this one: places in them continue the place of that part.
     """
 
     path: Path
@@ -91,12 +91,12 @@ class Document:
     included: dict[Place, Document] = field(default_factory=dict)
 
     def include(self, place: Place, other: Document) -> None:
-        """Lets another document stand for the part at `place`."""
+        """Replace the part at `place` by another document."""
         owner, inner = self.owner(place)
         owner.included[inner] = other
 
     def all_included(self) -> list[Document]:
-        """Every document that stands for a part of this one, or of one of them; each file once."""
+        """Return all documents included in this one, directly or indirectly; each file once."""
         found: dict[Path, Document] = {}
         for document in self.included.values():
             found[document.path] = document
@@ -104,14 +104,14 @@ class Document:
         return list(found.values())
 
     def owner(self, place: Place) -> tuple[Document, Place]:
-        """The document that a part is written in, and its place there."""
+        """Return the document that contains a part, and its place there."""
         for length in range(1, len(place) if self.included else 0):
             if inner := self.included.get(place[:length]):
                 return inner.owner(place[length:])
         return self, place
 
     def mark(self, place: Place) -> Mark:
-        """Where a part stands in the document that it is written in, or the nearest part around it."""
+        """Return the position of a part in the document that contains it, or of the nearest part around it."""
         owner, inner = self.owner(place)
         for length in range(len(inner), -1, -1):
             if mark := owner.marks.get(inner[:length]):
@@ -119,24 +119,24 @@ class Document:
         return Mark(1, 1)
 
     def where(self, place: Place) -> str:
-        """`file:line:column` of a part, or of the nearest part around it."""
+        """Return `file:line:column` of a part, or of the nearest part around it."""
         mark = self.mark(place)
         return f"{self.owner(place)[0].path}:{mark.line}:{mark.column}"
 
-    def told(self, problems: Iterable[Problem]) -> list[str]:
-        """`file:line:column: what is wrong` for each problem, once; in the order of the file, then of included ones."""
+    def located(self, problems: Iterable[Problem]) -> list[str]:
+        """Return `file:line:column: problem` for each distinct problem, in the order of the files."""
         found = dict.fromkeys((self.owner(place)[0].path, self.mark(place), problem) for place, problem in problems)
         in_order = sorted(found, key=lambda item: (item[0] != self.path, *item))
         return [f"{path}:{mark.line}:{mark.column}: {problem}" for path, mark, problem in in_order]
 
 
 def read_document(path: Path) -> Document:
-    """The document in a file; InputError says what is wrong with it and where."""
+    """Read and parse a file. Raises InputError with the place of the problem."""
     return parse_document(read_text(path), path)
 
 
 def read_text(path: Path) -> str:
-    """A file's text; InputError when there is none, it is too long, or it is not UTF-8."""
+    """Read the text of a file. Raises InputError if it is missing, too long or not UTF-8."""
     try:
         return read_bounded(path, SIZE_LIMIT_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as problem:
@@ -147,9 +147,9 @@ def read_text(path: Path) -> str:
 
 
 def parse_document(text: str, path: Path) -> Document:
-    """The document that `text` spells; `path` is only for messages."""
+    """Parse `text`; `path` is only used in messages."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n")
-    opened = _CLOSED.sub(lambda pair: " " * len(pair[0]), lines)  # which leaves what is open around them
+    opened = _CLOSED.sub(lambda pair: " " * len(pair[0]), lines)  # only open brackets are left
     for bad, where, problem in (
         (_UNSEEN, lines, _INVISIBLE), (_LONG_TAG, lines, _TAGGED), (_TOO_DEEP, lines, _DEEP), (_TOO_DEEP, opened, _DEEP)
     ):  # fmt: skip
@@ -162,38 +162,38 @@ def parse_document(text: str, path: Path) -> Document:
     builder = _Builder(path)
     try:
         value = builder.build(yaml.parse(lines, Loader=_FAST))
-    except YAMLError:  # the parser in Python has better words, and better places
+    except YAMLError:  # the parser written in Python has better messages and positions
         builder = _Builder(path)
         value = _built_or_refused(lines, builder, path)
     return Document(path, text, value, builder.marks)
 
 
 def _built_or_refused(lines: str, builder: _Builder, path: Path) -> Any:
-    """The value that the parser written in Python finds; InputError when it finds none."""
+    """Return the value from the parser written in Python. Raises InputError."""
     try:
         return builder.build(yaml.parse(lines, Loader=yaml.SafeLoader))
     except MarkedYAMLError as error:
-        raise InputError(f"{path}:{_told_plainly(error)}") from None
+        raise InputError(f"{path}:{_plain_message(error)}") from None
     except (YAMLError, ValueError, OverflowError) as error:
         mark = max(builder.marks.values(), default=Mark(1, 1))
-        said = str(error).splitlines()[0] if isinstance(error, YAMLError) else _IMPOSSIBLE
-        problem = f"what follows here is not YAML: {said}"
+        message = str(error).splitlines()[0] if isinstance(error, YAMLError) else _IMPOSSIBLE
+        problem = f"what follows here is not YAML: {message}"
         raise InputError(f"{path}:{mark.line}:{mark.column}: {problem}") from None
 
 
-def _told_plainly(error: MarkedYAMLError) -> str:
-    """What the parser says, and where; of what is left open, where it begins."""
-    said = str(error.problem or error.context)
+def _plain_message(error: MarkedYAMLError) -> str:
+    """Return position and message of a parser error in plain terms; for an unclosed bracket its beginning."""
+    message = str(error.problem or error.context)
     marks = (error.problem_mark, error.context_mark)
-    if any(part in said for part in _LEFT_OPEN):
+    if any(part in message for part in _LEFT_OPEN):
         marks = marks[::-1]
     mark = marks[0] or marks[1]
     at = f"{mark.line + 1}:{mark.column + 1}" if mark is not None else "1:1"
-    return f"{at}: is not YAML: {next((words for part, words in _PLAINLY if part in said), said)}"
+    return f"{at}: is not YAML: {next((words for part, words in _PLAINLY if part in message), message)}"
 
 
 class _Builder:
-    """Values from parser events, without recursion."""
+    """Builder of values from parser events, without recursion."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -223,7 +223,7 @@ class _Builder:
         return root
 
     def _node(self, event: Any, open_nodes: list[_Node]) -> Any:
-        """The value that an event begins, after every limit."""
+        """Return the value that an event begins, after checking all limits."""
         self._nodes += 1
         if self._nodes > NODE_LIMIT:
             self._refuse(event, f"has more than {NODE_LIMIT} values")
@@ -260,7 +260,7 @@ class _Builder:
         raise InputError(f"{self._path}:{mark.line}:{mark.column}: {problem}")
 
     def add_key(self, key: Any, event: Any, node: _Node) -> None:
-        """Checks a key; a duplicate is refused with both places."""
+        """Check a key; a duplicate is refused with both positions."""
         if not isinstance(key, str):
             if isinstance(key, (list, dict)):
                 self._refuse(event, f"a key is text, found a {'list' if isinstance(key, list) else 'mapping'}")
@@ -273,7 +273,7 @@ class _Builder:
 
 
 class _Node:
-    """A mapping or a list that is being filled."""
+    """Mapping or list under construction."""
 
     def __init__(self, value: Any, place: Place) -> None:
         self.value, self.place = value, place
@@ -281,7 +281,7 @@ class _Node:
         self.place_of_last = place
 
     def add(self, value: Any, event: Any, builder: _Builder) -> None:
-        """Takes the next key, value or item."""
+        """Add the next key, value or item."""
         if isinstance(self.value, list):
             self.place_of_last = (*self.place, len(self.value))
             self.value.append(value)

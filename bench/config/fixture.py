@@ -1,4 +1,4 @@
-"""What a bench file says of how units lie: the axes of the table, the fixture on it, the ways to fix units in it."""
+"""Geometry of the units in a bench file: axes of the table, fixture on it, and mounts of the units."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Direction = Literal["level", "up", "down"]
 
 
 class InputAxis(StrictModel):
-    """How the input axis lies in the fixture at two angles of the head."""
+    """Orientation of the input axis in the fixture at two angles of the head."""
 
     at_0: Direction = Field(description="where it points at a head angle of 0°")
     at_90: Direction = Field(description="where it points at 90°")
@@ -42,30 +42,30 @@ class InputAxis(StrictModel):
 
     @property
     def sense(self) -> int:
-        """+1 where the axis rises as the head angle does, at the angle where it is level."""
+        """+1 if the axis rises with the head angle at the angle where it is level, else -1."""
         rises = self.at_90 == "up" if self.at_0 == "level" else self.at_0 == "down"
         return 1 if rises else -1
 
     @property
     def offset_deg(self) -> float:
-        """The angle of the axis above the horizontal at head angle 0."""
+        """Angle of the axis above the horizontal at head angle 0, in degrees."""
         return {"level": 0.0, "up": 90.0, "down": -90.0}[self.at_0]
 
     @property
     def points(self) -> Compass:
-        """Where the positive end of the head's axis points, east being where a level input axis does at 0°."""
+        """Direction of the positive head axis; east is that of a level input axis at 0°."""
         return "south" if self.sense > 0 else "north"
 
 
 class TableAxis(StrictModel):
-    """An axis of a table with several."""
+    """Axis of a table with several axes."""
 
-    device: Name = Field(description="which drives it")
+    device: Name = Field(description="the device that drives it")
     points: Compass = Field(description="where its positive end points while the angles of all axes are 0°")
 
 
 class Body(StrictModel):
-    """How the fixture lies while the angles of all axes are 0°; y completes a right-handed set."""
+    """Orientation of the fixture at axis angles 0°; y completes a right-handed set."""
 
     x: Compass = Field(description="where its x axis points, the input axis of a unit with one")
     z: Compass = Field(description="where its z axis points, the normal of the seat")
@@ -73,12 +73,12 @@ class Body(StrictModel):
     @model_validator(mode="after")
     def _square(self) -> Body:
         if any(a and b for a, b in zip(DIRECTIONS[self.x], DIRECTIONS[self.z], strict=True)):
-            raise telling("x and z are on one line; they are at right angles")
+            raise telling("x and z are parallel; they must be at right angles")
         return self
 
 
 class Mount(StrictModel):
-    """A way in which units are fixed by hand; an angle alone raises the input axis."""
+    """Orientation in which units are fixed by hand; a plain angle raises the input axis."""
 
     angle: Degrees = Field(0.0, description="added to the mount angles: by how much the input axis is raised")
     roll: Degrees = Field(0.0, description="then about the input axis; 180° stands the units on their other end")
@@ -97,7 +97,7 @@ class Mount(StrictModel):
 
 
 class Level(StrictModel):
-    """How far from level the fixture is when the head says it is level."""
+    """Deviation of the fixture from level when the head reads level."""
 
     value: Annotated[float, InUnit("arcsec")] = Field(description="as last measured")
     U: Arcseconds = Field(description="expanded uncertainty")
@@ -109,7 +109,7 @@ class Level(StrictModel):
 
 
 class Azimuth(StrictModel):
-    """How well north is known: how far the table is turned about the vertical against what the file says."""
+    """Uncertainty of north: rotation of the table about the vertical against the file."""
 
     U: Arcseconds = Field(description="expanded uncertainty")
     k: CoverageFactor = Field(2.0, description="coverage factor of U")
@@ -117,7 +117,7 @@ class Azimuth(StrictModel):
 
 
 class Orthogonality(StrictModel):
-    """How far from a right angle each axis of the table is to the one that carries it."""
+    """Deviation from a right angle of each axis of the table to the axis that carries it."""
 
     U: Arcseconds = Field(description="expanded uncertainty, of each inner axis in two directions")
     k: CoverageFactor = Field(2.0, description="coverage factor of U")
@@ -132,11 +132,11 @@ class AngleRange(Range):
 
 
 class FixtureEntry(StrictModel):
-    """What holds the units on the head."""
+    """Fixture that holds the units on the head."""
 
     serial: Text = Field(description="serial number of the fixture")
     input_axis: InputAxis | None = Field(None, description="of units on a head with one level axis")
-    axes: tuple[TableAxis, ...] = Field((), description="of any other table, the outermost first; then say body too")
+    axes: tuple[TableAxis, ...] = Field((), description="of any other table, the outermost first; give body as well")
     body: Body | None = None
     level: Level
     azimuth: Azimuth | None = None
@@ -144,19 +144,21 @@ class FixtureEntry(StrictModel):
     mounts: Mapping[Name, Mount] = Field(
         {}, description="ways in which units can be fixed by hand; a run begins with the first"
     )
-    forbidden: tuple[AngleRange, ...] = Field((), description="angles of the head at which something would touch")
+    forbidden: tuple[AngleRange, ...] = Field((), description="angles of the head at which something would collide")
 
     @model_validator(mode="after")
     def _one_geometry(self) -> FixtureEntry:
         if (self.input_axis is None) == (self.body is None):
-            raise telling("say how the units lie: input_axis on a head with a level axis, else body (and axes)")
+            raise telling(
+                "give the orientation of the units: input_axis on a head with a level axis, else body (and axes)"
+            )
         if self.axes and self.body is None:
             raise telling("axes need a body: where x and z of the fixture point")
         return self
 
     @property
     def x(self) -> Vector:
-        """Where the x axis of the fixture points while all angles are 0°."""
+        """Direction of the x axis of the fixture at axis angles 0°."""
         if self.body is not None:
             return DIRECTIONS[self.body.x]
         raised = math.radians(self.input_axis.offset_deg if self.input_axis is not None else 0.0)
@@ -164,12 +166,12 @@ class FixtureEntry(StrictModel):
 
     @property
     def z(self) -> Vector:
-        """Where the z axis of the fixture points while all angles are 0°."""
+        """Direction of the z axis of the fixture at axis angles 0°."""
         if self.body is not None:
             return DIRECTIONS[self.body.z]
         east, _, up = self.x
         return -up, 0.0, east
 
     def mount(self, name: str | None = None) -> Mount:
-        """A mount by its name; without one the first, as it is when there is none."""
+        """Return a mount by its name; without a name the first one, or the default mount."""
         return self.mounts[name] if name is not None else next(iter(self.mounts.values()), Mount())

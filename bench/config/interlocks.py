@@ -1,6 +1,7 @@
-"""Interlocks as bench files and sequences declare them: a condition over live readings, and what it does to a run.
+"""Interlocks in bench files and sequences: a condition on live readings, and its effect on a run.
 
-The first key says what is looked at: a reading, its rate of change, the difference of two, or the age of the newest.
+The first key names the monitored quantity: a reading, its rate of change, the difference of two, or the age of the
+newest value.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import expected, telling
 
 # Hold: the chamber's set point stays where it is, and no further step begins. Pause: no further step begins. Stop: the
-# step under way ends, the teardown runs. Abort: everything is made safe at once.
+# current step ends, the teardown runs. Abort: everything is made safe at once.
 Action = Literal["hold", "pause", "stop", "abort"]
-PASSING: tuple[Action, ...] = ("hold", "pause")  # after which a run goes on by itself
+PASSING: tuple[Action, ...] = ("hold", "pause")  # the run can resume by itself
 
 ReadingName = Annotated[
     str,
@@ -49,16 +50,16 @@ def _pair(raw: object) -> object:
 Limit = Annotated[
     AnyQuantity,
     WithJsonSchema(
-        {"type": ["number", "string"], "minLength": 1, "description": "a quantity in the unit of what is looked at"}
+        {"type": ["number", "string"], "minLength": 1, "description": "a quantity in the unit of the monitored value"}
     ),
 ]
 Size = Annotated[Limit, AfterValidator(_above_zero)]
 
 
 class InterlockBase(StrictModel):
-    """What every interlock says: how long its condition must hold before it trips, and what happens then.
+    """Interlock: duration of its condition before it trips, and its action.
 
-    After a hold and a pause the run goes on by itself when the condition has been good for `good_for`.
+    After a hold or a pause the run resumes by itself when the condition has been good for `good_for`.
     """
 
     for_s: Seconds = Field(0.0, alias="for", description="how long the condition must hold before it trips")
@@ -74,7 +75,7 @@ class InterlockBase(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _goes_on_only_after_a_pause(self) -> Self:
+    def _resumes_only_after_a_pause(self) -> Self:
         for key, field in (("good_for", "good_for_s"), ("give_up_after", "give_up_after_s")):
             if self.then not in PASSING and field in self.model_fields_set:
                 raise telling(f"'{key}' goes with hold and pause: after '{self.then}' the run does not go on")
@@ -82,9 +83,9 @@ class InterlockBase(StrictModel):
 
 
 class ReadingInterlock(InterlockBase):
-    """Trips while a reading is above one value or below another."""
+    """Interlock that trips while a reading is above one value or below another."""
 
-    reading: ReadingName = Field(description="what is looked at")
+    reading: ReadingName = Field(description="the monitored reading")
     above: Limit | None = Field(None, description="a larger value is bad")
     below: Limit | None = Field(None, description="a smaller value is bad")
 
@@ -96,30 +97,30 @@ class ReadingInterlock(InterlockBase):
             if self.above.dimension != self.below.dimension:
                 raise telling(f"above is {self.above}, below is {self.below}: they need the same unit")
             if self.above <= self.below:
-                raise telling(f"every value is above {self.above} or below {self.below}: nothing would be good")
+                raise telling(f"every value is above {self.above} or below {self.below}: no value would be good")
         return self
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is looked at."""
+        """Monitored readings."""
         return (self.reading,)
 
 
 class RateInterlock(InterlockBase):
-    """Trips while a reading rises or falls faster than a rate, by its mean over the last `over`."""
+    """Interlock that trips while the mean rate of a reading over the last `over` exceeds a limit, either way."""
 
-    reading: ReadingName = Field(alias="rate_of", description="whose rate of change is looked at")
+    reading: ReadingName = Field(alias="rate_of", description="the reading whose rate of change is monitored")
     over_s: PositiveSeconds = Field(alias="over", description="the time whose mean rate is taken")
     above: Size = Field(description="rising or falling faster is bad")
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is looked at."""
+        """Monitored readings."""
         return (self.reading,)
 
 
 class DifferenceInterlock(InterlockBase):
-    """Trips while two readings are farther apart than so much."""
+    """Interlock that trips while the difference of two readings exceeds a limit."""
 
     names: Annotated[tuple[ReadingName, ReadingName], BeforeValidator(_pair)] = Field(
         alias="difference", description="the two that are compared"
@@ -134,14 +135,14 @@ class DifferenceInterlock(InterlockBase):
 
 
 class AgeInterlock(InterlockBase):
-    """Trips while the newest value of a reading is older than so much."""
+    """Interlock that trips while the newest value of a reading is older than a limit."""
 
-    reading: ReadingName = Field(alias="age_of", description="whose newest value is looked at")
+    reading: ReadingName = Field(alias="age_of", description="the reading whose age is monitored")
     above_s: PositiveSeconds = Field(alias="above", description="an older value is bad")
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is looked at."""
+        """Monitored readings."""
         return (self.reading,)
 
 
@@ -152,20 +153,22 @@ INTERLOCKS: dict[str, type[AnyInterlock]] = {
 
 
 def _by_first_key(raw: Any, _handler: Any) -> AnyInterlock:
-    """The model that the first key asks for; without the context of a document: there are no expressions in it."""
+    """Validate into the model of the first key, without the context of a document, since it holds no expressions."""
     if not isinstance(raw, Mapping) or not raw:
-        raise expected("an interlock: a mapping whose first key says what is looked at", raw)
+        raise expected("an interlock: a mapping whose first key names the monitored quantity", raw)
     first = str(next(iter(raw)))
     if first in INTERLOCKS:
         return INTERLOCKS[first].model_validate(raw)
     if later := [key for key in raw if key in INTERLOCKS]:
-        raise telling(f"the first key of an interlock says what is looked at: put '{later[0]}' before {quoted(first)}")
-    raise telling(f"the first key says what is looked at, not {quoted(first)}{did_you_mean(first, INTERLOCKS)}")
+        raise telling(
+            f"the first key of an interlock names the monitored quantity: put '{later[0]}' before {quoted(first)}"
+        )
+    raise telling(f"the first key names the monitored quantity, not {quoted(first)}{did_you_mean(first, INTERLOCKS)}")
 
 
 InterlockEntry = Annotated[AnyInterlock, WrapValidator(_by_first_key)]
 
 
 def rate_unit(unit: str) -> str:
-    """What the rate of change of a reading in `unit` is written in."""
+    """Return the unit of the rate of change of a reading in `unit`."""
     return "°C/min" if unit == "°C" else f"{unit or 1}/s"

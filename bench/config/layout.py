@@ -1,7 +1,7 @@
-"""Files laid out as the shipped ones are: two spaces a level, a list two spaces in, no trailing spaces.
+"""Formatter of YAML files: indent of two spaces, lists indented by two, no trailing spaces.
 
-Lines are moved sideways and nothing else: what stands in a line, and beside it as a comment, stays as it is written. A
-text whose value would change by that is refused.
+Only the indentation of lines changes; their content and comments stay as written. A text whose value would change is
+refused.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ _DASHES = re.compile(r"^( *)((?:- +)+)(?=\S)")
 
 
 def changes(paths: Iterable[Path]) -> dict[Path, str]:
-    """The files that are laid out otherwise, with the text they should have; InputError tells what is no document."""
+    """Return the files whose layout differs, with the formatted text. Raises InputError for an invalid document."""
     found: dict[Path, str] = {}
     refused: list[str] = []
     for path in paths:
         try:
-            text = laid_out(read_text(path), path)
+            text = formatted(read_text(path), path)
             if text.encode() != path.read_bytes():
                 found[path] = text
         except InputError as problem:
@@ -43,8 +43,8 @@ def changes(paths: Iterable[Path]) -> dict[Path, str]:
     return found
 
 
-def laid_out(text: str, path: Path) -> str:
-    """The text of a document as it should stand; InputError for what is not a document, or cannot be laid out."""
+def formatted(text: str, path: Path) -> str:
+    """Format the text of a document. Raises InputError if it is invalid or cannot be formatted."""
     before = _ordered(text, path)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     moved = _moved(lines, _survey(lines))
@@ -59,23 +59,23 @@ def laid_out(text: str, path: Path) -> str:
 
 
 def _ordered(text: str, path: Path) -> str:
-    """A document's value with the order of its keys, which decides on a step's verb."""
+    """Return the value of a document with the order of its keys, which determines the verb of a step."""
     return json.dumps(parse_document(text, path).value)
 
 
 @dataclass
 class _Survey:
-    """What the lines of a document are, by their numbers from 0."""
+    """Layout of the lines of a document, by line number from 0."""
 
-    columns: dict[int, int]  # of lines that begin with a key, an item or a value: where they should begin
-    inside: set[int]  # lines in which a value goes on: they move with the line that it began in
-    verbatim: set[int]  # lines that end inside a text: the spaces at their end may belong to it
+    columns: dict[int, int]  # required column of lines that begin with a key, an item or a value
+    inside: set[int]  # continuation lines of a value, which move with its first line
+    verbatim: set[int]  # lines that end inside a text, whose trailing spaces may belong to it
 
 
 class _Kind(Enum):
     MAPPING = auto()
     LIST = auto()
-    FLAT_LIST = auto()  # stands no deeper than its key, which YAML allows
+    FLAT_LIST = auto()  # a list at the column of its key, which YAML allows
 
 
 def _survey(lines: list[str]) -> _Survey:
@@ -101,7 +101,7 @@ def _survey(lines: list[str]) -> _Survey:
 
 
 def _follow(token: Any, levels: list[_Kind]) -> None:
-    """Opens and closes the levels of indentation that begin and end before a token."""
+    """Update the open indentation levels before a token."""
     if isinstance(token, tokens.BlockEntryToken) and levels[-1] is _Kind.MAPPING:
         levels.append(_Kind.FLAT_LIST)
     elif isinstance(token, (tokens.KeyToken, tokens.BlockEndToken)) and levels[-1] is _Kind.FLAT_LIST:
@@ -115,22 +115,22 @@ def _follow(token: Any, levels: list[_Kind]) -> None:
 
 
 def _column(token: Any, levels: list[_Kind]) -> int | None:
-    """Where a line that begins with this token should begin; None when lines begin with the next one."""
+    """Return the required column of a line that begins with this token; None if the next token decides."""
     if isinstance(token, (tokens.KeyToken, tokens.ValueToken, tokens.BlockEntryToken)):
         return STEP * (len(levels) - 1)
     return STEP * len(levels) if isinstance(token, (tokens.ScalarToken, *_FLOW_OPENS)) else None
 
 
 def _moved(lines: list[str], survey: _Survey) -> Iterator[str]:
-    """The lines at their columns.
+    """Yield the lines at their required columns.
 
-    A comment goes where the next line goes if both stand in one column, else where the last line before it in its
-    column goes, and else as far as the line before it.
+    A comment moves with the next line if both have the same column, else with the last line before it in its column,
+    and else by as much as the line before it.
     """
     column = {number: len(line) - len(line.lstrip(" ")) for number, line in enumerate(lines)}
     begins = [number for number in survey.columns if number not in survey.inside]
     following = dict(pairwise(begins))
-    gone: dict[int, int] = {}  # by the column that lines had: the one that they have now
+    gone: dict[int, int] = {}  # new column by old column
     shift, next_one = 0, begins[0] if begins else None
     for number, line in enumerate(lines):
         kept = line if number in survey.verbatim else line.rstrip(" \t")
@@ -156,7 +156,7 @@ def _one_space(dashes: re.Match[str]) -> str:
 
 
 def _shifted(line: str, by: int) -> str:
-    """A line so many columns to the right, or as far to the left as it has spaces."""
+    """Return a line moved right by a number of columns, or left as far as it has spaces."""
     if by >= 0:
         return " " * by + line if line else line
     spaces = len(line) - len(line.lstrip(" "))

@@ -1,4 +1,4 @@
-"""Documents into models, with every problem at its place; and where files are looked for."""
+"""Validation of documents into models with the place of every problem, and search paths of files."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from drivers.schema.wording import in_plain_words
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Kind = Literal["sequences", "config"]
 _SUFFIX = ".yaml"
-_KEY = "[key]"  # ends the location of an error about a key itself
+_KEY = "[key]"  # last part of the location of an error about a key itself
 
 
 def load(document: Document, model: type[ModelT], **context: Any) -> ModelT:
-    """The model of a document; InputError has a `file:line:column: what` for each problem.
+    """Validate a document. Raises InputError with `file:line:column: problem` for each problem.
 
-    Validators find the document's folder, how files beside it are loaded, and what `context` gives in their context.
+    The context of validators has the document's folder, the loader of files beside it, and `context`.
     """
     try:
         return model.model_validate(
             document.value, context={"folder": document.path.parent, "load": load_file, **context}
         )
     except ValidationError as error:
-        raise InputError(*document.told(problems(document.value, error))) from None
+        raise InputError(*document.located(problems(document.value, error))) from None
 
 
 def load_file(path: Path, model: type[ModelT]) -> ModelT:
-    """The model of a file."""
+    """Read and validate a file."""
     return load(read_document(path), model)
 
 
 def problems(value: Any, error: ValidationError, prefix: Place = ()) -> Iterator[Problem]:
-    """What pydantic found wrong with the part of a document's value at `prefix`."""
+    """Yield the errors of pydantic for the part of a document's value at `prefix`."""
     for item in error.errors(include_url=False):
         place, missing = _place(value, (*prefix, *item["loc"]))
         problem = in_plain_words(item)
@@ -51,9 +51,9 @@ def problems(value: Any, error: ValidationError, prefix: Place = ()) -> Iterator
 
 
 def _place(value: Any, location: Place) -> tuple[Place, str]:
-    """The part of the document that an error's location means, and the key that is missing there.
+    """Return the place of an error's location in the document, and the key that is missing there.
 
-    Locations also hold names that no document has, such as the alternatives of a union; they are passed over.
+    Locations also contain names that are in no document, such as the alternatives of a union; they are skipped.
     """
     place: list[str | int] = []
     for index, part in enumerate(location):
@@ -72,7 +72,7 @@ def _has(value: Any, part: str | int) -> bool:
 
 
 def find(name: str, kind: Kind) -> Path:
-    """A sequence or a bench file: the path itself, then `./sequences` or `./config`, then what is shipped."""
+    """Return a sequence or bench file: the path itself, else in `./sequences` or `./config`, else a shipped one."""
     given = Path(name)
     folders = [Path(kind), *shipped(kind)]
     candidates = [given] + [folder / name for folder in folders if given.name == name]
@@ -82,7 +82,7 @@ def find(name: str, kind: Kind) -> Path:
                 if path.is_file():
                     return path
         if given.exists():
-            return given  # whoever reads it says what it is instead of a file
+            return given  # the reader reports what it is instead of a file
     except (OSError, ValueError) as problem:
         raise InputError(f"{name}: cannot be read ({problem})") from None
     if given.name != name or given.suffix == _SUFFIX:
@@ -93,6 +93,6 @@ def find(name: str, kind: Kind) -> Path:
 
 
 def shipped(kind: str) -> list[Path]:
-    """Where the files of this distribution are: in the wheel, or in the source tree around the package."""
+    """Return the shipped files: in the wheel, or in the source tree around the package."""
     package = Path(str(files("bench")))
     return [package / "shipped" / kind, package.parent / kind]

@@ -1,4 +1,4 @@
-"""What a bench file says: the site, the instruments and their limits, the fixture, the places for units."""
+"""Models of a bench file: site, instruments with limits, fixture, and places for units."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field
 from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
-from bench.config.places import PlaceEntry, drawn_together
+from bench.config.places import PlaceEntry, total_current
 from bench.config.power import PowerEntry
 from bench.config.simulation import Simulation
 from drivers.can.sent_frames import Counted, Sampled
@@ -43,7 +43,7 @@ def _zone(name: str) -> str:
 
 
 class Gravity(StrictModel):
-    """Local gravity in m/s², its expanded uncertainty, and where it comes from."""
+    """Local gravity in m/s², its expanded uncertainty and its source."""
 
     value: Annotated[float, InUnit("m/s²", at_least=9.7, at_most=9.9)] = Field(description="at the height of the units")
     U: Annotated[float, InUnit("m/s²", at_least=0)] = Field(description="expanded uncertainty")
@@ -52,14 +52,14 @@ class Gravity(StrictModel):
 
 
 class HostClock(StrictModel):
-    """How well the computer's clock keeps the second, such as by NTP or PTP; it times what no device's clock does."""
+    """Uncertainty of the computer's clock, for example with NTP or PTP; time base of data without a device clock."""
 
     U: Annotated[Ratio, InUnit("", at_least=0)] = Field(description="expanded uncertainty, such as 4 ppm")
     k: CoverageFactor = Field(2.0, description="coverage factor of U")
 
 
 class Site(StrictModel):
-    """Where the bench stands."""
+    """Location of the bench."""
 
     latitude: Annotated[float, InUnit("°", at_least=-90, at_most=90)] = Field(description="north of the equator")
     height: Annotated[float, InUnit("m", at_least=-500, at_most=9000)] = Field(description="above sea level")
@@ -72,14 +72,14 @@ class Site(StrictModel):
 
 
 class TemperatureWindow(Range):
-    """What a reading may be: from `min` to `max`; outside is an error of the bench."""
+    """Permitted range of a reading, from `min` to `max`; outside is an error of the bench."""
 
     min: Celsius
     max: Celsius
 
 
 class ThermometerUncertainty(StrictModel):
-    """Expanded: an offset, a gain error on the temperature in °C, and how much the offset changes within a run."""
+    """Expanded uncertainty: an offset, a gain error on the temperature in °C, and the change of the offset in a run."""
 
     offset: Annotated[float, InUnit("°C", at_least=0)] = Field(0.0, description="the same at every temperature")
     gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the temperature in °C, such as 0.2 %")
@@ -89,14 +89,14 @@ class ThermometerUncertainty(StrictModel):
 
 
 class ThermometerCalibration(Calibration):
-    """The certificate of a thermometer."""
+    """Calibration certificate of a thermometer."""
 
     U: ThermometerUncertainty = ThermometerUncertainty()
     corrections: TemperatureTable = Field((), description="rows, by rising temperature")
 
 
 class ReadingEntry(StrictModel):
-    """A named reading: `DEVICE.CHANNEL`."""
+    """Named reading: `DEVICE.CHANNEL`."""
 
     from_: Annotated[str, TextLike(r"[a-z][a-z0-9_]*\.[\w.]+", "DEVICE.CHANNEL")] = Field(
         alias="from", description="the device above, and what its driver calls the reading"
@@ -115,17 +115,17 @@ class ReadingEntry(StrictModel):
 
     @property
     def device(self) -> str:
-        """The role of the device."""
+        """Role of the device."""
         return self.from_.partition(".")[0]
 
     @property
     def channel(self) -> str:
-        """The device's name for the reading."""
+        """Name of the reading in the driver."""
         return self.from_.partition(".")[2]
 
 
 class Monitor(StrictModel):
-    """How often devices are asked, the whole run long: those behind named readings, and all others."""
+    """Polling intervals during a run: of devices with named readings, and of all others."""
 
     period: PositiveSeconds = Field(
         1.0, description="of the devices with named readings; devices that send frames are read as these arrive"
@@ -134,7 +134,7 @@ class Monitor(StrictModel):
 
 
 class AlertEntry(StrictModel):
-    """The program that alerts a person at the end of a run."""
+    """Program that alerts a person at the end of a run."""
 
     exec: Annotated[tuple[Text, ...], NOT_EMPTY] = Field(
         description="a program and its first arguments; it is given a title as its last argument, and a text on its "
@@ -143,14 +143,14 @@ class AlertEntry(StrictModel):
 
 
 class ResumeEntry(StrictModel):
-    """Limits within which an interrupted run goes on without a person after a start of the computer."""
+    """Limits within which an interrupted run continues without a person after a start of the computer."""
 
     attempts: Annotated[WholeNumber, Field(ge=1, le=10)] = Field(2, description="how often one run at most")
     within: PositiveSeconds = Field(7200.0, description="the longest time since it was interrupted")
 
 
 class BenchFile(StrictModel):
-    """One `config/*.yaml`: a bench."""
+    """Bench file, `config/*.yaml`."""
 
     schema_: Literal["itb-bench/1"] = Field(alias="schema", description="version of the file format")
     title: Text = Field(description="the name of the bench in reports")
@@ -172,29 +172,29 @@ class BenchFile(StrictModel):
     simulation: Simulation = Simulation()
 
     def members(self, name: str) -> tuple[str, ...]:
-        """The devices or readings that a name of a sequence stands for; mostly itself alone."""
+        """Return the devices or readings of a group name; for any other name itself alone."""
         return self.together.get(name, (name,))
 
-    def draws(self, supply: str) -> tuple[float, float]:
-        """What all units on a supply may draw together, least and most in A; ±∞ where no window says it."""
+    def current_range(self, supply: str) -> tuple[float, float]:
+        """Return the least and greatest permitted total current of the units on a supply in A; ±∞ without windows."""
         windows = [place.supply_current for place in self.places.values() if place.supply == supply]
-        return drawn_together(windows) if any(windows) else (-math.inf, math.inf)
+        return total_current(windows) if any(windows) else (-math.inf, math.inf)
 
     def with_units_in(self, places: Collection[str]) -> BenchFile:
-        """The same bench as it is for a run that has units in these of its places, and none in the others.
+        """Return the bench for a run with units in these places only.
 
-        A name for several stands no longer for what belongs to the others alone.
+        Group names no longer include devices and readings that belong only to other places.
         """
         kept = {name: entry for name, entry in self.places.items() if name in places}
-        ours = {each for entry in kept.values() for each in entry.belongings}
-        gone = {each for entry in self.places.values() for each in entry.belongings} - ours
+        ours = {each for entry in kept.values() for each in entry.dependencies}
+        gone = {each for entry in self.places.values() for each in entry.dependencies} - ours
         left = {name: tuple(each for each in members if each not in gone) for name, members in self.together.items()}
         return self.model_copy(
             update={"places": kept, "together": {name: members for name, members in left.items() if members}}
         )
 
     def all_simulated(self) -> BenchFile:
-        """The same bench with the simulator at the other end of every wire."""
+        """Return the bench with a simulator behind every address."""
         devices = {
             name: entry.model_copy(update={"connection": entry.connection.as_simulated()})
             for name, entry in self.devices.items()
@@ -202,14 +202,14 @@ class BenchFile(StrictModel):
         return self.model_copy(update={"devices": devices})
 
     def with_capability(self, *capabilities: str) -> list[str]:
-        """The roles of the devices that have one of these capabilities, in the order of the file."""
+        """Return the roles of devices with one of these capabilities, in the order of the file."""
         return [
             role for role, entry in self.devices.items() if entry.description.capabilities & frozenset(capabilities)
         ]
 
     @property
     def axes(self) -> Mapping[str, Vector]:
-        """Where the axes of the table point while all their angles are 0°, by the devices that drive them, outer first.
+        """Directions of the table axes at axis angles 0°, by driving device, outermost first.
 
         In the level frame: east, north, up.
         """
@@ -219,7 +219,7 @@ class BenchFile(StrictModel):
         return dict.fromkeys(self.with_capability("positioner")[:1], DIRECTIONS[fixture.input_axis.points])
 
     def output_unit(self, place: str) -> str:
-        """What the output of the unit in a place is in; of an inertial unit that of its accelerometers."""
+        """Return the unit of the output of the unit in a place; for an inertial unit that of its accelerometers."""
         entry = self.places[place]
         sample = self.sample_of(entry)
         if sample is not None:
@@ -227,19 +227,19 @@ class BenchFile(StrictModel):
         return Counted.unit if entry.voltmeter is None else "V"
 
     def gyro_output_unit(self, place: str) -> str:
-        """The same of the gyros of an inertial unit; of any other it is that of its output."""
+        """Return the unit of the gyro outputs of an inertial unit; for any other unit that of its output."""
         sent = self.sent_units(self.places[place])
         return self.output_unit(place) if self.places[place].channels is None else sent.get("gyro_x", Counted.unit)
 
     def sample_of(self, entry: PlaceEntry) -> Sampled | None:
-        """The channel of the telemetry on which the unit in a place sends its output; None where it does not.
+        """Return the telemetry channel on which a unit sends its output, or None.
 
-        Of an inertial unit it is that of its first accelerometer.
+        For an inertial unit that of its first accelerometer.
         """
         return self._sample_on(entry.telemetry if entry.channels is None else entry.channels.acc_x)
 
     def sent_units(self, entry: PlaceEntry) -> Mapping[str, str]:
-        """What the channels of an inertial unit are in that it sends itself, by acc_x to gyro_z."""
+        """Return the units of the telemetry channels of an inertial unit, by acc_x to gyro_z."""
         named = {} if entry.channels is None else dict(entry.channels)
         return {name: each.unit for name, channel in named.items() if (each := self._sample_on(channel))}
 
@@ -248,7 +248,7 @@ class BenchFile(StrictModel):
         return next((output for output in found if isinstance(output, Sampled)), None)
 
     def nominal_per_g(self, place: str) -> float | None:
-        """What the output of a unit is made to change by for 1 g, in its unit; None where the file does not say."""
+        """Return the nominal change of a unit's output for 1 g, in its unit; None if not stated."""
         entry = self.places[place]
         nominal = entry.nominal
         if nominal is None:
@@ -259,9 +259,9 @@ class BenchFile(StrictModel):
         return None if converter is None or nominal.K1 is None else nominal.K1 * converter
 
     def acquired_from(self, role: str) -> tuple[str, ...]:
-        """The devices that an acquisition of `role` records: it alone, or all that measure the outputs of units.
+        """Return the devices recorded by an acquisition of `role`: it alone, or all that measure outputs of units.
 
-        With these those that latch the encoder of a table, and those that measure the current that feeds a unit.
+        Also those that latch the encoder of a table, and those that measure the current that feeds a unit.
         """
         if role in self.devices:
             return (role,)
@@ -270,7 +270,7 @@ class BenchFile(StrictModel):
         return tuple(name for name, entry in self.devices.items() if name in measuring or entry.encoders)
 
     def measuring(self, entry: PlaceEntry) -> tuple[str, ...]:
-        """The devices that measure the output of the unit in a place."""
+        """Return the devices that measure the output of the unit in a place."""
         if entry.voltmeter is not None:
             return (entry.voltmeter,)
         kinds = Counted | Sampled if entry.channels is not None else Counted if entry.telemetry is None else Sampled
@@ -282,20 +282,20 @@ class BenchFile(StrictModel):
         )
 
     def measured_by(self, place: str) -> str:
-        """The device that measures the output of the unit in a place."""
+        """Return the device that measures the output of the unit in a place."""
         return self.measuring(self.places[place])[0]
 
     def in_series(self, ammeter: str) -> str | None:
-        """The current source in whose cable an ammeter is; None where no place says."""
+        """Return the current source whose cable an ammeter is in, or None."""
         return next((entry.source for entry in self.places.values() if entry.ammeter == ammeter), None)
 
     def burden_ohm(self, source: str) -> float:
-        """What the ammeters in the cable of a current source resist."""
+        """Return the total burden of the ammeters in the cable of a current source, in Ω."""
         meters = {entry.ammeter for entry in self.places.values() if entry.source == source and entry.ammeter}
         return math.fsum(getattr(self.devices[meter].options, "burden_ohm", 0.0) for meter in sorted(meters))
 
     def past_due(self, day: dt.date) -> dict[str, dt.date]:
-        """The devices and readings whose calibration is not valid any more on a day, each with when it was due."""
+        """Return the devices and readings whose calibration has expired on a day, with the due dates."""
         certified: dict[str, DeviceEntry | ReadingEntry] = {**self.devices, **self.readings}
         return {
             name: entry.calibration.due
@@ -305,11 +305,11 @@ class BenchFile(StrictModel):
 
     @property
     def is_simulated(self) -> bool:
-        """Whether no instrument is real: each is simulated, or was recorded, so that time need not be real either."""
+        """True if every instrument is simulated or recorded, so that time may be virtual."""
         wires = [entry.connection for entry in self.devices.values()]
         return all(wire.simulated or wire.is_recording for wire in wires)
 
     @property
     def needs_simulators(self) -> bool:
-        """Whether any instrument is simulated."""
+        """True if any instrument is simulated."""
         return any(entry.connection.simulated for entry in self.devices.values())

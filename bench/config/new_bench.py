@@ -1,4 +1,4 @@
-"""A new bench file to start from: a copy of one that is there, with the files that it names."""
+"""Starter bench files: copies of existing ones, with the files that they refer to."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from bench.config.bench import load_bench
 from bench.config.load import find
-from bench.config.schema_file import way_to_schema
+from bench.config.schema_file import path_to_schema
 from bench.errors import InputError
 from bench.files import written_new
 from drivers.schema.fields import Name
@@ -21,10 +21,10 @@ _TITLE = re.compile(r"^title: .*$", re.MULTILINE)
 
 
 def write_bench(name: str, source: str, folder: Path) -> list[Path]:
-    """Writes `FOLDER/NAME.yaml` and what it names, all or nothing; returns what it wrote, the bench file last.
+    """Write `FOLDER/NAME.yaml` and the files it refers to, all or nothing; return the files, the bench file last.
 
-    A file that is there already is never replaced: one with the same content serves the new bench too. InputError for
-    a name that is none, a source with problems, files that are in the way or cannot be written.
+    An existing file is never replaced; one with the same content is shared. Raises InputError for an invalid name, an
+    invalid source, conflicting files and errors of writing.
     """
     try:
         TypeAdapter(Name).validate_python(name)
@@ -39,18 +39,18 @@ def write_bench(name: str, source: str, folder: Path) -> list[Path]:
         raise InputError(f"{bench}: is there already; choose another name, or remove it first")
     if in_the_way := [path for path, data in beside.items() if not _is_free(path, data)]:
         raise InputError(*(f"{path}: is there already, and is another; choose another --dir" for path in in_the_way))
-    text = _renamed(given.read_text("utf-8"), name, way_to_schema("bench", folder))
+    text = _renamed(given.read_text("utf-8"), name, path_to_schema("bench", folder))
     return _write_all({**{path: data for path, data in beside.items() if not path.exists()}, bench: text.encode()})
 
 
 def _renamed(text: str, name: str, schema: str) -> str:
-    """The text with the title of the new bench, and the way from its folder to the schema."""
+    """Return the text with the title of the new bench and the path to its schema."""
     title = name.replace("_", " ").capitalize()
     return _TITLE.sub(f"title: {title}", _SCHEMA.sub(lambda _: schema, text, count=1), count=1)
 
 
 def _read(name: str, bench: Path) -> bytes:
-    """A file that a bench file names; InputError where the copy would be outside of its folder."""
+    """Read a file that a bench file refers to. Raises InputError if its copy would be outside the folder."""
     path = bench.parent / name
     if not path.resolve().is_relative_to(bench.parent.resolve()):
         raise InputError(f"{bench}: {name} leaves the folder of this file; name it by its whole path")
@@ -61,10 +61,10 @@ def _read(name: str, bench: Path) -> bytes:
 
 
 def _is_free(path: Path, data: bytes) -> bool:
-    """Whether `data` can be at a path without replacing something else."""
+    """Return True if `data` can be written to a path without replacing other content."""
     try:
         return not path.exists() or path.read_bytes() == data
-    except OSError:  # a folder, or what nobody may read
+    except OSError:  # a folder, or not readable
         return False
 
 

@@ -1,4 +1,4 @@
-"""The places for units under test of a bench file, and what is nominal of the units in them."""
+"""Places for units under test in a bench file, and nominal data of the units."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from drivers.schema.wording import telling
 
 UnitKind = Literal["channel", "inertial unit"]
 UNIT_KINDS: Mapping[UnitKind, str] = {"channel": "units with one channel", "inertial unit": "inertial units"}
-"""What messages call them."""
+"""Names of the kinds in messages."""
 
 
 class CurrentWindow(Range):
-    """What a unit may draw while its supply is on: from `min` to `max`.
+    """Permitted current of a unit while its supply is on, from `min` to `max`.
 
-    Outside ends the run; where a supply feeds one of several units, that unit is dropped and the others go on.
+    A current outside ends the run; if the supply feeds one of several units, only that unit is dropped.
     """
 
     min: Amperes
     max: Amperes
 
 
-def drawn_together(windows: Iterable[CurrentWindow | None]) -> tuple[float, float]:
-    """What units on one supply may draw together, least and most in A; one without a window may draw anything."""
+def total_current(windows: Iterable[CurrentWindow | None]) -> tuple[float, float]:
+    """Return the least and greatest permitted total current in A of units on one supply; ±∞ without a window."""
     least_a, most_a = 0.0, 0.0
     for window in windows:
         least_a += window.min if window else 0.0
@@ -50,10 +50,10 @@ def drawn_together(windows: Iterable[CurrentWindow | None]) -> tuple[float, floa
 
 
 class Nominal(StrictModel):
-    """What a unit of this type is made to be.
+    """Nominal data of units of this type.
 
-    K1, S and `output` are negative where the output falls while the input rises. `time_constants` and `self_heating`
-    are for estimates of how long it takes to settle.
+    K1, S and `output` are negative if the output falls while the input rises. `time_constants` and `self_heating` serve
+    estimates of the settling time.
     """
 
     K1: Annotated[float, InUnit("A/g", not_zero=True)] | None = Field(
@@ -79,19 +79,19 @@ class Nominal(StrictModel):
     )
 
     @model_validator(mode="after")
-    def _says_what_1_g_does(self) -> Nominal:
+    def _has_output_per_g(self) -> Nominal:
         if self.K1 is None and self.output is None:
             raise telling("needs K1, or of a unit that sends its output what 1 g changes that by: output")
         return self
 
     @property
     def amperes_per_g(self) -> float:
-        """K1, not-a-number where the file does not say it."""
+        """K1 in A/g; NaN if not stated."""
         return math.nan if self.K1 is None else self.K1
 
 
 class ImuChannels(StrictModel):
-    """The channels of an inertial unit: of the counter that counts its pulses, or of the telemetry it sends on."""
+    """Channels of an inertial unit: of the counter that counts its pulses, or of the telemetry it sends."""
 
     acc_x: str = Field(description="of accelerometer x")
     acc_y: str = Field(description="of accelerometer y")
@@ -102,7 +102,7 @@ class ImuChannels(StrictModel):
 
 
 class Arm(StrictModel):
-    """Where the sensor of a place is, from the axis that turns it, in the frame of the fixture."""
+    """Position of the sensor of a place relative to the axis of rotation, in the frame of the fixture."""
 
     x: Annotated[float, InUnit("m")] = Field(0.0, description="along the x of the fixture")
     y: Annotated[float, InUnit("m")] = Field(0.0, description="along the y of the fixture")
@@ -112,15 +112,15 @@ class Arm(StrictModel):
 
     @property
     def vector_m(self) -> Vector:
-        """All three."""
+        """All three coordinates in m."""
         return self.x, self.y, self.z
 
 
 class PowerCyclesEntry(StrictModel):
-    """Repeatability over power cycles of a unit of this type: how far bias and scale factor differ at each power-on.
+    """Repeatability over power cycles of a unit of this type: change of bias and scale factor at each power-on.
 
     The method `repeatability` determines both, as K0/sd and K1/sd with k = 1. A result that combines data from before
-    and after an interruption has a line for it in its budget. Zero states that there is no difference.
+    and after an interruption has a line for it in its budget. Zero states that there is no change.
     """
 
     bias: Annotated[float, InUnit("g", at_least=0)] | None = Field(
@@ -138,7 +138,7 @@ class PowerCyclesEntry(StrictModel):
     k: CoverageFactor = Field(1.0, description="coverage factor of all of them; of standard deviations 1")
 
     @model_validator(mode="after")
-    def _says_both(self) -> PowerCyclesEntry:
+    def _is_paired(self) -> PowerCyclesEntry:
         accelerometer, gyro = (self.bias, self.scale), (self.gyro_bias, self.gyro_scale)
         if any((None in pair) != (pair == (None, None)) for pair in (accelerometer, gyro)):
             raise telling("needs bias and scale together, and gyro_bias and gyro_scale")
@@ -148,7 +148,7 @@ class PowerCyclesEntry(StrictModel):
 
     @property
     def standard_u(self) -> Mapping[str, float | None]:
-        """Standard uncertainties, by the names that a reduction has for them."""
+        """Return standard uncertainties, by the names that reductions use."""
         stated = {
             "bias_g": self.bias, "scale": self.scale,
             "gyro_bias_dps": self.gyro_bias, "gyro_scale": self.gyro_scale,
@@ -157,12 +157,12 @@ class PowerCyclesEntry(StrictModel):
 
 
 class PlaceEntry(StrictModel):
-    """A place for a unit under test: how it lies, what measures its output, what warms and feeds it.
+    """Place for a unit under test: orientation, measurement of its output, thermometers and supply.
 
-    Its output are the pulses on a `channel`, the volts that a `voltmeter` reads, or what it sends itself on a channel
-    of the `telemetry`; an inertial unit has `channels`, of a counter or of the telemetry, and beside the thermometer at
-    its accelerometers one at its gyros. `source` is the current source that can be plugged into its converter in place
-    of the accelerometer.
+    The output is the pulses on a `channel`, the voltage read by a `voltmeter`, or values that the unit sends on a
+    channel of the `telemetry`; an inertial unit has `channels`, of a counter or of the telemetry, and a second
+    thermometer at its gyros beside the one at its accelerometers. `source` is the current source that can be plugged
+    into its converter in place of the accelerometer.
     """
 
     model_config = ConfigDict(
@@ -181,13 +181,13 @@ class PlaceEntry(StrictModel):
     telemetry: str | None = Field(
         None, min_length=1, description="the channel of the telemetry on which it sends its output itself"
     )
-    type: Text = Field("accelerometer channel", description="what the unit is, for the report")
+    type: Text = Field("accelerometer channel", description="description of the unit in the report")
     mount_angle: Degrees = Field(0.0, description="its angle in the fixture; added to the head angle")
     temperature: Name = Field(description="the reading of the thermometer at the unit")
     gyro_temperature: Name | None = Field(
         None, description="the reading of the thermometer at the gyros of an inertial unit; as temperature unless given"
     )
-    supply: Name = Field(description="the device that feeds the unit")
+    supply: Name = Field(description="the power supply of the unit")
     supply_current: CurrentWindow | None = None
     source: Name | None = None
     ammeter: Name | None = Field(
@@ -223,13 +223,13 @@ class PlaceEntry(StrictModel):
 
     @property
     def largest_input(self) -> tuple[float, str]:
-        """The range, in g or in °/s, and which of them; infinite where it is not stated."""
+        """Range and its unit, g or °/s; infinite if not stated."""
         unit = None if self.range is None else _range_unit(self.range)
         return (math.inf, "g") if self.range is None or unit is None else (self.range.to(unit), unit)
 
     @property
     def measured_by(self) -> Mapping[str, str]:
-        """What measures it, by the keys here, such as "voltmeter", "channel" or "channels.acc_x"."""
+        """Channels and devices that measure the unit, by keys such as "voltmeter", "channel" or "channels.acc_x"."""
         if self.channels is not None:
             return {f"channels.{name}": channel for name, channel in self.channels}
         if self.telemetry is not None:
@@ -237,35 +237,35 @@ class PlaceEntry(StrictModel):
         return {"channel": self.channel} if self.voltmeter is None else {"voltmeter": self.voltmeter}
 
     @property
-    def belongings(self) -> frozenset[str]:
-        """What is for the unit here: its thermometers, its supply and its source; another place may share them."""
+    def dependencies(self) -> frozenset[str]:
+        """Thermometers, supply and source of the unit; other places may share them."""
         readings = (self.temperature, self.gyro_temperature, self.converter_temperature)
         return frozenset(name for name in (*readings, self.supply, self.source) if name is not None)
 
     @property
     def kind(self) -> UnitKind:
-        """What a method must be for that is to measure the unit here."""
+        """Kind of the unit, which a method must support."""
         return "channel" if self.channels is None else "inertial unit"
 
     @property
     def is_counted(self) -> bool:
-        """Whether a counter counts its pulses."""
+        """True if a counter counts its pulses."""
         return self.voltmeter is None and self.telemetry is None
 
     @property
-    def says_power_cycles(self) -> bool:
-        """Whether the repeatability over power cycles of everything that its unit measures is stated."""
+    def has_power_cycles(self) -> bool:
+        """True if the repeatability over power cycles is stated for everything that the unit measures."""
         stated = self.power_cycles
         return stated is not None and (self.channels is None or None not in (stated.bias, stated.gyro_bias))
 
     @property
-    def makes_output_of_g(self) -> tuple[str, ...]:
-        """The keys of `nominal` that say what 1 g changes its output by."""
+    def output_per_g_keys(self) -> tuple[str, ...]:
+        """Keys of `nominal` that give the change of its output for 1 g."""
         if self.telemetry is not None:
             return ("output",)
         return ("K1", "S" if self.voltmeter is None else "resistor")
 
 
 def _range_unit(quantity: Quantity) -> str | None:
-    """The unit of an input that a quantity is one of; None for none."""
+    """Return the unit of an input in a quantity, g or °/s; None for any other."""
     return next((unit for unit in ("g", "°/s") if quantity.dimension == parse(f"1 {unit}").dimension), None)

@@ -1,4 +1,4 @@
-"""The uninterruptible supply of a bench computer in its bench file."""
+"""Uninterruptible power supply of the bench computer in the bench file."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from drivers.schema.fields import PositiveSeconds, StrictModel
 from drivers.schema.wording import expected
 
-PORT = 3493  # of upsd
+PORT = 3493  # port of upsd
 _ADDRESS = r"([\w.-]+)@([\w.-]+|\[[0-9A-Fa-f:]+\])(?::(\d{1,5}))?"
 
 
 class Supply(NamedTuple):
-    """The name of a supply, and the host and port of its `upsd`."""
+    """Name of a supply, and host and port of its `upsd`."""
 
     name: str
     host: str
@@ -23,7 +23,7 @@ class Supply(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """From NAME@HOST or NAME@HOST:PORT; raises ValueError."""
+        """Parse NAME@HOST or NAME@HOST:PORT. Raises ValueError."""
         found = re.fullmatch(_ADDRESS, text)
         if found is None or not 0 < int(found[3] or PORT) < 65536:
             raise ValueError(text)
@@ -38,7 +38,7 @@ def _supply(raw: Any) -> Supply:
 
 
 class PowerEntry(StrictModel):
-    """The uninterruptible supply of the computer, by Network UPS Tools, and what a run does on battery."""
+    """Uninterruptible power supply of the computer, by Network UPS Tools, and the action of a run on battery."""
 
     ups: Annotated[Supply, BeforeValidator(_supply), WithJsonSchema({"type": "string"})] = Field(
         description="NAME@HOST or NAME@HOST:PORT of its upsd"

@@ -1,4 +1,4 @@
-"""A scenario: faults of simulated instruments, scripted; `--scenario FILE` of simulate, run and rehearse."""
+"""Scenario: scripted faults of simulated instruments; `--scenario FILE` of simulate, run and rehearse."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from drivers.schema.wording import telling
 
 
 class ScriptedFault(FaultSimulation):
-    """A fault as a bench file may have it, too; `at` or `after` says when, both add up."""
+    """Fault as in a bench file; its time is `at` or `after`, or their sum."""
 
     kind_key: ClassVar[str] = "fault"
 
-    kind: AnyFault = Field(alias="fault", description="what happens; not every instrument knows every kind")
+    kind: AnyFault = Field(alias="fault", description="kind of fault; not every instrument supports every kind")
     at: Seconds = Field(0.0, description="when, after the beginning of the run, or after the step has ended")
 
     @model_validator(mode="after")
     def _some_time(self) -> ScriptedFault:
         if not self.model_fields_set & {"at", "after"}:
-            raise telling("say when: at, such as 10 min, or after, the id of a step")
+            raise telling("give at, such as 10 min, or after, the id of a step")
         return self
 
 
 class ScenarioFile(StrictModel):
-    """One file of faults, for the instruments of one kind of bench."""
+    """File of faults, for the instruments of one kind of bench."""
 
     schema_: Literal["itb-scenario/1"] = Field(alias="schema", description="version of the file format")
-    title: Text = Field(description="what it is about")
+    title: Text = Field(description="purpose of the scenario")
     faults: Annotated[tuple[ScriptedFault, ...], NOT_EMPTY] = Field(description="in any order")

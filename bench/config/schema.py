@@ -1,9 +1,8 @@
-"""JSON Schemas (draft 2020-12) of documents, made from their models, for editors that complete and check while typing.
+"""JSON Schemas (draft 2020-12) of documents, generated from their models, for completion and checks in editors.
 
-A schema tells what may stand where: keys, types, names. It does not tell what goes together (that a range rises, that a
-signal is in the DBC, which of a step's keys is the first): that remains with `bench check`. Descriptions say what a key
-means and how its value is written; defaults are spelled as a document would. The reference pages are made from these
-schemas as well.
+A schema covers keys, types and names. It does not cover relations (a range that rises, a signal in the DBC, the first
+key of a step): those are checked by `bench check`. Descriptions give the meaning of a key and the notation of its
+value; defaults are written as in a document. The reference pages are generated from these schemas as well.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def bench_schema() -> Schema:
-    """The schema of bench files, with the blocks of every installed driver."""
+    """Return the schema of bench files, with the blocks of every installed driver."""
     drivers = known_drivers()
     blocks = [model for driver in drivers.values() for model in _blocks(driver).values()]
     schema, refs = schema_of(BenchFile, blocks)
@@ -37,53 +36,53 @@ def bench_schema() -> Schema:
 
 
 def chamber_profile_schema() -> Schema:
-    """The schema of the files that describe the controller of a chamber."""
+    """Return the schema of the files that describe the controller of a chamber."""
     return _schema_of_file_beside("modbus_chamber")
 
 
 def table_profile_schema() -> Schema:
-    """The schema of the files that describe the frames of a table or a head."""
+    """Return the schema of the files that describe the frames of a table or a head."""
     return _schema_of_file_beside("framed_table")
 
 
 def _schema_of_file_beside(driver: str) -> Schema:
-    """The schema of the one file beside a bench file that the options of a driver name."""
+    """Return the schema of the file that the options of a driver refer to."""
     fields = known_drivers()[driver].options.model_fields.values()
     (model,) = (each.model for field in fields for each in field.metadata if isinstance(each, ModelBeside))
     return schema_of(model, ())[0]
 
 
 def scenario_schema() -> Schema:
-    """The schema of the files of faults that are played on simulated instruments."""
+    """Return the schema of fault scripts for simulated instruments."""
     return schema_of(ScenarioFile, ())[0]
 
 
 def schema_of(
     document: type[BaseModel], parts: Iterable[type[BaseModel]]
 ) -> tuple[Schema, Mapping[type[BaseModel], Schema]]:
-    """The schema of a document, and references to those of `parts` in it."""
+    """Return the schema of a document, and references to the schemas of `parts` in it."""
     models = list(dict.fromkeys((document, *parts)))
     found, definitions = models_json_schema(
-        [(model, "validation") for model in models], schema_generator=_AsDocumentsSayIt
+        [(model, "validation") for model in models], schema_generator=_DocumentSchema
     )
     refs = {model: dict(found[model, "validation"]) for model in models}
     return {"$schema": DIALECT, **refs[document], **definitions}, refs
 
 
 def without_unused(schema: Schema) -> Schema:
-    """The schema without definitions that nothing refers to; pydantic leaves those that a field has replaced."""
+    """Remove definitions without references; pydantic leaves those that a field has replaced."""
     text = json.dumps(schema)
     used = {name: found for name, found in schema["$defs"].items() if f'"#/$defs/{name}"' in text}
     return {**schema, "$defs": used}
 
 
 def when(key: str, value: str, then: Schema) -> Schema:
-    """`then` holds where `key` has this value."""
+    """Return a schema in which `then` applies if `key` has this value."""
     return {"if": {"properties": {key: {"const": value}}, "required": [key]}, "then": then}
 
 
 def object_of(properties: Mapping[str, Schema], models: Mapping[str, type[BaseModel]]) -> Schema:
-    """A mapping of which those keys are required whose models have required keys themselves."""
+    """Return the schema of a mapping; keys are required if their models have required keys."""
     required = [
         key for key, model in models.items() if any(field.is_required() for field in model.model_fields.values())
     ]
@@ -98,7 +97,7 @@ def _blocks(driver: DriverDescription) -> Mapping[str, type[BaseModel]]:
 
 
 def _as_driver(driver: DriverDescription, refs: Mapping[type[BaseModel], Schema]) -> Schema:
-    """What an entry of this driver holds beyond what every entry does."""
+    """Return the schema of an entry of this driver beyond the common entry."""
     own = dict(_blocks(driver))
     certified = {name: own.pop(name) for name in ("U", "corrections")}
     schemes = "|".join(sorted(driver.schemes))
@@ -112,15 +111,15 @@ def _as_driver(driver: DriverDescription, refs: Mapping[type[BaseModel], Schema]
     )
 
 
-class _AsDocumentsSayIt(GenerateJsonSchema):
-    """Pydantic's without titles that only repeat the key; closed where keys are names."""
+class _DocumentSchema(GenerateJsonSchema):
+    """Schema generator without titles that repeat the key; objects are closed where keys are names."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
-        """Never."""
+        """Return False."""
         return False
 
     def generate_inner(self, schema: Any) -> JsonSchemaValue:
-        """The description of a field says what it means, then how its value is written."""
+        """Return the schema of a field; its description gives the meaning, then the notation of the value."""
         found = super().generate_inner(schema)
         if schema["type"] == "model-field":
             how = self.generate_inner(schema["schema"]).get("description")
@@ -129,7 +128,7 @@ class _AsDocumentsSayIt(GenerateJsonSchema):
         return found
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        """The schema of the field, with its default where a document could say it."""
+        """Return the schema of the field with its default, if a document can express it."""
         found = self.generate_inner(schema["schema"])
         default = schema.get("default")
         if unit := found.get(UNIT_KEYWORD):
@@ -137,6 +136,6 @@ class _AsDocumentsSayIt(GenerateJsonSchema):
         return {**found, "default": default} if isinstance(default, (str, int, float)) else found
 
     def dict_schema(self, schema: core_schema.DictSchema) -> JsonSchemaValue:
-        """A key that is no name is refused."""
+        """Return the schema of a mapping; keys that are not names are refused."""
         found = super().dict_schema(schema)
         return {**found, "additionalProperties": False} if "patternProperties" in found else found

@@ -1,4 +1,4 @@
-"""The way from a new file to the JSON Schema of its kind, which its first line names for editors."""
+"""Path from a new file to the JSON Schema of its kind, which its first line names for editors."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _FOLDER = Path("docs/schema")
 SHIPPED = _PACKAGE / "shipped" / _FOLDER  # in an installed program
 
 
-def way_to_schema(kind: Literal["sequence", "bench"], folder: Path) -> str:
-    """The way from a folder to a schema: to that of the source tree, or to a copy in the folder.
+def path_to_schema(kind: Literal["sequence", "bench"], folder: Path) -> str:
+    """Return the path from a folder to a schema: in the source tree, or a copy in the folder.
 
-    An installed program moves with its next version, and is not on the computer of whoever gets the file. A schema that
-    is in the folder already is left as it is. InputError where the copy cannot be written.
+    An installed program moves with its next version and is not on the computer of the recipient of the file, hence the
+    copy. An existing one is left as it is. Raises InputError if the copy cannot be written.
     """
     name = f"{kind}.schema.json"
     if not (SHIPPED / name).is_file():

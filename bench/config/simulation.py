@@ -1,4 +1,4 @@
-"""The part of a bench file that no real bench needs: what its simulated instruments and units are like."""
+"""Simulated instruments and units of a bench file; a real bench needs none of it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ AnyFault = Literal[DeviceFault, UnitFault]
 
 
 class ChamberSimulation(StrictModel):
-    """How the simulated chamber behaves."""
+    """Behaviour of the simulated chamber."""
 
     start: Celsius = Field(20.0, description="of the air when a run begins")
     natural_period: PositiveSeconds = Field(360.0, description="of the control loop")
@@ -52,7 +52,7 @@ class ChamberSimulation(StrictModel):
 
 
 class HeadSimulation(StrictModel):
-    """How the simulated head behaves."""
+    """Behaviour of the simulated head."""
 
     backlash: Arcseconds = Field(
         1.0, description="between its two directions, where its certificate states none to draw it from"
@@ -61,7 +61,7 @@ class HeadSimulation(StrictModel):
 
 
 class TableSimulation(StrictModel):
-    """What a simulated rate table makes of what it is told."""
+    """Behaviour of a simulated rate table."""
 
     loop: Hertz = Field(150.0, description="natural frequency of its control loop")
     damping: Annotated[Ratio, InUnit("", above=0, at_most=5)] = Field(0.7, description="of its control loop")
@@ -77,14 +77,14 @@ class TableSimulation(StrictModel):
 
 
 class ThermometerSimulation(StrictModel):
-    """How the simulated thermometers at the units behave."""
+    """Behaviour of the simulated thermometers at the units."""
 
     noise: Annotated[float, InUnit("°C", at_least=0)] = Field(0.005, description="standard deviation of a reading")
     lag: PositiveSeconds = Field(20.0, description="time constant behind the unit")
 
 
 class VoltmeterSimulation(StrictModel):
-    """What a simulated voltmeter is connected to: a resistor that the current of a unit flows through."""
+    """Connection of a simulated voltmeter: a resistor that carries the current of a unit."""
 
     place: Name | None = Field(None, description="of the unit; without one no current flows through it")
     load: Annotated[float, InUnit("Ω", above=0)] = Field(description="the resistor")
@@ -94,7 +94,7 @@ class VoltmeterSimulation(StrictModel):
 
 
 class AmmeterSimulation(StrictModel):
-    """How a simulated ammeter reads; what it is connected to is said by the places."""
+    """Noise of a simulated ammeter; the places define its connection."""
 
     noise: Annotated[float, InUnit("A", at_least=0)] = Field(
         0.0, description="standard deviation of a reading over 10 line cycles; it falls with the root of their number"
@@ -102,7 +102,7 @@ class AmmeterSimulation(StrictModel):
 
 
 class SourceSimulation(StrictModel):
-    """How a simulated current source errs: standard deviations, in place of a certificate or of what it leaves out."""
+    """Errors of a simulated current source: standard deviations, in place of or in addition to a certificate."""
 
     gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the current")
     offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="the same at every current")
@@ -114,16 +114,16 @@ class SourceSimulation(StrictModel):
 
 
 class FaultSimulation(StrictModel):
-    """An instrument, or a unit under test, that breaks on purpose.
+    """Deliberate fault of an instrument, or of a unit under test.
 
-    What each kind does: [rehearse a bad night](../how-to/rehearse_a_bad_night.md).
+    Effects of each kind: [rehearse a bad night](../how-to/rehearse_a_bad_night.md).
     """
 
     kind_key: ClassVar[str] = "kind"
 
-    device: Name | None = Field(None, description="which instrument, as in devices")
-    unit: Name | None = Field(None, description="or the unit in which place")
-    kind: AnyFault = Field(description="what happens; not every instrument knows every kind")
+    device: Name | None = Field(None, description="the instrument, as in devices")
+    unit: Name | None = Field(None, description="or the place of the unit")
+    kind: AnyFault = Field(description="kind of fault; not every instrument supports every kind")
     at: Seconds = Field(description="when, after the beginning of the run, or after the step has ended")
     after: str | None = Field(None, description="the id of that step, as `bench plan` lists it")
     for_: PositiveSeconds | None = Field(None, alias="for", description="how long it lasts; without it, to the end")
@@ -131,7 +131,7 @@ class FaultSimulation(StrictModel):
     @model_validator(mode="after")
     def _of_a_device_or_a_unit(self) -> FaultSimulation:
         if (self.device is None) == (self.unit is None):
-            raise telling("give device or unit, one of them")
+            raise telling("give either device or unit")
         allowed = get_args(DeviceFault if self.unit is None else UnitFault)
         if self.kind not in allowed:
             what = "a device" if self.unit is None else "a unit"
@@ -140,12 +140,12 @@ class FaultSimulation(StrictModel):
 
     @property
     def victim(self) -> str:
-        """The device or the unit, in words."""
+        """Return the device or the unit as text."""
         return self.device or f"unit {self.unit}"
 
 
 class Simulation(StrictModel):
-    """What no certificate states; the errors that certificates bound are drawn from them with sd = U / k."""
+    """Simulation data that no certificate states; errors within certificates are drawn from them with sd = U / k."""
 
     seed: Annotated[WholeNumber, Field(ge=0, lt=2**63)] = Field(1, description="the same one gives the same run")
     start: Instant = Field(
@@ -161,9 +161,9 @@ class Simulation(StrictModel):
         0.0,
         description="standard deviation of the mounting angle each time a unit is fixed by hand",
     )
-    voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="what each voltmeter is connected to")
-    sources: Mapping[Name, SourceSimulation] = Field({}, description="how each current source errs")
-    ammeters: Mapping[Name, AmmeterSimulation] = Field({}, description="how each ammeter reads")
+    voltmeters: Mapping[Name, VoltmeterSimulation] = Field({}, description="connection of each voltmeter")
+    sources: Mapping[Name, SourceSimulation] = Field({}, description="errors of each current source")
+    ammeters: Mapping[Name, AmmeterSimulation] = Field({}, description="noise of each ammeter")
     host_clock: Annotated[Ratio, InUnit("", at_least=0)] = Field(
         20e-6, description="standard deviation of the host clock against the true second"
     )

@@ -72,7 +72,7 @@ class Monitor:
         self._names = {reading.from_: name for name, reading in bench.readings.items()}
         self._tasks: list[asyncio.Task[None]] = []
         there = bench.with_units_in(self.units.places)
-        self.windows = {place.supply: Allowed(*there.draws(place.supply)) for place in there.places.values()}
+        self.windows = {place.supply: Allowed(*there.current_range(place.supply)) for place in there.places.values()}
         self.fault: asyncio.Future[Exception] = asyncio.get_running_loop().create_future()
 
     def start(self) -> None:

@@ -75,7 +75,7 @@ class Units:
 
     def at(self, name: str) -> list[str]:
         """The places, of all that the bench has, that a supply, a source or a thermometer belongs to."""
-        return [place for place, entry in self._bench.places.items() if name in entry.belongings]
+        return [place for place, entry in self._bench.places.items() if name in entry.dependencies]
 
     def is_needed(self, name: str) -> bool:
         """Whether a supply, a source or a reading is for a unit that is still in, or for none in particular."""

@@ -1,1 +1,1 @@
-"""The guardian of a run: a process of its own that makes the bench safe when the run's process dies or stands still."""
+"""Guardian of a run: independent process that makes the bench safe if the process of the run dies or hangs."""

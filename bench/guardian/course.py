@@ -1,4 +1,4 @@
-"""The course of one chamber after a run: held, commanded to its safe set point, arrived or not. Opens nothing."""
+"""Supervision of one chamber after a run, without I/O: held, commanded to its safe set point, arrived or not."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.kinds.chamber.arrival import KEPT_WITHIN_C, Arrival
 from drivers.kinds.chamber.following import FollowWatch
 from drivers.values import ChamberState
 
-GONE_S = 600.0  # for which nobody could look at a chamber, after which its course is over
+GONE_S = 600.0  # time without a reading after which supervision ends
 
 Event = Literal[
     "held", "reading", "not_seen", "hold_ends", "commanded", "arrived", "not_arrived", "handed_over", "ended"
@@ -17,9 +17,9 @@ Event = Literal[
 
 
 class Noted(NamedTuple):
-    """Something for the record: temperatures in °C, `why` for what is not as it should be.
+    """Entry for the record: temperatures in °C, and the reason `why` if something is wrong.
 
-    `from_safe_c` is how far the last command to the chamber is from its safe set point, 0 where it is switched off.
+    `from_safe_c` is the distance of the last command from the safe set point, 0 if the chamber is switched off.
     """
 
     event: Event
@@ -30,11 +30,11 @@ class Noted(NamedTuple):
 
 
 class Course:
-    """What looks at a chamber, from when its run is over, come to; `noted` is what is new for the record.
+    """State of a chamber after its run, from successful and failed readings; `noted` collects entries for the record.
 
-    A chamber that is `held` is to be commanded to its safe set point as soon as `hold_is_over`, which is a reason.
-    `state` is that of the last look that succeeded, `why_unseen` why the last one did not, `end` how the course ended.
-    Times are those of any clock that never goes back, in s.
+    A `held` chamber must be commanded to its safe set point once `hold_is_over`, which is the reason. `state` is the
+    last successful reading, `why_unseen` the reason why the last one failed, `end` the final entry. Times are in s, of
+    any monotonic clock.
     """
 
     def __init__(self, entry: DeviceEntry, at_s: float, *, held: bool) -> None:
@@ -51,11 +51,11 @@ class Course:
 
     @property
     def target_c(self) -> float:
-        """The safe set point, in °C."""
+        """Safe set point in °C."""
         return self._arrival.target_c
 
     def seen(self, at_s: float, state: ChamberState) -> None:
-        """Take a look that succeeded."""
+        """Process a successful reading."""
         self._seen_s, self.state, self.why_unseen = at_s, state, ""
         if self.is_held:
             self._seen_held(at_s, state)
@@ -65,42 +65,42 @@ class Course:
             self._end(Noted("arrived", "", state.process_value_c, state.target_c))
 
     def unseen(self, at_s: float, why: str, *, in_use: bool = False) -> None:
-        """Take a look that failed; a bench that is `in_use` for long is that of another program."""
+        """Process a failed reading; a bench that stays `in_use` counts as handed over."""
         self.why_unseen = why
         if self.is_held:
-            self.noted.append(Noted("not_seen", why))  # what it did meanwhile is not known
+            self.noted.append(Noted("not_seen", why))  # its state meanwhile is not known
         if self.is_held and at_s >= self.hold_ends_s:
-            self.hold_is_over = self.hold_is_over or "its time is over"
+            self.hold_is_over = self.hold_is_over or "the hold time has expired"
         if at_s - max(self._seen_s, self.hold_ends_s) <= GONE_S:
             return
         if in_use and not self.is_held:
             self.hand_over(why)
             return
-        left = "it is still held, and COULD NOT BE MADE SAFE" if self.is_held else "its air could not be looked at"
+        left = "it is still held, and COULD NOT BE MADE SAFE" if self.is_held else "its air could not be read"
         self._end(Noted("not_arrived", f"{left} for {GONE_S / 60:g} min: {why}"))
 
     def commanded(self, at_s: float) -> None:
-        """The safe set point is in the controller."""
+        """Record that the safe set point is in the controller."""
         if self.is_held:
             self.noted.append(Noted("hold_ends", self.hold_is_over))
         self.is_held, self.hold_ends_s, self._seen_s = False, at_s, at_s
         self.noted.append(Noted("commanded", set_point_c=self._arrival.target_c))
 
     def hand_over(self, why: str) -> None:
-        """Another program has the chamber from now on."""
+        """End supervision because another program has taken the chamber."""
         self._end(Noted("handed_over", why))
 
     def lock_out(self, why: str) -> None:
-        """Somebody works at the bench, and nothing more is commanded."""
+        """End supervision because of a lockout; nothing more is commanded."""
         self._end(Noted("not_arrived", f"the bench is {why}"))
 
     def leave(self, why: str) -> None:
-        """Nobody follows the chamber any more."""
+        """End supervision before arrival."""
         self._end(Noted("ended", why))
 
     def _seen_held(self, at_s: float, state: ChamberState) -> None:
         noted = Noted("held", "", state.process_value_c, state.target_c, state.from_safe_c)
-        if self._held_c != self._held_c:  # the first look
+        if self._held_c != self._held_c:  # the first reading
             self._held_c = state.target_c
         else:
             noted = noted._replace(event="reading")
@@ -109,7 +109,7 @@ class Course:
         if abs(state.target_c - self._held_c) > KEPT_WITHIN_C:
             wrong = f"somebody changed the set point from {self._held_c:g} °C to {state.target_c:g} °C"
         if not wrong and at_s >= self.hold_ends_s:
-            wrong = "its time is over"
+            wrong = "the hold time has expired"
         self.hold_is_over = self.hold_is_over or wrong
 
     def _end(self, noted: Noted) -> None:

@@ -1,7 +1,7 @@
-"""What a guardian does after a run, and `bench make-safe`: looking at each chamber until its air is where it is safe.
+"""Supervision of chambers after a run, by a guardian or `bench make-safe`, until their air is at the safe set point.
 
-A look is short: it takes the lock of the address, connects, identifies, reads, closes, and lets go. Whoever wants the
-address meanwhile waits for that (`holding`), and a run that begins ends the following (`relieve`).
+A reading is short: lock the address, connect, identify, read, close, unlock. Other programs that want the address wait
+for it (`address_lock`), and a run that starts ends the supervision (`relieve`).
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from bench.runner.held import (
     A_RUN,
     A_VISIT,
     LOOKS,
+    address_lock,
     energising_addresses,
-    holding,
     is_locked_out,
     owners,
     why_locked_out,
@@ -41,17 +41,17 @@ from drivers.kinds.chamber.description import ChamberOptions, ChamberSafe
 from drivers.timing.awake import patience
 from drivers.transport.wires import RealWires
 
-FIRST_S, EVERY_S = 1.0, 30.0  # between looks: twice as long each time
-VISIT_S = 8.0  # less than others wait for
-BETWEEN_TRIES_S = 0.1  # while the run has the address: it lets go in a moment
+FIRST_S, EVERY_S = 1.0, 30.0  # intervals between readings, doubled each time
+VISIT_S = 8.0  # shorter than the time for which other programs wait
+BETWEEN_TRIES_S = 0.1  # the run releases the address at once
 LAST_TRIES = 50
 _pause = threading.Event().wait
 
 
 class Follower(NamedTuple):
-    """Who follows, in words; the run whose record it keeps, if any, and what an alert is titled with.
+    """Identity of the supervising program: description, run whose record it keeps, if any, and title of alerts.
 
-    `runner` is a process that may have the addresses for a moment longer.
+    `runner` is a process that may hold the addresses for a moment longer.
     """
 
     words: str
@@ -61,15 +61,15 @@ class Follower(NamedTuple):
 
 
 def guardian_of(run: Path, runner: int) -> Follower:
-    """The guardian of a run, whose process is `runner`."""
+    """Return the identity of the guardian of a run, whose process is `runner`."""
     return Follower(f"{A_RESCUE}{run.name}", run, run.name, runner)
 
 
 class Following:
-    """The chambers of a bench that was made safe, each until its course is over.
+    """Supervision of the chambers of a bench that was made safe.
 
-    Lifetime: from entering, by which time it can be found and ended, to the return of `follow`; or not entered, for a
-    `glance`, and closed.
+    Lifetime: a context manager, registered for other programs from entry on, until `follow` returns; or not entered,
+    for a `glance`, and closed.
     """
 
     def __init__(self, follower: Follower, bench: BenchFile, safe: Collection[str], held: Collection[str] = ()) -> None:
@@ -88,32 +88,32 @@ class Following:
                 self._courses[role] = Course(entry, self._now_s(), held=role in held)
 
     def __enter__(self) -> Self:
-        """Take the locks by which others find who follows a chamber."""
+        """Register as supervisor of the chambers."""
         addresses = [self._addresses[role] for role in self._courses]
-        with suppress(InUseError, StoreError):  # another one follows a chamber, and does not end
-            self._locks.enter_context(holding(addresses, f"{A_VISIT}{self._follower.words}", LOOKS))
+        with suppress(InUseError, StoreError):  # another program supervises a chamber, and does not end
+            self._locks.enter_context(address_lock(addresses, f"{A_VISIT}{self._follower.words}", LOOKS))
         return self
 
     def __exit__(self, *exc: object) -> None:
-        """Let go."""
+        """Remove the registration."""
         self.close()
 
     def close(self) -> None:
-        """Return when the record is written, and nobody finds who follows any more."""
+        """Write the outstanding records and remove the registration."""
         self._notes.close()
         self._locks.close()
 
     @property
     def courses(self) -> Mapping[str, Course]:
-        """Those of the chambers, by role."""
+        """State of each chamber, by role."""
         return self._courses
 
     def end(self) -> None:
-        """End the following soon; may be called from a handler of a signal, and from another thread."""
+        """End the supervision soon; safe to call from a signal handler and from another thread."""
         self._ends.set()
 
     def glance(self, why: str) -> bool:
-        """Look once at each chamber, and leave those on their way for the reason `why`; whether none is late."""
+        """Read each chamber once, then stop for the reason `why`; return True if none has failed to arrive."""
         good = True
         for role, course in self._courses.items():
             self._look(role, course)
@@ -123,9 +123,9 @@ class Following:
         return good
 
     def follow(self, looked: Callable[[], object] = lambda: None) -> bool:
-        """Look at the chambers until all courses are over; whether every one has arrived, or has been handed over.
+        """Supervise until all courses have ended; return True if every chamber has arrived or was handed over.
 
-        `looked` is called after each look at all of them.
+        `looked` is called after each round of readings.
         """
         good, pause_s = True, FIRST_S
         while left := {role: course for role, course in self._courses.items() if not course.is_over}:
@@ -142,7 +142,7 @@ class Following:
         return good
 
     def _look(self, role: str, course: Course) -> None:
-        """One look, after the run has let go; a failure is for the course to judge."""
+        """Read one chamber, after the run has released it; the course judges failures."""
         address, now_s = self._addresses[role], self._now_s
         while others := {each for each in owners([address]) if each.process != os.getpid()}:
             other = others.pop()
@@ -157,17 +157,17 @@ class Following:
             course.lock_out(why_locked_out(self._bench))
             return
         try:
-            with holding([address], f"{A_VISIT}{self._follower.words}"):
+            with address_lock([address], f"{A_VISIT}{self._follower.words}"):
                 asyncio.run(self._visit(role, course))
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)
-        except Exception as problem:  # noqa: BLE001  whatever it is, the next look is tried
+        except Exception as problem:  # noqa: BLE001  after any error the next reading is tried
             course.unseen(now_s(), in_words(problem) or type(problem).__name__)
 
     async def _visit(self, role: str, course: Course) -> None:
         device = device_of(role, self._bench.devices[role], RealWires())
         if not isinstance(device, ThermalChamber):
-            raise TypeError(f"{role} is no chamber")
+            raise TypeError(f"{role} is not a chamber")
         try:
             async with patience(VISIT_S):
                 await device.__aenter__()
@@ -187,7 +187,7 @@ class Following:
                     await device.__aexit__(None, None, None)
 
     def _end(self) -> bool:
-        """End on request: nothing is held without a guardian."""
+        """End on request; no chamber may be held without a guardian, so held ones are commanded to safety."""
         good = True
         for role, course in self._courses.items():
             for _ in range(LAST_TRIES):
@@ -201,7 +201,7 @@ class Following:
         return good
 
     def _write(self, role: str, course: Course) -> bool:
-        """Record what is new of a chamber, and alert a person where it has not arrived; whether that is not so."""
+        """Record new entries of a chamber, and alert a person on failure; return True if there is none."""
         noted, course.noted = course.noted, []
         for each in noted:
             facts = {key: value for key, value in each._asdict().items() if key != "event" and value not in ("", None)}
@@ -220,12 +220,12 @@ class Following:
 
 
 def end_on_sigterm(following: Following) -> None:
-    """From now on SIGTERM, by which a run that begins asks for the chambers, ends the following."""
+    """Install a handler of SIGTERM, which a starting run sends, that ends the supervision."""
     signal.signal(signal.SIGTERM, lambda _number, _frame: following.end())
 
 
-def in_a_process_of_its_own(following: Callable[[], Following]) -> None:
-    """Go on following in a child, which no parent waits for; returns when it can be found by others.
+def in_own_process(following: Callable[[], Following]) -> None:
+    """Continue the supervision in a detached child process; return once other programs can find it.
 
     The child keeps neither the terminal nor the link to the run.
     """
@@ -237,9 +237,9 @@ def in_a_process_of_its_own(following: Callable[[], Following]) -> None:
     try:
         os.setsid()
         os.close(ready)
-        to_nothing()
+        redirect_to_null()
         found = following()
-        end_on_sigterm(found)  # before others can find it
+        end_on_sigterm(found)  # before other programs can find it
         with found:
             os.close(done)
             found.follow()
@@ -247,8 +247,8 @@ def in_a_process_of_its_own(following: Callable[[], Following]) -> None:
         os._exit(0)
 
 
-def to_nothing() -> None:
-    """From now on nothing that is written reaches a terminal, or keeps a pipe open that somebody reads."""
+def redirect_to_null() -> None:
+    """Redirect the standard streams to the null device, so that no terminal or pipe is kept open."""
     nothing = os.open(os.devnull, os.O_RDWR)
     for number in (0, 1, 2):
         os.dup2(nothing, number)

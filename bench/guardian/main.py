@@ -1,4 +1,4 @@
-"""The process of a guardian, as a run starts it; not for people."""
+"""Entry point of the guardian process, started by a run."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from bench.guardian.watch import ARMED, CANNOT, LONGEST, Over, watch
 
 
 def main(link_number: str, runner_number: str, run: str, bench: str, digest: str) -> int:
-    """Watch a run until it is over; make its bench safe if it dies. Returns 6 when that did not succeed.
+    """Watch a run until it ends; make its bench safe if it dies. Return 6 if that failed.
 
-    `link_number` is the inherited socket to the run, `runner_number` its process, `run` its directory, and `bench` its
-    bench file with the SHA-256 `digest`.
+    `link_number` is the inherited socket to the run, `runner_number` the number of its process, `run` its directory,
+    and `bench` its bench file with the SHA-256 `digest`.
     """
     for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)
     link, runner = socket.socket(fileno=int(link_number)), os.pidfd_open(int(runner_number))
     if os.getppid() != int(runner_number):
-        return 0  # it died before anything was energised
+        return 0  # the run died before anything was energised
     try:
         from bench.guardian.rescue import Rescue
 
         rescue = Rescue(Path(run), Path(bench), digest, int(runner_number))
-    except Exception as problem:  # noqa: BLE001  the run is told and refuses to start, whatever it is
+    except Exception as problem:  # noqa: BLE001  any error is reported to the run, which then refuses to start
         link.send((CANNOT + str(problem).encode())[:LONGEST])
         return 2
     link.send(ARMED)

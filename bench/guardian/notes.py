@@ -1,4 +1,4 @@
-"""What a guardian writes while it makes a bench safe: a stuck disk or terminal does not hold the rescue up."""
+"""Output of the guardian during a rescue; a blocked disk or terminal does not delay the rescue."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from bench.errors import StoreError
 from bench.files import append_line
 from bench.store.machine_state import append_record
 
-WRITTEN_WITHIN_S, SHOWN_WITHIN_S = 5.0, 1.0  # after which a guardian goes on without
+WRITTEN_WITHIN_S, SHOWN_WITHIN_S = 5.0, 1.0  # time limits for writing
 STDERR = 2
 
 
 class Notes:
-    """Lines for the terminal and entries of a file; a terminal that nobody reads does not hold up the file.
+    """Lines for the terminal and entries of a record; a blocked terminal does not delay the record.
 
-    The file is in the directory of the run, and once more in the records of the machine, or of this user; without a
-    run only there. `marks` are in every entry.
+    The record is written to the directory of the run and to the records of the machine, or of this user; without a run
+    only to the latter. `marks` are added to every entry.
     """
 
     def __init__(self, run: Path | None, file: str, **marks: str) -> None:
@@ -32,22 +32,22 @@ class Notes:
         self._terminal, self._records = _Worker(SHOWN_WITHIN_S), _Worker(WRITTEN_WITHIN_S)
 
     def line(self, text: str) -> None:
-        """A line for a person."""
-        self._terminal.do(partial(_tell, text if self._run is None else f"{self._run.name}: {text}"))
+        """Show a line to a person."""
+        self._terminal.do(partial(_show, text if self._run is None else f"{self._run.name}: {text}"))
 
     def entry(self, event: str, **facts: object) -> None:
-        """An entry, durable in both places, with the time of day and that since which start of the computer."""
+        """Append an entry durably to both files, with the time of day and the time since the start of the computer."""
         since = {"boot": boot_id(), "up_s": round(since_boot_s(), 3)}  # the time of day may be set meanwhile
         at = wall_utc().isoformat(timespec="milliseconds")
         entry = {"at": at, **since, **self._marks, "event": event, **facts}
         self.do(partial(self._append, json.dumps(entry, ensure_ascii=False)))
 
     def do(self, work: Callable[[], object]) -> None:
-        """Anything else that writes a record."""
+        """Queue a function that writes a record."""
         self._records.do(work)
 
     def close(self) -> None:
-        """Return when everything is written, or when that takes too long; more may follow."""
+        """Wait until everything is written, for at most the time limit; more may follow."""
         self._records.close()
         self._terminal.close()
 
@@ -59,7 +59,7 @@ class Notes:
 
 
 class _Worker:
-    """Does things in their order in a thread of its own, which begins with the first of them."""
+    """Worker thread that runs functions in order; it starts with the first one."""
 
     def __init__(self, within_s: float) -> None:
         self._within_s = within_s
@@ -67,14 +67,14 @@ class _Worker:
         self._thread: threading.Thread | None = None
 
     def do(self, work: Callable[[], object]) -> None:
-        """Do something after all before it."""
+        """Queue a function."""
         if self._thread is None:
             self._thread = threading.Thread(target=_write, args=(self._work,), name="notes", daemon=True)
             self._thread.start()
         self._work.put(work)
 
     def close(self) -> None:
-        """Return when everything is done, or when its time is over; more may follow, in another thread."""
+        """Wait until the queue is empty, for at most the time limit; later functions run in another thread."""
         if self._thread is not None:
             self._work.put(None)
             self._thread.join(self._within_s)
@@ -83,9 +83,9 @@ class _Worker:
 
 def _write(works: queue.SimpleQueue[Callable[[], object] | None]) -> None:
     while (work := works.get()) is not None:
-        with suppress(OSError, ValueError, StoreError):  # no disk, or no terminal any more
+        with suppress(OSError, ValueError, StoreError):  # no disk, or the terminal is gone
             work()
 
 
-def _tell(text: str) -> None:
+def _show(text: str) -> None:
     os.write(STDERR, f"{text}\n".encode())

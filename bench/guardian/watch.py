@@ -1,8 +1,7 @@
-"""The supervising core: it waits for the death or the silence of a run's process. Nothing but the standard library.
+"""Core of the guardian: detects the death or silence of the run's process. Imports only the standard library.
 
-Silence counts in ticks of this process: on a computer that stands still, or has too much else to do, the guardian does
-not tick either, and nobody is taken for dead. What a beat counts stands still in beats: while no beat comes, nothing
-else is late.
+Silence is counted in ticks of this process: on a suspended or overloaded computer the guardian does not tick either, so
+that no run is declared dead. The counters in beats are compared per beat: without beats no counter is late.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import json
 import select
 import signal
 import socket
-import time  # noqa: TID251  the core has no loop, and imports nothing of the program
+import time  # noqa: TID251  the core runs without the loop and imports nothing of the program
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from types import MappingProxyType
@@ -19,8 +18,8 @@ from typing import Any, NamedTuple
 
 TICK_S = 0.25
 BEAT_S = 0.5
-LEASE_S = 10.0  # of silence, after which the run's process is killed
-COMMIT_S = 30.0  # for which what is to be written may wait for the disk
+LEASE_S = 10.0  # silence after which the process of the run is killed
+COMMIT_S = 30.0  # permitted time for data to wait for the disk
 DIE_WITHIN_S = 5.0
 LONGEST = 4096  # bytes of a message
 
@@ -28,34 +27,34 @@ ARMED, CANNOT, BEAT, OVER = b"armed", b"cannot ", b"beat ", b"over "
 
 
 class Lost(NamedTuple):
-    """Why the bench must be made safe; whether a chamber may be held, as the run has said at last."""
+    """Reason why the bench must be made safe, and whether chambers may be held, from the last beat."""
 
     why: str
     may_hold: bool = False
 
 
 class Over(NamedTuple):
-    """A run has made its bench safe: these roles, and those of chambers that are held at their set point."""
+    """Result of a run that has made its bench safe: safe roles, and chambers held at their set point."""
 
     safe: tuple[str, ...] = ()
     held: tuple[str, ...] = ()
 
 
 def beat(turns: int, commits: int, polls: Mapping[str, int], *, waits: bool, may_hold: bool) -> bytes:
-    """A message: turns of the loop, what was committed and whether more waits for the disk, polls by role."""
+    """Encode a beat: turns of the loop, commits, whether data wait for the disk, polls by role."""
     content = {"turns": turns, "commits": commits, "waits": waits, "polls": dict(polls), "may_hold": may_hold}
     return BEAT + json.dumps(content).encode()
 
 
 def over(end: Over) -> bytes:
-    """The message with which a run dismisses its guardian."""
+    """Encode the message with which a run dismisses its guardian."""
     return OVER + json.dumps(end._asdict()).encode()
 
 
 class Counters:
-    """For how long what a beat counts has not advanced.
+    """Time for which the counters in the beats have not advanced.
 
-    `alarm` is called once for each counter that is late; `stuck` is why the run is to be killed, or "".
+    `alarm` is called once for each late counter. `stuck` is the reason to kill the run, or "".
     """
 
     def __init__(self, polls_within_s: Mapping[str, float], alarm: Callable[[str], object]) -> None:
@@ -66,13 +65,13 @@ class Counters:
         self.turns, self.may_hold, self.stuck = -1, False, ""
 
     def take(self, message: bytes) -> bool:
-        """Take a message in; whether it is a beat of a loop that has turned since the last one."""
+        """Process a message; return True if it is a beat and the loop has turned since the last one."""
         content = _content(message, BEAT)
         turns, polls = content.get("turns"), content.get("polls")
         if not isinstance(turns, int) or turns == self.turns or not isinstance(polls, dict):
             return False
         self.turns, self.may_hold = turns, content.get("may_hold") is True
-        counts = {role: polls.get(role) for role in self._limits_s}  # None: it is not polled, or no more
+        counts = {role: polls.get(role) for role in self._limits_s}  # None: not polled, or no longer
         counts["commits of the record"] = content.get("commits") if content.get("waits") is True else None
         for name, count in counts.items():
             stands = count is not None and count == self._last.get(name)
@@ -88,7 +87,7 @@ class Counters:
             if late and name not in self._alarmed:
                 self._alarmed.add(name)
                 what = "nothing was committed to the disk" if limit_s is None else f"{name} was not polled"
-                self._alarm(f"{what} for {standing_s:g} s, while the loop of the run turns")
+                self._alarm(f"{what} for {standing_s:g} s, while the event loop of the run is running")
             if limit_s is not None and standing_s > 2 * limit_s:
                 self.stuck = f"{name} was not polled for {standing_s:g} s; the process of the run was killed"
 
@@ -97,11 +96,11 @@ def watch(
     link: socket.socket, runner: int, lease_s: float = LEASE_S,
     polls_within_s: Mapping[str, float] = MappingProxyType({}), alarm: Callable[[str], object] = lambda _text: None,
 ) -> Lost | Over:  # fmt: skip
-    """Return why the bench must be made safe, as soon as it must; or how it was left when the run is over.
+    """Wait until the bench must be made safe, and return the reason; or return its state when the run has ended.
 
-    `link` receives messages of the run; `runner` is the pidfd of its process, which is killed after `lease_s` without
-    a beat, or where an instrument was not polled for twice the time of `polls_within_s`, by role. `alarm` receives what
-    is late, and must return at once.
+    `link` receives messages of the run. `runner` is the pidfd of its process, which is killed after `lease_s` without a
+    beat, or if an instrument was not polled for twice its time in `polls_within_s`, by role. `alarm` receives
+    descriptions of late counters and must return at once.
     """
     counters, silent_s, looked_s = Counters(polls_within_s, alarm), 0.0, time.monotonic()
     while silent_s < lease_s and not counters.stuck:
@@ -121,8 +120,8 @@ def watch(
     with suppress(ProcessLookupError):
         signal.pidfd_send_signal(runner, signal.SIGKILL)
     dead, _, _ = select.select([runner], [], [], DIE_WITHIN_S)
-    was = counters.stuck or f"the process of the run stood still for {lease_s:g} s and was killed"
-    return Lost(was if dead else f"{was}, but does not end: it may still write", counters.may_hold)
+    was = counters.stuck or f"the process of the run did not respond for {lease_s:g} s and was killed"
+    return Lost(was if dead else f"{was}, but does not end: it may still send commands", counters.may_hold)
 
 
 def _left(message: bytes) -> Over:
@@ -131,7 +130,7 @@ def _left(message: bytes) -> Over:
 
 
 def _content(message: bytes, kind: bytes) -> dict[str, Any]:
-    """What a message of a kind says; nothing where it is another, or cannot be read."""
+    """Return the content of a message of this kind; empty if it is of another kind or cannot be decoded."""
     with suppress(ValueError, RecursionError):
         if message.startswith(kind) and isinstance(content := json.loads(message[len(kind) :]), dict):
             return content
@@ -146,7 +145,7 @@ def _received(link: socket.socket) -> bytes:
 
 
 def _gone(runner: int) -> str:
-    """Why a run's end of the link is closed: the kernel closes it some time before a process has ended."""
+    """Return the reason why the link is closed; the kernel closes it some time before the process has ended."""
     ended, _, _ = select.select([runner], [], [], DIE_WITHIN_S)
     return (
         "the process of the run has died"

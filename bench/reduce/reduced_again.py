@@ -10,7 +10,7 @@ from typing import Any
 from bench.errors import StoreError
 from bench.reduce.gaps import MissedIn
 from bench.reduce.stored_run import StoredRun
-from bench.store.kept_json import NUMBER, TEXT, an_object, every, or_none, read_kept
+from bench.store.kept_json import NUMBER, TEXT, list_of, nullable, object_of, read_kept
 
 RESULTS = "results.json"
 ROUNDING = 1e-9  # of the standard uncertainty: what another processor or library may make of the same equations
@@ -118,12 +118,12 @@ def reduced_again(run: StoredRun) -> ReducedAgain:
     return ReducedAgain(run.manifest["run"], verdict, results["verdict"], len(now), changes, missed, run.damage)
 
 
-_RESULTS = an_object(
+_RESULTS = object_of(
     {
         "verdict": TEXT,
-        "findings": every(
-            an_object(
-                {"id": TEXT, "value": NUMBER, "u": NUMBER, "unit": TEXT, "verdict": or_none(TEXT)},
+        "findings": list_of(
+            object_of(
+                {"id": TEXT, "value": NUMBER, "u": NUMBER, "unit": TEXT, "verdict": nullable(TEXT)},
                 ("id", "value", "u", "unit", "verdict"),
             )
         ),

@@ -99,7 +99,7 @@ class StoredRun:
     def on_the_way(self) -> OnTheWay:
         """What its journal holds."""
         places = self.bench.places
-        return on_the_way(self.reader, [place for place in self.serials if not places[place].says_power_cycles])
+        return on_the_way(self.reader, [place for place in self.serials if not places[place].has_power_cycles])
 
     def corrections(self) -> Iterator[str]:
         """A line for each instrument whose readings are corrected in the reduction of this run."""

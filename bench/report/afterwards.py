@@ -1,14 +1,13 @@
-"""What became of the chambers after a run, from the record of who looked at them, which is not under its seal."""
+"""State of the chambers after a run for its report, from `followed.jsonl`, which the seal does not cover."""
 
 from __future__ import annotations
 
-import datetime as dt
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from bench.figures.after_run import chamber_sentence, time_of
 from bench.figures.languages import tr
-from bench.figures.times_and_sizes import instant
 from bench.store.followed import Followed, followed
 
 _HELD = ("held", "reading")
@@ -16,7 +15,7 @@ _LASTING = (*_HELD, "commanded", "arrived", "not_arrived", "handed_over", "ended
 
 
 class Afterwards(NamedTuple):
-    """The last that is on record of each chamber, of holds that are over how they ended, and the lines of no use."""
+    """Last recorded state of each chamber, ends of holds, and number of lines that cannot be read."""
 
     last: tuple[Followed, ...] = ()
     holds: tuple[Followed, ...] = ()
@@ -24,12 +23,12 @@ class Afterwards(NamedTuple):
 
     @property
     def is_late(self) -> bool:
-        """Whether a chamber has not arrived, or that cannot be known."""
+        """True if a chamber has not arrived, or if the record is partly unreadable."""
         return bool(self.unreadable) or any(each.event == "not_arrived" for each in self.last)
 
 
 def afterwards(run: Path, chambers: Collection[str]) -> Afterwards:
-    """What is on record by now about these chambers of a run."""
+    """Return the present record about these chambers of a run."""
     last: dict[str, Followed] = {}
     holds: dict[str, Followed] = {}
     unreadable = 0
@@ -47,56 +46,12 @@ def afterwards(run: Path, chambers: Collection[str]) -> Afterwards:
 
 
 def lines(found: Afterwards, zone: str) -> Iterator[str]:
-    """The same in words, in the language of the report; instants as in the time zone of the laboratory."""
+    """Yield the states in the language of the report, with times in the time zone of the laboratory."""
     for hold in found.holds:
         yield tr(
-            "{role}: its set point was held until {time}: {why}.", role=hold.role, time=_at(hold, zone), why=hold.why
-        )
-    yield from (_in_words(each, _at(each, zone)) for each in found.last)
+            "{role}: its set point was held until {time}: {why}.",
+            role=hold.role, time=time_of(hold, zone), why=hold.why,
+        )  # fmt: skip
+    yield from (f"{each.role}{tr(': ')}{chamber_sentence(each, zone)}" for each in found.last)
     if found.unreadable:
         yield tr("Entries of this record that cannot be read: {count}.", count=found.unreadable)
-
-
-def _in_words(entry: Followed, time: str) -> str:
-    role, why, air = entry.role, entry.why, _celsius(entry.air_c)
-    match entry.event:
-        case "arrived":
-            return tr(
-                "{role}: its air arrived at the safe set point at {time}, at {air}.", role=role, time=time, air=air
-            )
-        case "not_arrived":
-            return tr("{role} HAS NOT ARRIVED at the safe set point ({time}): {why}", role=role, time=time, why=why)
-        case "handed_over":
-            return tr(
-                "{role}: handed over at {time}, on its way to the safe set point: {why}", role=role, time=time, why=why
-            )
-        case "ended":
-            return tr(
-                "{role}: not followed any more since {time}; whether its air has arrived is not known.",
-                role=role, time=time,
-            )  # fmt: skip
-        case "commanded":
-            return tr(
-                "{role}: the safe set point was commanded at {time}; that its air has arrived is not on record.",
-                role=role, time=time,
-            )  # fmt: skip
-        case _:
-            set_point = _celsius(entry.set_point_c)
-            return tr(
-                "{role}: held at {set_point}, last seen at {time} with its air at {air}.",
-                role=role, set_point=set_point, time=time, air=air,
-            )  # fmt: skip
-
-
-def _celsius(value_c: float | None) -> str:
-    return tr("not recorded") if value_c is None else f"{value_c:.1f} °C"
-
-
-def _at(entry: Followed, zone: str) -> str:
-    """When that was; an instant that is none is not recorded."""
-    try:
-        if dt.datetime.fromisoformat(entry.at).tzinfo is not None:
-            return instant(entry.at, zone)
-    except (ValueError, OverflowError):
-        pass
-    return tr("not recorded")

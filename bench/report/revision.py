@@ -24,7 +24,7 @@ from bench.errors import StoreError
 from bench.files import write_whole
 from bench.reduce.evaluate import Results
 from bench.report.afterwards import Afterwards
-from bench.store.kept_json import TEXT, WHOLE, an_object, every, named, one_of, read_kept
+from bench.store.kept_json import TEXT, WHOLE, list_of, named, object_of, one_of, read_kept
 from bench.store.manifest_form import instant
 from bench.store.runs import SEAL, json_text
 from bench.store.seal import file_hash
@@ -126,10 +126,10 @@ class _Reports:
     writing: Mapping[str, str] = field(default_factory=dict)
 
 
-_REVISIONS = every(
-    an_object({"revision": WHOLE, "issued": instant, "content": TEXT}, ("revision", "issued", "content"))
+_REVISIONS = list_of(
+    object_of({"revision": WHOLE, "issued": instant, "content": TEXT}, ("revision", "issued", "content"))
 )
-_REPORTS = an_object(
+_REPORTS = object_of(
     {"schema": one_of(SCHEMA), "revisions": _REVISIONS, "files": named(TEXT), "writing": named(TEXT), "hash": TEXT},
     ("schema", "revisions", "files", "hash"),
 )

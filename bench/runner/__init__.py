@@ -1,1 +1,1 @@
-"""One run in one process: devices opened, plan run, signals heeded, manifest kept."""
+"""Execution of one run in one process: opened devices, plan, signals and manifest."""

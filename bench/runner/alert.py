@@ -1,4 +1,4 @@
-"""Alerts to a person who is not there, by the program that a bench file names."""
+"""Alerts to an absent person, by the program that a bench file names."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ LIMIT_S = 30.0
 def alert(program: Sequence[str], title: str, text: str) -> str:
     """Run the program with the title as its last argument and the text on its standard input.
 
-    Returns why that failed, or "". Takes at most LIMIT_S.
+    Return the error, or "". Takes at most LIMIT_S.
     """
     try:
-        done = subprocess.run(  # noqa: S603  what the bench file names
+        done = subprocess.run(  # noqa: S603  the program is configured in the bench file
             [*program, title], input=text, text=True, errors="replace", timeout=LIMIT_S, check=False,
             capture_output=True, start_new_session=True,
         )  # fmt: skip
@@ -26,10 +26,10 @@ def alert(program: Sequence[str], title: str, text: str) -> str:
         return f"the alert program {program[0]} cannot be run ({problem})"
     if done.returncode == 0:
         return ""
-    said = (done.stderr or done.stdout).strip()[-200:]
-    return f"the alert program {program[0]} ended with code {done.returncode}{f': {said}' if said else ''}"
+    output = (done.stderr or done.stdout).strip()[-200:]
+    return f"the alert program {program[0]} ended with code {done.returncode}{f': {output}' if output else ''}"
 
 
 def route(program: Sequence[str]) -> str:
-    """What names an alert program in a record."""
+    """Return the identification of an alert program in a record."""
     return hashlib.sha256(json.dumps(list(program)).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""What a run under way is told over its control socket, and what it tells of itself."""
+"""Commands and queries that a running run accepts over its control socket."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from bench.sequence.language.values import in_words
 def commands_of(  # noqa: C901  one small function for each command
     engine: Engine, monitor: Monitor, notice: Callable[[str], None], *, can_pause: bool
 ) -> Handlers:
-    """Every command by its name, as a function that does it and says so.
+    """Return the handlers of all commands by name.
 
-    Who gave which command is in the journal, and told to `notice`. What is answered is on the disk by then, except of
-    what ends the run, which no disk holds up.
+    The sender of each command is recorded in the journal and passed to `notice`. Answers are sent when their effect is
+    on the disk, except for commands that end the run, which no disk may delay.
     """
 
     def pause(_: Arguments) -> str:
@@ -37,45 +37,45 @@ def commands_of(  # noqa: C901  one small function for each command
 
     def resume(_: Arguments) -> str:
         engine.resume()
-        return "it goes on"
+        return "the run continues"
 
-    def stop(said: Arguments) -> str:
-        engine.stop(_by(said, "stop"))
+    def stop(request: Arguments) -> str:
+        engine.stop(_by(request, "stop"))
         return "the current step is interrupted, then the teardown runs"
 
-    def stop_after_step(said: Arguments) -> str:
-        engine.stop_after_step(_by(said, "stop --after-step"))
+    def stop_after_step(request: Arguments) -> str:
+        engine.stop_after_step(_by(request, "stop --after-step"))
         return "the teardown runs after the current step"
 
-    def abort(said: Arguments) -> str:
-        engine.abort(_by(said, "abort"))
+    def abort(request: Arguments) -> str:
+        engine.abort(_by(request, "abort"))
         return "no teardown; all devices are made safe"
 
     def skip(_: Arguments) -> str:
         return f"skipped: {engine.skip()}"
 
     def repeat(_: Arguments) -> str:
-        return f"done again: {engine.repeat()}"
+        return f"repeated: {engine.repeat()}"
 
-    def answer(said: Arguments) -> str:
-        if "answer" not in said:
+    def answer(request: Arguments) -> str:
+        if "answer" not in request:
             raise InputError("an answer is missing")
-        question = engine.desk.answer(said["answer"], said["by"], said.get("step") or None)
+        question = engine.desk.answer(request["answer"], request["by"], request.get("step") or None)
         return f"answered: {question.text}"
 
     async def status(_: Arguments) -> str:
-        told = {"state": "running"} | state_to_json(engine.journal.state) | _now(engine, monitor)
+        state = {"state": "running"} | state_to_json(engine.journal.state) | _now(engine, monitor)
         await _kept(engine.journal, "the state of the run could not be written to the disk")
-        return json.dumps(told, ensure_ascii=False)
+        return json.dumps(state, ensure_ascii=False)
 
     def command(name: str, act: Callable[[Arguments], str]) -> Callable[[Arguments], Awaitable[str]]:
-        async def done(said: Arguments) -> str:
-            told = act(said)
-            engine.journal.try_to_write("command", command=name, **said)
-            notice(f"{name.replace('_', ' ')} by {said['by']}: {told}")
+        async def done(request: Arguments) -> str:
+            reply = act(request)
+            engine.journal.try_to_write("command", command=name, **request)
+            notice(f"{name.replace('_', ' ')} by {request['by']}: {reply}")
             if name not in STOPS:
-                await _kept(engine.journal, f"{told}, which is not on the disk")
-            return told
+                await _kept(engine.journal, f"{reply}; this is not recorded on the disk")
+            return reply
 
         return done
 
@@ -84,20 +84,20 @@ def commands_of(  # noqa: C901  one small function for each command
 
 
 async def _kept(journal: Journal, otherwise: str) -> None:
-    """Returns when all that was written is on the disk; InputError when it cannot be."""
+    """Wait until the journal is on the disk. Raises InputError if that fails."""
     try:
         await journal.commit()
     except StoreError as problem:
         raise InputError(f"{otherwise}: {problem}") from problem
 
 
-def _by(said: Arguments, command: str) -> EndRequest:
-    """Who ends the run by a command."""
-    return EndRequest("command", f"ended by {said['by']} with 'bench {command}'")
+def _by(request: Arguments, command: str) -> EndRequest:
+    """Return the request to end the run, with its sender."""
+    return EndRequest("command", f"ended by {request['by']} with 'bench {command}'")
 
 
 def state_to_json(state: RunState) -> dict[str, Any]:
-    """A run's state as plain JSON types."""
+    """Return a run's state as plain JSON types."""
     return {
         "under_way": list(state.under_way),
         "done": state.done,
@@ -112,7 +112,7 @@ def state_to_json(state: RunState) -> dict[str, Any]:
 
 
 def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
-    """State that only a run under way has: its bench time, open questions and the newest readings."""
+    """Return state that only a running run has: bench time, open questions and newest readings."""
     return {
         "now_s": asyncio.get_running_loop().time(),
         "questions": [
@@ -124,7 +124,7 @@ def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
 
 
 def _latest_to_json(latest: Latest, unit: str) -> dict[str, Any]:
-    """A reading with its quality; "value" and "at_s" only of one that is valid and not stale."""
+    """Return a reading with its quality; "value" and "at_s" only if it is valid and not stale."""
     match latest:
         case Fresh(reading, age_s):
             found = {"quality": "valid", "value": reading.value, "unit": unit, "at_s": reading.at_s, "age_s": age_s}

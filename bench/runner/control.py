@@ -1,10 +1,10 @@
-"""The control sockets of a run: what another process of the same user commands, and asks.
+"""Control sockets of a run: commands and queries from other processes of the same user.
 
-One line of JSON in, one out. There are two sockets, named in the run's `runner.json`: one for what ends the run, and
-one for everything, so that whoever floods the second does not stand before whoever stops. Both are served by one thread
-with an event loop of its own, in real time whatever time the run keeps; a command itself is done in the run's loop.
+Each request and each answer is one line of JSON. There are two sockets, named in the run's `runner.json`: one only for
+ending the run and one for everything, so that a flood on the second cannot block the first. Both are served by one
+thread with its own event loop in real time, whatever time the run keeps; the command itself runs in the run's loop.
 
-The sockets have abstract names, which are in no folder and go with the process.
+The sockets have abstract names, which are in no folder and disappear with the process.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from bench.files import write_whole
 from bench.runner.held import peer
 from bench.store.runs import RUNNER, json_text
 
-ALL, STOPPING = "socket", "stop"  # the keys of the two in `runner.json`
+ALL, STOPPING = "socket", "stop"  # keys in `runner.json`
 STOPS = frozenset({"stop", "stop_after_step", "abort"})
-REQUEST_S = 2.0  # for the whole line, however it comes
+REQUEST_S = 2.0  # for the whole line
 ANSWER_S = 10.0
-CONNECTIONS = 128  # on each socket at a time
+CONNECTIONS = 128  # limit of each socket
 BACKLOG = 256
-LAST_ANSWERS_S = 0.2  # for what was done just before the end
+LAST_ANSWERS_S = 0.2  # for commands executed just before the end
 LINE_LIMIT_BYTES = 4096
 BUSY: Mapping[str, Any] = {"refused": "too many clients are connected to this run", "again": True}
 
@@ -42,11 +42,11 @@ Handlers = Mapping[str, Callable[[Arguments], Awaitable[str]]]
 
 @contextmanager
 def control_socket(folder: Path, handlers: Handlers) -> Iterator[None]:
-    """Serves `handlers` while inside; each does what its name says, in the running loop, and returns what to answer.
+    """Serve `handlers` in the block; each runs in the running loop and returns its answer.
 
-    A handler is given what was said besides its name, with the name of whose program it was in `user`, and in `by` as
-    well if nobody else was named there. It refuses by raising InputError. Raises StoreError when the sockets or
-    `runner.json` cannot be made.
+    A handler receives the arguments of the request, the name of the sender's user in `user`, and in `by` as well unless
+    the request has one. It refuses by raising InputError. Raises StoreError if the sockets or `runner.json` cannot be
+    created.
     """
     own, run = asyncio.SelectorEventLoop(), asyncio.get_running_loop()
     stopping = {name: handler for name, handler in handlers.items() if name in STOPS}
@@ -76,19 +76,19 @@ def control_socket(folder: Path, handlers: Handlers) -> Iterator[None]:
 
 
 def _remove(path: Path) -> None:
-    with suppress(OSError):  # how the run ended is not to be lost for it
+    with suppress(OSError):  # must not hide the outcome of the run
         path.unlink(missing_ok=True)
 
 
 def socket_address(name: str) -> str:
-    """The address of a socket by its name in `runner.json`, where an abstract one begins with @."""
+    """Return the address of a socket from its name in `runner.json`, where @ marks an abstract one."""
     return f"\0{name[1:]}" if name.startswith("@") else name
 
 
 async def _serve(channels: list[tuple[socket.socket, _Channel]], ended: asyncio.Event) -> None:
     loop = asyncio.get_running_loop()
     servers = [
-        await loop.create_unix_server(channel.asker, sock=listener, backlog=BACKLOG) for listener, channel in channels
+        await loop.create_unix_server(channel.client, sock=listener, backlog=BACKLOG) for listener, channel in channels
     ]
     await ended.wait()
     for server in servers:
@@ -97,44 +97,44 @@ async def _serve(channels: list[tuple[socket.socket, _Channel]], ended: asyncio.
 
 
 class _Channel:
-    """Whoever asks on one socket, and what he may ask; at most `at_once` are answered by the run's loop at a time."""
+    """Clients of one socket and its handlers; the run's loop handles at most `at_once` requests at a time."""
 
     def __init__(self, run: asyncio.AbstractEventLoop, handlers: Handlers, *, at_once: int) -> None:
         self._run, self._handlers = run, handlers
         self._turn = asyncio.Semaphore(at_once)
-        self.askers: dict[_Asker, None] = {}  # the oldest first
+        self.clients: dict[_Client, None] = {}  # oldest first
         self.tasks: set[asyncio.Task[None]] = set()
 
-    def asker(self) -> _Asker:
-        """One more who asks."""
-        return _Asker(self)
+    def client(self) -> _Client:
+        """Return the protocol of a new client."""
+        return _Client(self)
 
-    def admit(self, asker: _Asker) -> bool:
-        """Takes one more in; where it is full, the oldest who has not yet asked gives way, and else it is false."""
-        if len(self.askers) >= CONNECTIONS:
-            idle = next((each for each in self.askers if not each.has_asked), None)
+    def admit(self, client: _Client) -> bool:
+        """Admit a client; if full, drop the oldest one without a request, otherwise return False."""
+        if len(self.clients) >= CONNECTIONS:
+            idle = next((each for each in self.clients if not each.has_asked), None)
             if idle is None:
                 return False
             idle.end(BUSY)
-        self.askers[asker] = None
+        self.clients[client] = None
         return True
 
     async def close(self) -> None:
-        """Sends the last answers; who has none by then is told that the run ends."""
+        """Send the last answers; clients without one are told that the run ends."""
         if self.tasks:
             await asyncio.wait(self.tasks, timeout=LAST_ANSWERS_S)
-        for asker in list(self.askers):
-            asker.end({"refused": "the run is about to end"})
+        for client in list(self.clients):
+            client.end({"refused": "the run is about to end"})
         for task in self.tasks:
             task.cancel()
         await asyncio.sleep(0)  # connections close in the next turn
 
     async def answer(self, line: bytes, user: int) -> Mapping[str, Any]:
-        """The answer to one line."""
+        """Return the answer to one line."""
         try:
-            said = json.loads(line)
-            handler = self._handlers[said.pop("command")]
-            arguments = {str(key): str(value) for key, value in said.items()}
+            content = json.loads(line)
+            handler = self._handlers[content.pop("command")]
+            arguments = {str(key): str(value) for key, value in content.items()}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             return {"refused": f"expected one of {', '.join(self._handlers)}"}
         arguments["user"] = _user(user)
@@ -151,7 +151,7 @@ class _Channel:
             self._turn.release()
 
     async def _done(self, handler: Callable[[Arguments], Awaitable[str]], arguments: Arguments) -> Mapping[str, Any]:
-        """What the run answers; a command that it has not come to yet stays commanded."""
+        """Return the answer of the run; a command that it has not handled yet stays pending."""
 
         async def act() -> str:
             return await handler(arguments)
@@ -171,12 +171,12 @@ class _Channel:
             return {"refused": str(problem)}
         except asyncio.CancelledError:
             return {"refused": "the run is about to end"}
-        except Exception as problem:  # noqa: BLE001  whoever asked is told, and does not wait for nothing
+        except Exception as problem:  # noqa: BLE001  the client gets an answer and does not wait in vain
             return {"refused": f"an internal error of this program: {problem!r}"}
 
 
-class _Asker(asyncio.Protocol):
-    """One connection: a line, its answer, and the end, all in bounded time."""
+class _Client(asyncio.Protocol):
+    """One connection: a line, its answer and the end, all in bounded time."""
 
     def __init__(self, channel: _Channel) -> None:
         self._channel = channel
@@ -187,8 +187,8 @@ class _Asker(asyncio.Protocol):
         self.has_asked = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Somebody is there: he is refused, or has some time for his line."""
-        assert isinstance(transport, asyncio.Transport)  # noqa: S101  that of a stream server
+        """Refuse the client, or start the time limit of its request."""
+        assert isinstance(transport, asyncio.Transport)  # noqa: S101  always true for a stream server
         self._transport = transport
         _, self._user = peer(transport.get_extra_info("socket"))
         if self._user not in (0, os.getuid()):
@@ -200,7 +200,7 @@ class _Asker(asyncio.Protocol):
             self._limit = asyncio.get_running_loop().call_later(REQUEST_S, self.end, late)
 
     def data_received(self, data: bytes) -> None:
-        """A part of the line; with its end it is answered."""
+        """Collect a part of the line; answer when it is complete."""
         if self.has_asked or self._transport is None or self._transport.is_closing():
             return
         self._heard += data
@@ -209,18 +209,18 @@ class _Asker(asyncio.Protocol):
             self._ask(line if len(line) <= LINE_LIMIT_BYTES else b"")
 
     def eof_received(self) -> bool:
-        """Nothing more will be said: what was is the line."""
+        """Treat the data received as the line, since no more will come."""
         if not self.has_asked:
             self._ask(self._heard)
-        return True  # the answer is still to be sent
+        return True  # keep the connection open for the answer
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """He has gone."""
+        """Forget the client."""
         self._stop_limit()
-        self._channel.askers.pop(self, None)
+        self._channel.clients.pop(self, None)
 
     def end(self, answer: Mapping[str, Any]) -> None:
-        """Answers and closes; who does not take the answer in time is left."""
+        """Answer and close; a client that does not take the answer in time is dropped."""
         self._stop_limit()
         if self._transport is None or self._transport.is_closing():
             return

@@ -1,4 +1,4 @@
-"""What the instruments of a bench are doing before anything has been commanded; nothing is changed."""
+"""Detection of energised instruments before the first command; nothing is changed."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from drivers.errors import DriverError
 from drivers.timing.awake import patience
 
 LOOKED_AT_WITHIN_S = 5.0
-LOOKS_APART_S = 0.5  # of an axis: one that swings is at rest for a moment
-AWAY_C = 10.0  # a chamber that somebody has set to the temperature of the room is not left on
-AT_REST_DPS = 0.05  # slower, an encoder's last digits and a stiff position loop look the same
+LOOKS_APART_S = 0.5  # readings of an axis: a swinging one is at rest for a moment
+AWAY_C = 10.0  # a chamber set to room temperature does not count as left on
+AT_REST_DPS = 0.05  # slower motion looks like encoder noise or a stiff position loop
 
 
 class LeftOn(NamedTuple):
-    """What earlier runs have left on: those runs by device, and the chambers that a guardian has held until now."""
+    """Devices that earlier runs have left on: the runs by device, and chambers held by a guardian until now."""
 
     by: Mapping[str, str] = MappingProxyType({})
     held: Collection[str] = ()
@@ -29,9 +29,9 @@ NOTHING = LeftOn()
 
 
 class Found(NamedTuple):
-    """An instrument that was found energised, in words and numbers (V, A, °/s, °C).
+    """Instrument found energised, as text and numbers (V, A, °/s, °C).
 
-    `is_output` where its output is on, it moves, or it does not say what it does; a chamber only heats or cools.
+    `is_output` is True if its output is on, it moves, or it does not report its state; a chamber only heats or cools.
     """
 
     text: str
@@ -40,9 +40,9 @@ class Found(NamedTuple):
 
 
 async def found_energised(rig: Rig, roles: Collection[str]) -> dict[str, Found]:
-    """Those devices whose output is on, that move, or whose set point is far from the safe one.
+    """Return devices with output on, in motion, or with a set point far from the safe one.
 
-    One that does not say what it does counts as energised.
+    One that does not report its state counts as energised.
     """
     devices = {role: device for role, device in rig.devices.items() if role in roles}
     found = await asyncio.gather(*(_look(device) for device in devices.values()))
@@ -59,9 +59,9 @@ async def _look(device: Device) -> Found | None:
             if isinstance(device, Positioner | RateTable):
                 return await _motion(device)
     except DriverError as problem:
-        return Found(f"does not say what it does ({problem})", {})
+        return Found(f"does not report its state ({problem})", {})
     except TimeoutError:
-        return Found(f"does not say what it does within {LOOKED_AT_WITHIN_S:g} s", {})
+        return Found(f"does not report its state within {LOOKED_AT_WITHIN_S:g} s", {})
     return None
 
 

@@ -1,4 +1,4 @@
-"""The run's end of its guardian: no guardian, no energy; a beat while the loop turns; its loss ends the run."""
+"""The run's side of its guardian: no energy without a guardian, a beat while the loop turns; its loss ends the run."""
 
 from __future__ import annotations
 
@@ -23,50 +23,50 @@ from bench.engine.pulse import Pulse
 from bench.errors import BenchError
 from bench.guardian.watch import ARMED, BEAT_S, CANNOT, LONGEST, Over, beat, over
 from bench.runner.held import energising_addresses
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 from bench.store.writer import RunWriter
 
-UNREAD_BYTES = 8192  # some ten beats
-STILL_BEATS = 20  # that a guardian may leave untaken when those are waiting
-ARMED_WITHIN_S = 60.0  # on a computer with much else to do
+UNREAD_BYTES = 8192  # about ten beats
+STILL_BEATS = 20  # beats that do not fit into the buffer, after which the guardian counts as hung
+ARMED_WITHIN_S = 60.0  # on a loaded computer
 ENDS_WITHIN_S = 5.0
-PROGRAM = (  # with the search path of the run, so that it is the same program whatever lies in this directory
+PROGRAM = (  # with the module search path of the run, so that files in this directory cannot change the program
     "import json, os, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from bench.guardian.main import main; os._exit(main(*sys.argv[2:]))"  # waits for no thread that writes
+    "from bench.guardian.main import main; os._exit(main(*sys.argv[2:]))"  # os._exit waits for no thread that writes
 )
-LOST = EndRequest("guardian", "its guardian has died, which would make the bench safe if this process died")
-STILL = EndRequest("guardian", "its guardian stands still, which would make the bench safe if this process died")
+LOST = EndRequest("guardian", "its guardian has died; nothing would make the bench safe if this process died")
+STILL = EndRequest("guardian", "its guardian hangs; nothing would make the bench safe if this process died")
 MEMORY_PRESSURE = Path("/proc/self/oom_score_adj")
-TAKEN_FIRST = "500"  # by the kernel when memory runs out: the run, and not its guardian
+TAKEN_FIRST = "500"  # the kernel kills the run before its guardian when memory runs out
 
 
 class GuardError(BenchError):
-    """The guardian of a run could not be started; nothing was energised."""
+    """Failure to start the guardian of a run; nothing was energised."""
 
     code = "guardian"
 
 
 @dataclass
 class Guard:
-    """The guardian of a run: what it is shown, and how the bench was left when it is dismissed."""
+    """Guardian of a run: data for its beats, and the state of the bench at its dismissal."""
 
     roles: tuple[str, ...] = ()
     pulse: Pulse = field(default_factory=Pulse)
     end: Over = field(default_factory=Over)
 
     def leaves(self, outcome: Outcome) -> None:
-        """The run has made its bench safe as far as its outcome says."""
+        """Record how the run has left its bench, from its outcome."""
         open_ = {*outcome.unsafe, *outcome.not_reached, *outcome.held}
         self.end = Over(tuple(role for role in self.roles if role not in open_), tuple(outcome.held))
 
 
 @asynccontextmanager
 async def guarded(loaded: LoadedBench, run: Path, signals: Signals, writer: RunWriter) -> AsyncIterator[Guard]:
-    """A guardian for everything inside: the opening of the instruments of a bench, its run, and making it safe.
+    """Run the block under a guardian: opening the instruments of a bench, the run, and making it safe.
 
-    It is ready at the beginning, or GuardError is raised. Its death ends the run. At the end, also after an error, it
-    is dismissed, and follows the chambers alone; if the end never comes it makes the bench safe. Nothing real to
-    energise, no guardian.
+    The guardian is ready at the beginning, or GuardError is raised. Its death ends the run. At the end, also after an
+    error, it is dismissed and supervises the chambers alone; if the end never comes it makes the bench safe. Benches
+    without real instruments that can be energised get no guardian.
     """
     roles = tuple(energising_addresses(loaded.bench))
     if not roles:
@@ -88,7 +88,7 @@ async def guarded(loaded: LoadedBench, run: Path, signals: Signals, writer: RunW
 
 
 def try_guardian(loaded: LoadedBench, folder: Path) -> float:
-    """Start a guardian, with nothing energised, and dismiss it; for how long it took. Raises GuardError."""
+    """Start and dismiss a guardian with nothing energised; return the duration in s. Raises GuardError."""
     watch = Stopwatch()
     if not energising_addresses(loaded.bench):
         return 0.0
@@ -109,20 +109,20 @@ def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Po
     words += [str(run.absolute()), str(document.path.absolute()), digest]
     try:
         with far:
-            process = subprocess.Popen(  # noqa: S603  this program itself
+            process = subprocess.Popen(  # noqa: S603  runs this program itself
                 [sys.executable, "-P", "-c", PROGRAM, *words],
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=(far.fileno(),), start_new_session=True,
             )  # fmt: skip
     except OSError as problem:
         near.close()
         raise GuardError(f"The guardian of the run could not be started ({problem}). Nothing was energised.") from None
-    with suppress(OSError):  # a run in a container may not; it is an advantage, not a condition
+    with suppress(OSError):  # not permitted in some containers; it is only an improvement
         MEMORY_PRESSURE.write_text(TAKEN_FIRST, "ascii")
     return near, process
 
 
 async def _beat(link: socket.socket, guardian: int, signals: Signals, guard: Guard, writer: RunWriter) -> None:
-    """Beat for ever; a guardian that takes no beats is told to go on, and then ends the run."""
+    """Send beats for ever; a guardian that takes none gets SIGCONT, and the run ends if that does not help."""
     untaken = 0
     for turns in count():
         polls = {role: polls for role, polls in guard.pulse.polls.items() if role in guard.roles}
@@ -134,16 +134,16 @@ async def _beat(link: socket.socket, guardian: int, signals: Signals, guard: Gua
             untaken += 1
             os.kill(guardian, signal.SIGCONT)  # somebody may have stopped it
             if untaken > STILL_BEATS:
-                signals.tell(Sent("a guardian that stands still", STILL))
+                signals.request_end(EndSignal("a guardian that hangs", STILL))
                 return
         except OSError:
-            signals.tell(Sent("the death of its guardian", LOST))
+            signals.request_end(EndSignal("the death of its guardian", LOST))
             return
         await asyncio.sleep(BEAT_S)
 
 
 def _dismiss(link: socket.socket, process: subprocess.Popen[bytes], end: Over) -> None:
-    """End the guardian; one that stands still is killed. What follows the chambers is another process by then."""
+    """End the guardian, by force if it hangs. Supervision of the chambers is another process by then."""
     with link, suppress(OSError):
         link.settimeout(ENDS_WITHIN_S)
         link.send(over(end))
@@ -155,7 +155,7 @@ def _dismiss(link: socket.socket, process: subprocess.Popen[bytes], end: Over) -
 
 
 def _wait_until_armed(link: socket.socket) -> None:
-    """Return when the guardian is ready; raises GuardError. Blocks the loop, in which there is nothing else yet."""
+    """Wait until the guardian is ready. Raises GuardError. Blocks the loop, in which nothing else runs yet."""
     link.settimeout(ARMED_WITHIN_S)
     try:
         answer = link.recv(LONGEST)

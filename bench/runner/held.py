@@ -1,8 +1,8 @@
-"""Whose instruments are in use: of all programs of all users on this computer, one at a time talks to an address.
+"""Address locks: of all programs of all users on this computer, only one at a time talks to an instrument.
 
-The lock of a place is an abstract Unix socket with its name: in no folder, so that no permission, environment or file
-left behind stands between two programs, and gone with its owner. Whoever finds it taken connects to it and is told who
-has it; the kernel adds which process and user that is. A simulated address needs no lock.
+A lock is an abstract Unix socket named after the address: it is in no folder, so that permissions, environments and
+leftover files do not matter, and it disappears with its owner. A program that finds it taken connects to it and
+receives the description of the owner; the kernel adds process and user. A simulated address needs no lock.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from bench.store.lockout import locked_out
 from drivers.transport.address import Address
 
 DISK_ANSWERS_S = 1.0
-A_RUN, A_VISIT, A_RESCUE = "a run of ", "a short look of ", "the guardian of "  # who has a lock
-LOOKS = "followed "  # before a mark: the lock of who follows a chamber, which refuses nobody the address itself
+A_RUN, A_VISIT, A_RESCUE = "a run of ", "a short look of ", "the guardian of "  # kinds of owners
+LOOKS = "followed "  # prefix of locks that mark supervision of a chamber; they do not lock the address itself
 _WORDS_AT_MOST = 200
 _OWNER_ANSWERS_S = 0.5
 _pause = threading.Event().wait
-_ATTEMPTS, _BETWEEN_ATTEMPTS_S = 3, 0.02  # the owner may end before it is asked who it is, or have just begun
-_LOOKS_AT_A_VISIT, _BETWEEN_LOOKS_S = 150, 0.1  # each of which ends within 10 s
+_ATTEMPTS, _BETWEEN_ATTEMPTS_S = 3, 0.02  # the owner may end before it is asked, or may just have started
+_LOOKS_AT_A_VISIT, _BETWEEN_LOOKS_S = 150, 0.1  # each reading ends within 10 s
 
 
 class Owner(NamedTuple):
-    """Who has the lock of an address: its process and user (0 and -1 where it does not answer), and what it is."""
+    """Owner of the lock of an address: process and user (0 and -1 if it does not answer), and description."""
 
     process: int
     user: int
@@ -50,42 +50,43 @@ class Owner(NamedTuple):
 
 
 def real_addresses(bench: BenchFile) -> dict[str, Address]:
-    """The addresses of a bench that are not simulated, by role."""
+    """Return the addresses of a bench that are not simulated, by role."""
     return {role: entry.connection for role, entry in bench.devices.items() if not entry.connection.simulated}
 
 
 def energising_addresses(bench: BenchFile) -> dict[str, Address]:
-    """Those of instruments that move or energise something, by role; a person and a recording do not."""
+    """Return the real addresses of instruments that move or energise something, by role."""
     able = bench.with_capability("positioner", "rate_table", "thermal_chamber", "power_supply", "current_source")
     real = real_addresses(bench).items()
     return {role: at for role, at in real if role in able and not (at.is_person or at.is_recording)}
 
 
 def why_locked_out(bench: BenchFile) -> str:
-    """Who works at the bench, and why; "" where nobody does."""
+    """Return who works at the bench, and why; "" if it is not locked out."""
     addresses = {str(address) for address in real_addresses(bench).values()}
     return locked_out(addresses) if addresses else ""
 
 
 def is_locked_out(bench: BenchFile) -> bool:
-    """Whether somebody works at the bench; False where the disk does not answer, which holds no making safe up."""
+    """Return True if the bench is locked out; False if the disk does not answer, to avoid delaying a make-safe."""
     if not real_addresses(bench):
         return False
     found: list[str] = []
     looking = threading.Thread(target=lambda: found.append(why_locked_out(bench)), name="lockout", daemon=True)
-    with suppress(RuntimeError):  # no memory is left for a thread
+    with suppress(RuntimeError):  # no memory for a thread
         looking.start()
         looking.join(DISK_ANSWERS_S)
     return any(found)
 
 
 @contextmanager
-def holding(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[None]:
-    """Holds the addresses while inside, as `who`; InUseError names who has one of them already.
+def address_lock(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[None]:
+    """Hold the locks of the addresses in the block, as `who`; InUseError names the owner of one that is taken.
 
-    Who only looks at a chamber lets go soon, and is waited for. `kind` is LOOKS for the lock of who follows them.
+    Short readings of a chamber by others are waited for. `kind` is LOOKS for locks that mark supervision.
     """
-    places = {kind + mark: address for address in addresses for mark in marks(address)}  # several may share a line
+    # several instruments may share a line
+    places = {kind + mark: address for address in addresses for mark in marks(address)}
     with ExitStack() as held:
         locks = [held.enter_context(_lock(mark, places[mark])) for mark in sorted(places)]
         if locks:
@@ -94,18 +95,18 @@ def holding(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[
 
 
 def owners(addresses: Iterable[Address], kind: str = "") -> set[Owner]:
-    """The programs that hold any of the addresses, or with LOOKS that follow one."""
+    """Return the programs that hold any of the addresses, or with LOOKS supervise one."""
     places = {kind + mark for address in addresses for mark in marks(address)}
     return {owner for mark in places if (owner := _owner(_name(mark))) is not None}
 
 
 def is_followed(address: str) -> bool:
-    """Whether somebody looks at the chamber of an address until its air has arrived; a guardian ends its hold."""
+    """Return True if a program supervises the chamber at an address; a guardian ends its hold."""
     return bool(owners([Address.parse(address)], LOOKS))
 
 
 def peer(connection: socket.socket) -> tuple[int, int]:
-    """Process and user at the other end of a Unix socket, as the kernel has them; of a listener, who made it."""
+    """Return process and user at the other end of a Unix socket from the kernel; of a listener its creator."""
     size = struct.calcsize("3i")
     process, user, _ = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))
     return process, user
@@ -146,7 +147,7 @@ def _name(mark: str) -> str:
 
 
 def _owner(name: str) -> Owner | None:
-    """Who has the lock of this name, also one that does not answer; None when nobody has it any more."""
+    """Return the owner of the lock of this name, also if it does not answer; None if the lock is free."""
     words = ""
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(_OWNER_ANSWERS_S)
@@ -154,13 +155,13 @@ def _owner(name: str) -> Owner | None:
             client.connect(name)
         except ConnectionRefusedError:
             return None
-        except OSError:  # it has stood still for long, and many have asked
+        except OSError:  # it hangs, and its backlog is full
             return Owner(0, -1, "another program, which does not answer")
         process, user = peer(client)
         try:
             words = client.recv(_WORDS_AT_MOST).decode(errors="replace")
             if not words:
-                return None  # it has let go before it could answer
+                return None  # the lock was released before it could answer
         except TimeoutError:
             pass
         except OSError:
@@ -177,7 +178,7 @@ def _user(number: int) -> str:
 
 @contextmanager
 def _answering(locks: list[socket.socket], words: bytes) -> Iterator[None]:
-    """While inside, whoever connects to one of the locks is given the words, by a thread of its own."""
+    """Answer connections to the locks with the description, in a thread, during the block."""
     near, far = socket.socketpair()
 
     def answer() -> None:
@@ -204,9 +205,9 @@ def _answering(locks: list[socket.socket], words: bytes) -> Iterator[None]:
 def _answer_one(lock: socket.socket, words: bytes) -> None:
     try:
         connection, _ = lock.accept()
-    except BlockingIOError:  # whoever asked has gone
+    except BlockingIOError:  # the client has gone
         return
-    except OSError:  # no descriptor is left; somebody may give one back
+    except OSError:  # no descriptor is free; one may be released later
         _pause(_OWNER_ANSWERS_S)
         return
     with connection, suppress(OSError):

@@ -1,4 +1,4 @@
-"""What a run says of itself: who, what, when, on which instruments, with which files and programs."""
+"""Manifest of a run: operator, units, times, instruments, files and program versions."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _PROGRAMS = (
 def opening(
     run_id: str, plan: Plan, bench: BenchFile, serials: Mapping[str, str], seed: int, operator: str, started: datetime
 ) -> dict[str, Any]:
-    """The manifest of a run that begins."""
+    """Return the manifest at the start of a run."""
     return {
         "schema": SCHEMA,
         "run": run_id,
-        "uuid": uuid.uuid4().hex,  # runs of one second may have one name in different places
+        "uuid": uuid.uuid4().hex,  # runs of the same second on different computers may have the same name
         "state": "running",
         "verdict": None,
         "title": plan.sequence.title,
@@ -69,7 +69,7 @@ def _unit(bench: BenchFile, place: str, serial: str) -> dict[str, Any]:
 
 
 def instruments(bench: BenchFile, identities: Mapping[str, Identity]) -> dict[str, Any]:
-    """Identity and calibration of every instrument."""
+    """Return identity and calibration of every instrument."""
     return {role: _instrument(bench, role, identities.get(role)) for role in bench.devices}
 
 
@@ -92,5 +92,5 @@ def _instrument(bench: BenchFile, role: str, identity: Identity | None) -> dict[
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file, with its name for the method."""
+    """Return the SHA-256 of a file with the prefix `sha256:`."""
     return "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()

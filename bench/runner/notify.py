@@ -1,4 +1,4 @@
-"""Notifications to systemd, sd_notify(3): datagrams to the socket that $NOTIFY_SOCKET names, none without it."""
+"""Notifications to systemd, sd_notify(3): datagrams to the socket in $NOTIFY_SOCKET, if set."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ VARIABLE = "NOTIFY_SOCKET"
 
 
 def notify(*words: str) -> None:
-    """Send words such as READY=1; a service manager that does not listen is not a run's concern."""
+    """Send words such as READY=1; errors are ignored, since they do not concern the run."""
     name = os.environ.get(VARIABLE, "")
     if not name.startswith(("/", "@")):
         return

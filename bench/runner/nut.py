@@ -1,4 +1,4 @@
-"""The state of an uninterruptible supply, asked of `upsd` of Network UPS Tools (RFC 9271, sections 4.2.4 and 5.1)."""
+"""State of an uninterruptible power supply, queried from `upsd` of Network UPS Tools (RFC 9271, 4.2.4 and 5.1)."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ Kind = Literal["line", "battery", "low", "unknown"]
 
 
 class PowerState(NamedTuple):
-    """On *line* power, on *battery*, with its charge *low*, or *unknown*: the words of the supply, or the reason."""
+    """Power state: *line*, *battery*, *low* battery or *unknown*; with the text of the supply, or the reason."""
 
     kind: Kind
     text: str
 
 
 def question(name: str) -> bytes:
-    """The request for the status of a supply."""
+    """Encode the request for the status of a supply."""
     return f"GET VAR {name} ups.status\n".encode()
 
 
 def read_status(line: bytes, name: str) -> PowerState:
-    """The state that an answer holds; *unknown* for an error and for anything else."""
+    """Decode an answer; *unknown* for an error and for anything else."""
     found = _VARIABLE.fullmatch(line.rstrip(b"\r\n"))
     if found is None or found[1] != name.encode():
         return PowerState("unknown", f"upsd answers {line.decode('ascii', 'replace').strip()!r}")
@@ -43,14 +43,14 @@ def read_status(line: bytes, name: str) -> PowerState:
 
 
 class Client:
-    """A connection to `upsd`, made anew after every error. `ask` takes at most twice ANSWER_S and raises nothing."""
+    """Connection to `upsd`, reopened after every error. `ask` takes at most twice ANSWER_S and raises nothing."""
 
     def __init__(self, supply: Supply) -> None:
         self._supply = supply
         self._open: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
 
     async def ask(self) -> PowerState:
-        """The state now; *unknown* with the reason where it cannot be had."""
+        """Return the present state; *unknown* with the reason if it cannot be read."""
         name, host, port = self._supply
         try:
             async with asyncio.timeout(ANSWER_S):
@@ -69,7 +69,7 @@ class Client:
         return PowerState("unknown", f"upsd at {host}:{port}: {problem}")
 
     async def close(self) -> None:
-        """End the connection."""
+        """Close the connection."""
         if self._open is None:
             return
         (_, writer), self._open = self._open, None

@@ -1,7 +1,7 @@
-"""Output that may be lost: a terminal that is closed, hangs, or is held back by Ctrl-S keeps nobody from his work.
+"""Output that may be lost: a terminal that is closed, hangs, or is held by Ctrl-S does not delay the run.
 
-What is written to the standard error goes through a thread, so that a run never waits for who reads it. An error of
-either stream ends its output, and nothing else.
+Standard error is written by a thread, so that a run never waits for its reader. An error of a stream ends its output,
+and nothing else.
 """
 
 from __future__ import annotations
@@ -16,48 +16,48 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO
 
-KEPT_CHARACTERS = 1_000_000  # that wait for a terminal; older ones are dropped
-AT_THE_END_S = 2.0  # for what is still to be shown when the run is over
+KEPT_CHARACTERS = 1_000_000  # limit of text waiting for a terminal; older text is dropped
+AT_THE_END_S = 2.0  # time for the remaining text when the run is over
 
 
-class Lasting(io.TextIOBase):
-    """Passes text on to a stream; one that fails takes nothing more, and raises nothing."""
+class TolerantStream(io.TextIOBase):
+    """Stream wrapper that drops all text after the first error of the stream, and raises nothing."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self.is_gone = False
 
     def write(self, text: str, /) -> int:
-        """Pass text on."""
+        """Write text to the stream."""
         if not self.is_gone:
             try:
                 self._stream.write(text)
                 self._stream.flush()
-            except (OSError, ValueError):  # gone, or closed
+            except (OSError, ValueError):  # the stream is gone or closed
                 self.is_gone = True
         return len(text)
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Do nothing, since nothing is buffered."""
 
     def isatty(self) -> bool:
-        """Whether it is a terminal."""
+        """Return True if the stream is a terminal."""
         with contextlib.suppress(OSError, ValueError):
             return not self.is_gone and self._stream.isatty()
         return False
 
     def fileno(self) -> int:
-        """The descriptor of the stream."""
+        """Return the descriptor of the stream."""
         return self._stream.fileno()
 
     @property
     def encoding(self) -> str:  # type: ignore[override]  # a plain attribute of io.TextIOBase
-        """The encoding of the stream."""
+        """Encoding of the stream."""
         return self._stream.encoding
 
 
-class Unhurried(Lasting):
-    """The same through a thread: nobody waits for a stream that is held back."""
+class ThreadedStream(TolerantStream):
+    """Stream wrapper that writes in a thread, so that a blocked stream delays nobody."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__(stream)
@@ -68,7 +68,7 @@ class Unhurried(Lasting):
         threading.Thread(target=self._write_for_ever, name="output", daemon=True).start()
 
     def write(self, text: str, /) -> int:
-        """Have text passed on."""
+        """Queue text for writing."""
         with self._changed:
             self._texts.append(text)
             self._waiting += len(text)
@@ -78,12 +78,12 @@ class Unhurried(Lasting):
         return len(text)
 
     def finish(self) -> None:
-        """Returns when all is passed on, or the stream has not taken it for a while."""
+        """Wait until all text is written, or the stream has not taken any for a while."""
         with self._changed:
             self._changed.wait_for(lambda: not self._waiting or self.is_gone, AT_THE_END_S)
 
     def _write_for_ever(self) -> None:
-        """Past the buffer of the stream, whose lock would be held while the stream is."""
+        """Write to the descriptor, past the stream, whose lock would be held while it is blocked."""
         while not self.is_gone:
             with self._changed:
                 self._changed.wait_for(lambda: self._texts)
@@ -100,20 +100,20 @@ class Unhurried(Lasting):
 
 
 @contextmanager
-def lasting_output() -> Iterator[None]:
-    """While inside, the standard output and error may be lost; one that is stays so until the process ends."""
+def tolerant_output() -> Iterator[None]:
+    """Protect standard output and error in the block; a stream that fails stays silent until the process ends."""
     out, error = sys.stdout, sys.stderr
     error.flush()
-    lasting = Lasting(out)
+    lasting = TolerantStream(out)
     try:
-        unhurried: Lasting = Unhurried(error)
+        unhurried: TolerantStream = ThreadedStream(error)
     except (OSError, ValueError):  # it has no descriptor
-        unhurried = Lasting(error)
+        unhurried = TolerantStream(error)
     sys.stdout, sys.stderr = lasting, unhurried
     try:
         yield
     finally:
-        if isinstance(unhurried, Unhurried):
+        if isinstance(unhurried, ThreadedStream):
             unhurried.finish()
         if not lasting.is_gone:
             sys.stdout = out

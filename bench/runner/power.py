@@ -1,4 +1,4 @@
-"""A run whose computer is on battery is held, and ends in good time."""
+"""Response to a power failure: the run starts no new step while the computer is on battery, and ends in good time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bench.engine.ending import EndRequest
 from bench.engine.journal import Journal
 from bench.errors import StoreError
 from bench.runner.nut import Client, PowerState
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 
 EVERY_S = 5.0
 IN_WORDS = {
@@ -23,38 +23,38 @@ IN_WORDS = {
 
 
 class Hold:
-    """Whether a run is to begin no step while its computer is on battery; `tell` is called with each change."""
+    """Flag that no step may start while the computer is on battery; `notify` is called on each change."""
 
     def __init__(self) -> None:
         self._wanted = False
-        self._tell: Callable[[bool], object] = lambda _wanted: None
+        self._notify: Callable[[bool], object] = lambda _wanted: None
 
     def want(self, wanted: bool) -> None:
-        """Hold the run, or let it go on."""
+        """Set or clear the hold."""
         if wanted != self._wanted:
             self._wanted = wanted
-            self._tell(wanted)
+            self._notify(wanted)
 
     @contextmanager
-    def told_to(self, tell: Callable[[bool], object]) -> Iterator[None]:
-        """While inside, `tell` is called with each change, and at once if the run is to be held already."""
-        self._tell = tell
+    def calling(self, notify: Callable[[bool], object]) -> Iterator[None]:
+        """Call `notify` on each change in the block, and at once if the run is already held."""
+        self._notify = notify
         if self._wanted:
-            tell(True)
+            notify(True)
         try:
             yield
         finally:
-            self._tell = lambda _wanted: None
+            self._notify = lambda _wanted: None
 
 
 @asynccontextmanager
 async def power_watched(
     entry: PowerEntry | None, signals: Signals, journal: Journal, notice: Callable[[str], object]
 ) -> AsyncIterator[Hold]:
-    """Ask for the state of the power while inside, and hold or end the run as its bench file says.
+    """Poll the power state in the block, and hold or end the run as its bench file says.
 
-    Each change is an entry of the journal and a notice. A state that is not known ends nothing. Without an entry
-    nothing is asked.
+    Each change is recorded in the journal and shown as a notice. An unknown state ends nothing. Without an entry
+    nothing is polled.
     """
     hold = Hold()
     if entry is None:
@@ -76,12 +76,12 @@ async def _watch(
     try:
         while True:
             state = await client.ask()
-            if policy.is_news(state):
-                with suppress(StoreError):  # told by the step that it stops
+            if policy.is_changed(state):
+                with suppress(StoreError):  # reported by the step that it stops
                     journal.write("power", state=state.kind, text=state.text)
                 notice(f"{IN_WORDS[state.kind]} ({state.text}).")
             if (why := policy.ends(state, asyncio.get_running_loop().time())) is not None:
-                signals.tell(Sent("the power failure", EndRequest("power", f"the power failed: {why}")))
+                signals.request_end(EndSignal("the power failure", EndRequest("power", f"the power failed: {why}")))
                 return
             hold.want(policy.holds)
             await asyncio.sleep(EVERY_S)
@@ -90,25 +90,25 @@ async def _watch(
 
 
 class Policy:
-    """Decides, from one state of the power to the next, whether a run is held or ends."""
+    """Decision to hold or end a run, from successive power states."""
 
     def __init__(self, entry: PowerEntry) -> None:
         self._entry = entry
         self._last = ""
-        self._since_s: float | None = None  # on battery; what is not known does not end it
+        self._since_s: float | None = None  # start of operation on battery; an unknown state does not reset it
 
-    def is_news(self, state: PowerState) -> bool:
-        """Whether the kind of the state is another one than before."""
-        is_news, self._last = state.kind != self._last, state.kind
-        return is_news
+    def is_changed(self, state: PowerState) -> bool:
+        """Return True if the kind of the state has changed."""
+        is_changed, self._last = state.kind != self._last, state.kind
+        return is_changed
 
     @property
     def holds(self) -> bool:
-        """Whether the run is to begin no step now."""
+        """True if no step may start now."""
         return self._entry.on_battery == "hold" and self._since_s is not None
 
     def ends(self, state: PowerState, now_s: float) -> str | None:
-        """Why the run is to end now, in words; None to go on."""
+        """Return the reason to end the run now, or None."""
         if state.kind == "low":
             return f"the battery is low ({state.text})"
         if state.kind == "line":

@@ -1,4 +1,4 @@
-"""A run on a terminal: one line with its state, step, end by the clock and readings. Without a terminal, lines."""
+"""Progress display: on a terminal one line with state, step, end time and readings; otherwise lines of text."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from bench.sequence.estimate.estimate import Estimate
 from bench.sequence.language.readings import unit_of
 from bench.sequence.plan.plan import Plan, PlannedStep
 
-LINE_EVERY_SHARE = 0.1  # of the run, where there is no terminal
-BAR_STRIDE = 0.002  # of the run, by which the bar moves within a step
+LINE_EVERY_SHARE = 0.1  # share of the run between lines without a terminal
+BAR_STRIDE = 0.002  # share of the run by which the bar moves within a step
 BAR_CELLS = 16
-MARGIN_CELLS = BAR_CELLS + 8  # bar, percentage and the blanks between the columns
-STEP_CELLS = 24  # the least that is shown of a step's id
+MARGIN_CELLS = BAR_CELLS + 8  # bar, percentage and gaps between the columns
+STEP_CELLS = 24  # minimum of a step's id that is shown
 GAP = "  "
 
 
 class TerminalProgress:
-    """Progress of a run for the person who started it, on stderr; times are in the zone of the bench.
+    """Progress of a run for its operator, on stderr; times are in the zone of the bench.
 
-    `speed` is bench seconds per second, infinite when virtual time runs as fast as it can.
+    `speed` is bench seconds per second, infinite if virtual time runs as fast as possible.
 
-    Lifetime: a context manager around the run. The display is drawn by a thread of its own from the values kept here,
-    so that an update costs the run next to nothing.
+    Lifetime: a context manager around the run. A thread draws the display from the values kept here, so that an update
+    costs the run next to nothing.
     """
 
     def __init__(self, plan: Plan, bench: BenchFile, speed: float = math.inf) -> None:
@@ -52,11 +52,11 @@ class TerminalProgress:
         self._spans_s: list[tuple[float, float]] = []
         self._total_s = 1.0
         self.readings: dict[str, Judged] = {}
-        self.said: list[str] = []
+        self.notices: list[str] = []
         self._step, self._held_by, self._asks = "opening the bench", "", False
         self._next_line = LINE_EVERY_SHARE
         self._next_stride_s = 0.0
-        self._step_late_s = 0.0  # by how much the step began later than estimated
+        self._step_late_s = 0.0  # delay of the start of the step against the estimate
         self._step_ends_s = 0.0
         columns: tuple[ProgressColumn, ...] = (
             BarColumn(bar_width=BAR_CELLS),
@@ -65,21 +65,21 @@ class TerminalProgress:
         )
         self._progress = Progress(*columns, console=self._console, transient=True, refresh_per_second=5)
         self._task = self._progress.add_task("", total=1.0)
-        self._began_s = 0.0  # by the clock of the readings, which in real time is that of the computer
+        self._began_s = 0.0  # by the clock of the readings, in real time that of the computer
         self.now_s = 0.0  # since the run began
 
     def __enter__(self) -> Self:
-        """Begins to draw."""
+        """Start drawing."""
         if self._console.is_terminal:
             self._progress.start()
         return self
 
     def __exit__(self, *exc: object) -> None:
-        """Clears what was drawn."""
+        """Clear the display."""
         self._progress.stop()
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
-        """The directory is made; the clock is that of the bench."""
+        """Show the directory and the start time."""
         self._spans_s = [(span.begin_s, span.end_s) for span in expected.spans]
         self._total_s = max(expected.total_s, 1.0)
         self._began_s = clock.monotonic()
@@ -88,7 +88,7 @@ class TerminalProgress:
         self.notice(f"run {path}, about {duration(self._total_s)} of bench time, from {begins}")
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
-        """A step of the plan begins."""
+        """Show a step that starts."""
         expected_s, self._step_ends_s = self._spans_s[index]
         self._step_late_s = self.now_s - expected_s
         self._step, self._asks = f"{index + 1}/{self._steps} {planned.id}", False
@@ -99,13 +99,13 @@ class TerminalProgress:
             self.notice(f"{share:4.0%}{GAP}{duration(self.now_s):>11}{GAP}{planned.id}")
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
-        """A step is done."""
+        """Advance the bar past a finished step."""
         self._progress.update(self._task, completed=self._step_ends_s)
 
     def reading(self, name: str, reading: Judged) -> None:
-        """A channel has a new value; within a step the bar follows bench time, in strides."""
+        """Show a new reading; within a step the bar follows bench time, in strides."""
         self.readings[name] = reading
-        if isinstance(reading, Invalid):  # whose time may be wrong as well
+        if isinstance(reading, Invalid):  # its time may be wrong as well
             return
         self.now_s = reading.at_s - self._began_s
         if self.now_s >= self._next_stride_s:
@@ -113,25 +113,25 @@ class TerminalProgress:
             self._progress.update(self._task, completed=min(self.now_s - self._step_late_s, self._step_ends_s))
 
     def asked(self, question: Question) -> None:
-        """A question to a person is open."""
+        """Show an open question."""
         self._asks = True
         picture = f"\nPicture: {question.picture}" if question.picture else ""
         self.notice(f"\a{question.text}{picture}\nAnswer with 'bench answer RUN ANSWER': {question.expected}")
 
     def held(self, by: str) -> None:
-        """No step begins while `by` holds the run; an empty `by` means no hold."""
+        """Show that no step starts while `by` holds the run; "" ends the hold."""
         self._held_by = by
 
     def notice(self, text: str) -> None:
-        """Something a person should see now."""
-        self.said.append(text)
+        """Show a notice."""
+        self.notices.append(text)
         if self._console.is_terminal:
             self._console.print(Text(text))
         else:
             sys.stderr.write(text + "\n")
 
     def line(self, width: int) -> str:
-        """State, step, end and readings in at most `width` terminal cells; the end of a long step's id is kept."""
+        """Return state, step, end time and readings in at most `width` cells; a long step id keeps its end."""
         fixed = [self._state(), self.ends()]
         room = max(STEP_CELLS, width - sum(cell_len(text) + len(GAP) for text in fixed))
         step = self._step if len(self._step) <= room else f"…{self._step[1 - room :]}"
@@ -150,7 +150,7 @@ class TerminalProgress:
         return "teardown" if "teardown/" in self._step else ""
 
     def ends(self) -> str:
-        """When the run will end by the clock of the bench's zone; by the pace so far at full speed."""
+        """Return the expected end by the clock of the bench's zone; at full speed from the pace so far."""
         done = self._progress.tasks[self._task].completed / self._total_s
         if self._speed < math.inf:
             to_go_s = self._total_s * (1 - done) / self._speed
@@ -163,12 +163,12 @@ class TerminalProgress:
         return f"ends {_day_and_time(wall_utc(), to_go_s, self._zone)}"
 
     def live(self) -> list[str]:
-        """The newest readings with their units or what is wrong with them: these first, then named ones."""
-        by_name = sorted(((*self._said(name, reading), name) for name, reading in self.readings.items()), key=_order)
+        """Return the newest readings with units or problems: problems first, then named readings."""
+        by_name = sorted(((*self._text_of(name, reading), name) for name, reading in self.readings.items()), key=_order)
         return [f"{name} {text}" for _, text, name in by_name]
 
-    def _said(self, name: str, reading: Judged) -> tuple[bool, str]:
-        """Whether a reading is valid and not stale, and the text for it."""
+    def _text_of(self, name: str, reading: Judged) -> tuple[bool, str]:
+        """Return True for a reading that is valid and not stale, with its text."""
         if isinstance(reading, Invalid):
             return False, f"invalid: {reading.why}"
         age_s = self.now_s + self._began_s - reading.at_s
@@ -178,20 +178,20 @@ class TerminalProgress:
 
 
 def _order(shown: tuple[bool, str, str]) -> tuple[bool, bool]:
-    """What is wrong first, then readings that have a name on this bench."""
+    """Return the sort key: problems first, then readings with a name on this bench."""
     is_good, _, name = shown
     return is_good, "." in name
 
 
 def _day_and_time(now: datetime, later_s: float, zone: str) -> str:
-    """The instant `later_s` from now: "07:12" when that is today in the zone, else "Tue 07:12"."""
+    """Return the instant `later_s` from now: "07:12" if today in the zone, else "Tue 07:12"."""
     there = now.astimezone(ZoneInfo(zone))
     then = (now + timedelta(seconds=later_s)).astimezone(ZoneInfo(zone))
     return f"{then:%H:%M}" if then.date() == there.date() else f"{then:%a %H:%M}"
 
 
 class _Line(ProgressColumn):
-    """A column that asks for its text each time it is drawn, and is never wrapped."""
+    """Column that reads its text each time it is drawn, and is never wrapped."""
 
     def __init__(self, text: Callable[[], str]) -> None:
         super().__init__(table_column=Column(no_wrap=True, overflow="ellipsis"))

@@ -1,4 +1,4 @@
-"""Nobody watches: for runs started by programs."""
+"""Observer without display, for runs started by programs."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from bench.sequence.plan.plan import PlannedStep
 
 
 class Quiet:
-    """An observer that shows nothing and keeps the notices."""
+    """Observer that shows nothing and keeps the notices."""
 
     def __init__(self) -> None:
         self.notices: list[str] = []
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
-        """Nothing to show."""
+        """Do nothing."""
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
-        """Nothing to show."""
+        """Do nothing."""
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
-        """Nothing to show."""
+        """Do nothing."""
 
     def reading(self, name: str, reading: Judged) -> None:
-        """Nothing to show."""
+        """Do nothing."""
 
     def asked(self, question: Question) -> None:
-        """Nobody to show it to."""
+        """Do nothing."""
 
     def held(self, by: str) -> None:
-        """Nothing to show."""
+        """Do nothing."""
 
     def notice(self, text: str) -> None:
-        """Kept."""
+        """Keep the notice."""
         self.notices.append(text)

@@ -1,4 +1,4 @@
-"""Runs a plan on devices, with the record beside it; what a signal does in each phase."""
+"""Execution of a plan on devices with its record, and handling of signals in each phase."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from bench.runner.control import control_socket
 from bench.runner.found_on import NOTHING, Found, LeftOn, found_energised
 from bench.runner.held import energising_addresses, is_locked_out
 from bench.runner.power import Hold
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 from bench.runner.terminal import answers_from_terminal
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.used import devices_used
@@ -58,16 +58,15 @@ async def run_plan(
     left_on: LeftOn = NOTHING,
     pulse: Pulse | None = None,
 ) -> tuple[Outcome, Mapping[str, Identity]]:
-    """Opens the devices, runs the plan, makes everything safe, closes; how it ended, and who the devices were.
+    """Open the devices, run the plan, make everything safe and close; return the outcome and the identities.
 
-    Whatever goes wrong is in the outcome. What has opened is made safe, also when not all has; what has not is named. A
-    signal ends the opening, or the run as `_acting` says. `teardown_s` is the estimated duration of the teardown, to be
-    told. While it runs a control socket takes commands; it is named in `folder`. `on_desk` is given the desk at which
-    questions are asked, before the first one. `hold` holds the run while its computer is on battery.
-    `places` are those with a unit in them; None for all. `people` are whom
-    the devices ask. `past` is what was done before an interruption. Where other runs may have `left_on` devices, or a
-    real instrument is found energised, everything but a chamber that was held is made safe before the first step.
-    The guardian of the run looks at `pulse`.
+    All errors are in the outcome. Opened devices are made safe, also if others failed to open; those are named. A
+    signal ends the opening, or the run as `_acting` says. `teardown_s` is the estimated duration of the teardown, for a
+    message. A control socket, named in `folder`, takes commands during the run. `on_desk` receives the desk that queues
+    questions, before the first one. `hold` holds the run while its computer is on battery. `places` are those with a
+    unit; None for all. `people` answer requests of the devices. `past` is the part done before an interruption. If
+    other runs may have `left_on` devices, or a real instrument is found energised, everything but a held chamber is
+    made safe before the first step. The guardian of the run reads `pulse`.
     """
     rig = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench))
     in_use = bench.with_units_in(bench.places if places is None else places)
@@ -75,10 +74,10 @@ async def run_plan(
     outcome: Outcome | None = None
     try:
         await _open(rig, used, signals)
-        _tell_who_is_there(rig, journal, observer)
+        _report_identities(rig, journal, observer)
         found = await _energised_before(rig, bench, left_on, journal, observer, signals)
         if left_on.by or found:
-            await _make_what_was_left_on_safe(rig, left_on, journal)
+            await _make_left_on_safe(rig, left_on, journal)
         if past is not None and past.credit is not None and signals.first is None:
             if names := ", ".join({**left_on.by, **found}):
                 past.credit.rule_out(f"{names} was found energised")
@@ -101,13 +100,13 @@ async def run_plan(
             if on_desk is not None:
                 on_desk(engine.desk)
             with (
-                signals.told_to(_acting(engine, observer, teardown_s)),
-                hold.told_to(partial(engine.hold, POWER_FAILURE)),
+                signals.calling(_acting(engine, observer, teardown_s)),
+                hold.calling(partial(engine.hold, POWER_FAILURE)),
                 control_socket(folder, commands_of(engine, monitor, observer.notice, can_pause=can_pause)),
                 answers_from_terminal(engine.desk, observer, can_wait=can_pause),
             ):
                 outcome = await engine.run()
-    except Exception as problem:  # noqa: BLE001  whatever it is, what has opened is made safe
+    except Exception as problem:  # noqa: BLE001  after any error opened devices must be made safe
         outcome = await _failed(problem, outcome, rig, journal, observer)
     if outcome is None:
         outcome = await _ended_while_opening(rig, journal, signals, observer)
@@ -117,12 +116,12 @@ async def run_plan(
 
 
 async def _open(rig: Rig, used: Collection[str], signals: Signals) -> None:
-    """Opens the devices that are used, and the others as far as they are there; a signal ends it. Raises OpenError."""
+    """Open the needed devices, and the others if present; a signal ends it. Raises OpenError."""
     if signals.first is not None:
         return
     opening = asyncio.create_task(rig.open(used), name="opening")
     try:
-        with signals.told_to(lambda _: opening.cancel()):
+        with signals.calling(lambda _: opening.cancel()):
             await asyncio.wait([opening])
     finally:
         opening.cancel()
@@ -130,7 +129,7 @@ async def _open(rig: Rig, used: Collection[str], signals: Signals) -> None:
         opening.result()
 
 
-def _tell_who_is_there(rig: Rig, journal: Journal, observer: Observer) -> None:
+def _report_identities(rig: Rig, journal: Journal, observer: Observer) -> None:
     for role, identity in rig.identities.items():
         journal.write("identified", device=role, **_facts(identity))
     for role, why in rig.not_reached.items():
@@ -144,7 +143,7 @@ def _tell_who_is_there(rig: Rig, journal: Journal, observer: Observer) -> None:
 async def _energised_before(
     rig: Rig, bench: BenchFile, left_on: LeftOn, journal: Journal, observer: Observer, signals: Signals
 ) -> dict[str, Found]:
-    """What the real instruments do before this run has commanded anything, on record; {} where a signal ends it."""
+    """Record the state of the real instruments before the first command; {} if a signal ends it."""
     roles = energising_addresses(bench).keys() - left_on.held
     if not roles or signals.first is not None:
         return {}
@@ -154,7 +153,7 @@ async def _energised_before(
         run = left_on.by.get(role, "")
         observer.notice(
             f"{role} was found energised: {what.text}; "
-            + (f"{run} has left it so" if run else "no run on record has left it so")
+            + (f"{run} has left it in this state" if run else "no run on record has left it in this state")
             + ". It is made safe before the first step."
         )
         devices[role] = {"text": what.text, **what.values} | ({"left_by": run} if run else {})
@@ -163,8 +162,8 @@ async def _energised_before(
     return found
 
 
-async def _make_what_was_left_on_safe(rig: Rig, left_on: LeftOn, journal: Journal) -> None:
-    """Raise OpenError when something cannot be made safe."""
+async def _make_left_on_safe(rig: Rig, left_on: LeftOn, journal: Journal) -> None:
+    """Make safe all devices that were left on. Raises OpenError if one cannot be made safe."""
     unsafe = await finish(rig.make_safe(left_on.held), rig.safe_within_s + CLOSE_S)
     if left_on.by:
         journal.write("found_left_on", devices=dict(left_on.by), unsafe=unsafe)
@@ -175,14 +174,14 @@ async def _make_what_was_left_on_safe(rig: Rig, left_on: LeftOn, journal: Journa
 async def _failed(
     problem: Exception, outcome: Outcome | None, rig: Rig, journal: Journal, observer: Observer
 ) -> Outcome:
-    """The outcome of a run that something has ended from outside of its steps."""
+    """Return the outcome of a run that an error outside of its steps has ended."""
     text = in_words(problem)
     journal.try_to_write("problem", text=text)
     observer.notice(text)
-    if outcome is None:  # the engine has not begun
+    if outcome is None:  # the engine has not started
         outcome = await _made_safe(rig, journal, observer)
     outcome.failed(text)
-    outcome.problems.sort(key=lambda each: each != text)  # why it ended is told first
+    outcome.problems.sort(key=lambda each: each != text)  # show the reason of the end first
     return outcome
 
 
@@ -195,7 +194,7 @@ async def _ended_while_opening(rig: Rig, journal: Journal, signals: Signals, obs
 
 
 async def _made_safe(rig: Rig, journal: Journal, observer: Observer) -> Outcome:
-    """Makes safe what has opened of a bench on which no step has begun: it may be as a crash has left it."""
+    """Make safe the opened devices of a bench on which no step has started: a crash may have left it on."""
     outcome = Outcome()
     outcome.unsafe = await finish(rig.make_safe(), rig.safe_within_s + CLOSE_S)
     for role, why in rig.not_reached.items():
@@ -216,7 +215,7 @@ async def _made_safe(rig: Rig, journal: Journal, observer: Observer) -> Outcome:
 async def _close(rig: Rig, outcome: Outcome) -> None:
     try:
         await rig.close()
-    except Exception as problem:  # noqa: BLE001  the run is over, and how it ended is not to be lost
+    except Exception as problem:  # noqa: BLE001  the outcome of the run must not be lost
         outcome.failed(in_words(problem))
 
 
@@ -231,11 +230,11 @@ def _facts(identity: Identity) -> dict[str, Any]:
     }
 
 
-def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[Sent], None]:
-    """What a signal does while the plan runs: SIGINT stops, a second one and any other signal aborts."""
+def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[EndSignal], None]:
+    """Return the reaction to signals during the plan: SIGINT stops; a second one, and any other signal, aborts."""
     stopping = False
 
-    def act(sent: Sent) -> None:
+    def act(sent: EndSignal) -> None:
         nonlocal stopping
         if sent.gentle and not stopping and not engine.in_teardown:
             stopping = True

@@ -1,8 +1,8 @@
-"""What this process is told by signals while a run is under way, from its first device to its exit code.
+"""Signals of the process from the first device to the exit code of a run.
 
-SIGINT ends the step, and a second one drops the teardown; every other signal that would end the process drops it at
+SIGINT ends the step, and a second one skips the teardown; every other signal that would end the process skips it at
 once, and the devices are made safe. None of them ends the process: it ends when the run is over and recorded. A signal
-that is ignored when the process begins, as SIGHUP is under `nohup`, stays ignored.
+that is ignored when the process starts, as SIGHUP is under `nohup`, stays ignored.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ TEXTS: dict[int, tuple[str, str]] = {
     signal.SIGXCPU: ("limit", "ended by SIGXCPU: the process has used all its allowed processor time"),
     signal.SIGPWR: ("power", "ended by SIGPWR: the power of the computer fails"),
 }
-OF_FAULTS = {  # of the program itself, which cannot go on; its guardian takes over
+OF_FAULTS = {  # of the program itself, which cannot continue; its guardian takes over
     signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGSEGV, signal.SIGSYS, signal.SIGTRAP,
 }  # fmt: skip
 HARMLESS = {  # the last two in Python, which ignores them
     signal.SIGCHLD, signal.SIGCONT, signal.SIGURG, signal.SIGWINCH, signal.SIGPIPE, signal.SIGXFSZ,
 }  # fmt: skip
-STOPPING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)  # would stop the process, with the bench as it is
+STOPPING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)  # would suspend the process and leave the bench as it is
 ENDING = sorted(
     signal.valid_signals() - OF_FAULTS - HARMLESS - {*STOPPING, signal.SIGKILL, signal.SIGSTOP}
 )  # would end the process
 
 
 @dataclass(frozen=True)
-class Sent:
-    """A request to end the run: a signal, or one of this process itself; `gentle` leaves time for the teardown."""
+class EndSignal:
+    """Request to end the run, by a signal or by this process itself; `gentle` allows the teardown."""
 
     name: str
     request: EndRequest
@@ -48,38 +48,39 @@ class Sent:
 
 
 class Dropped(BaseException):
-    """A signal came while something was done that is not worth waiting for."""
+    """Raised by a signal during an operation that is not worth waiting for."""
 
 
 class Signals:
-    """The signals of this process while it is entered; outside the main thread none.
+    """Signal handlers of this process within the context; no effect outside the main thread.
 
-    Those that came are `received`. `told_to` gives them to whoever can act on them at the time, in the running loop.
+    Signals are collected in `received`. `calling` passes them to a function in the running loop.
     """
 
     def __init__(self) -> None:
-        self.received: list[Sent] = []
-        self._act: Callable[[Sent], object] | None = None
+        self.received: list[EndSignal] = []
+        self._act: Callable[[EndSignal], object] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._raises = False
         self._before: dict[int, Any] = {}
         self._blocked: set[int] = set()
 
     def __enter__(self) -> Self:
-        """Take the signals over."""
+        """Install the handlers."""
         try:
             for number in (*ENDING, *STOPPING):
                 before = signal.getsignal(number)
                 if before is not signal.SIG_IGN:
                     self._before[number] = before
-                    signal.signal(number, signal.SIG_IGN if number in STOPPING else self._came)
-            self._blocked = signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)  # whoever began us may have blocked them
+                    signal.signal(number, signal.SIG_IGN if number in STOPPING else self._handle)
+            # the parent process may have blocked them
+            self._blocked = signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
         except ValueError:  # not the main thread
             self._before.clear()
         return self
 
     def __exit__(self, *exc: object) -> None:
-        """Let them do again what they did before."""
+        """Restore the previous handlers."""
         for number, before in self._before.items():
             signal.signal(number, before)
         if self._before:
@@ -88,12 +89,12 @@ class Signals:
 
     @property
     def first(self) -> EndRequest | None:
-        """Who ended the run first; None as long as nobody has."""
+        """First request to end the run, or None."""
         return self.received[0].request if self.received else None
 
     @contextmanager
-    def told_to(self, act: Callable[[Sent], object]) -> Iterator[None]:
-        """While inside, `act` is called in the running loop for each signal that comes."""
+    def calling(self, act: Callable[[EndSignal], object]) -> Iterator[None]:
+        """Call `act` in the running loop for each signal during the block."""
         loop = asyncio.get_running_loop()
         self._loop, self._act, before = loop, act, (self._loop, self._act)
         wakeup = None
@@ -108,7 +109,7 @@ class Signals:
 
     @contextmanager
     def dropping(self, before: int) -> Iterator[None]:
-        """While inside, a signal raises Dropped; at once when more have come already than `before`."""
+        """Raise Dropped on a signal during the block; at once if more than `before` have arrived already."""
         if len(self.received) > before:
             raise Dropped
         self._raises = True
@@ -119,20 +120,20 @@ class Signals:
 
     @contextmanager
     def not_waiting(self) -> Iterator[None]:
-        """While inside, a signal ends what is done, such as output that nobody takes, and nothing else."""
+        """End the block on a signal, such as output that nobody reads, without further effect."""
         try:
             with self.dropping(len(self.received)):
                 yield
         except Dropped:
             pass
 
-    def _came(self, number: int, _frame: FrameType | None) -> None:
-        """Runs in the main thread between any two instructions."""
+    def _handle(self, number: int, _frame: FrameType | None) -> None:
+        """Handle a signal; runs in the main thread between any two instructions."""
         name = _name(number)
         text = TEXTS.get(number, ("signal", f"ended by {name}, which another program sent"))
-        self.tell(Sent(name, EndRequest(*text), number == signal.SIGINT))
+        self.request_end(EndSignal(name, EndRequest(*text), number == signal.SIGINT))
 
-    def tell(self, sent: Sent) -> None:
+    def request_end(self, sent: EndSignal) -> None:
         """End the run as a signal does."""
         self.received.append(sent)
         if self._loop is not None and self._act is not None:
@@ -143,7 +144,7 @@ class Signals:
 
 
 def _name(number: int) -> str:
-    """Most real-time signals have no name of their own."""
+    """Return the name of a signal; most real-time signals have none of their own."""
     try:
         return signal.Signals(number).name
     except ValueError:

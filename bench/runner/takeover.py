@@ -1,6 +1,6 @@
-"""Ending the programs that hold the instruments of a bench, so that it can be made safe.
+"""Ending programs that hold the instruments of a bench, so that it can be made safe.
 
-A process is addressed by its pidfd, so that a number that has been given to another process meanwhile is not met.
+A process is addressed by its pidfd, so that a reused process number cannot hit another process.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from bench.runner.held import A_VISIT, LOOKS, Owner, owners
 from drivers.timing.awake import came_true
 from drivers.transport.address import Address
 
-END_BEYOND_S = CLOSE_S + 3 * GRACE_S  # of a run that is told to end, beyond the time in which it makes its bench safe
+END_BEYOND_S = CLOSE_S + 3 * GRACE_S  # beyond the time in which a run that is ended makes its bench safe
 DIE_WITHIN_S = 2.0
-RELIEVED_WITHIN_S = 3.0  # a guardian that does not stand still
+RELIEVED_WITHIN_S = 3.0  # time for a responsive guardian
 _pause = threading.Event().wait
 
 
 def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end_within_s: float) -> None:
-    """End whoever holds one of the addresses: SIGTERM, on which a run makes its bench safe and records why it ended.
+    """End the owners of the addresses with SIGTERM, on which a run makes its bench safe and records the reason.
 
-    SIGKILL after `end_within_s`. A program of another user, or one that does not even die, is left with a notice. Who
-    looks at a chamber lets go by itself.
+    SIGKILL follows after `end_within_s`. A program of another user, or one that does not die, is left with a notice.
+    Short readings of a chamber end by themselves.
     """
     for owner in owners(addresses):
         if owner.words.startswith(A_VISIT):
@@ -40,16 +40,19 @@ def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end
         except ProcessLookupError:
             continue
         try:
-            if any(each.process == owner.process for each in owners(addresses)):  # still: the pidfd is of the owner
+            # still the owner, so the pidfd is of the right process
+            if any(each.process == owner.process for each in owners(addresses)):
                 _end(process, owner, partial(_has, addresses, owner), notice, end_within_s)
         except PermissionError:
-            notice(f"{owner} has instruments of this bench, and this user may not end it. End it: it can still write.")
+            notice(
+                f"{owner} has instruments of this bench and can still command them. This user may not end it: end it."
+            )
         finally:
             os.close(process)
 
 
 def relieve(addresses: Sequence[Address], notice: Callable[[str], object]) -> None:
-    """End who follows a chamber at one of the addresses, on behalf of the run that has them now."""
+    """End supervision of chambers at the addresses by other programs, on behalf of the run that now holds them."""
     for owner in owners(addresses, LOOKS):
         with suppress(ProcessLookupError, PermissionError):
             process = os.pidfd_open(owner.process)
@@ -70,10 +73,10 @@ def _end(
         signal.pidfd_send_signal(process, signal.SIGTERM)
         if came_true(lambda limit_s: _let_go(has, limit_s), end_within_s):
             return
-        notice(f"{owner} did not let go within {end_within_s:g} s and is killed.")
+        notice(f"{owner} did not release them within {end_within_s:g} s and is killed.")
         signal.pidfd_send_signal(process, signal.SIGKILL)
     if not came_true(lambda limit_s: _let_go(has, limit_s), DIE_WITHIN_S):
-        notice(f"{owner} does not end. It may still write to instruments of this bench.")
+        notice(f"{owner} does not end. It may still send commands to instruments of this bench.")
 
 
 def _let_go(has: Callable[[], bool], limit_s: float) -> bool:

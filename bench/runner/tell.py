@@ -1,4 +1,4 @@
-"""A command to a run that is under way, given by another process."""
+"""Commands to a running run from another process."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from bench.clock import Stopwatch
 from bench.errors import InputError, StoreError
 from bench.runner.control import ALL, ANSWER_S, STOPPING, STOPS, socket_address
 from bench.runner.held import peer
-from bench.store.kept_json import TEXT, an_object, read_kept
+from bench.store.kept_json import TEXT, object_of, read_kept
 from bench.store.runs import RUNNER, summary
 
 ANSWER_LIMIT_BYTES = 2**20
-_NAMES = an_object({ALL: TEXT, STOPPING: TEXT}, (ALL, STOPPING))
+_NAMES = object_of({ALL: TEXT, STOPPING: TEXT}, (ALL, STOPPING))
 _BETWEEN_ATTEMPTS_S = 0.05
 _pause = threading.Event().wait
 
 
-def tell(run: Path, command: str, **arguments: str) -> str:
-    """Gives a command to a run that is under way; what it answers. Raises InputError when nobody does.
+def send_command(run: Path, command: str, **arguments: str) -> str:
+    """Send a command to a running run; return its answer. Raises InputError without an answer.
 
-    While too many others ask it tries again.
+    It is sent again while the run has too many clients.
     """
     found, watch = summary(run), Stopwatch()
     try:
@@ -46,16 +46,16 @@ def tell(run: Path, command: str, **arguments: str) -> str:
 
 
 def _asked(address: str, owner: int, request: dict[str, str]) -> dict[str, Any]:
-    """The answer of whoever listens there, if it is a process of the owner of the run."""
+    """Return the answer of the listener, if it is a process of the owner of the run."""
     with socket.socket(socket.AF_UNIX) as client:
         client.settimeout(2 * ANSWER_S)
         try:
             client.connect(address)
-        except BlockingIOError:  # as many wait there as can
+        except BlockingIOError:  # its backlog is full
             return {"refused": "too many clients are waiting for this run", "again": True}
         if peer(client)[1] != owner:
             raise ConnectionRefusedError("the socket belongs to a program of another user")
-        with suppress(BrokenPipeError):  # refused before it asked: why is there to be read
+        with suppress(BrokenPipeError):  # refused before the request: the reason is in the answer
             client.sendall(json.dumps(request).encode() + b"\n")
         answer = json.loads(client.makefile("rb").readline(ANSWER_LIMIT_BYTES))
         if not isinstance(answer, dict) or not answer.keys() & {"done", "refused"}:

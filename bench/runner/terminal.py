@@ -1,4 +1,4 @@
-"""What is typed where this program was started."""
+"""Input from the terminal on which this program was started."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ READ_AT_ONCE_BYTES = 4096
 
 @contextmanager
 def answers_from_terminal(desk: Desk, observer: Observer, *, can_wait: bool) -> Iterator[None]:
-    """While inside, a line typed on the terminal answers the open question; nothing where there is no terminal."""
+    """Answer open questions with lines typed on the terminal during the block; no effect without a terminal."""
     if not can_wait or not _is_a_terminal():
         yield
         return
@@ -51,19 +51,19 @@ def _is_a_terminal() -> bool:
 
 
 async def typed_lines() -> AsyncIterator[str]:
-    """The lines of the standard input until its end, each as it is typed."""
+    """Yield the lines of the standard input as they are typed, until its end."""
     loop = asyncio.get_running_loop()
-    news: asyncio.Queue[bytes] = asyncio.Queue()
+    received: asyncio.Queue[bytes] = asyncio.Queue()
     try:
         descriptor = sys.stdin.fileno()
-        loop.add_reader(descriptor, lambda: news.put_nowait(os.read(descriptor, READ_AT_ONCE_BYTES)))
-    except (OSError, ValueError):  # a file, which has no news, or no descriptor at all
+        loop.add_reader(descriptor, lambda: received.put_nowait(os.read(descriptor, READ_AT_ONCE_BYTES)))
+    except (OSError, ValueError):  # a regular file, which cannot be polled, or no descriptor
         for line in sys.stdin:
             yield line.rstrip("\n")
         return
     rest = b""
     try:
-        while data := await news.get():
+        while data := await received.get():
             *lines, rest = (rest + data).split(b"\n")
             for line in lines:
                 yield line.decode(errors="replace")

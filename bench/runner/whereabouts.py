@@ -1,7 +1,7 @@
-"""Which addresses lead to the same instrument: every way to spell a place comes to the same marks.
+"""Identification of instruments by address: all spellings of an address give the same marks.
 
-An address on the network has the mark of each numeric address that its name resolves to, with the port; all addresses
-of this machine are one. A serial port has that of its device, whatever link leads there.
+A network address has one mark per numeric address that its name resolves to, with the port; all addresses of this
+machine are one. A serial port has the mark of its device, whatever link leads there.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ _HERE = "this machine"
 
 
 def marks(address: Address) -> frozenset[str]:
-    """What an address has in common with every other one that leads to the same place.
+    """Return the marks that an address shares with all other addresses of the same instrument.
 
-    Empty where there is nothing that two programs could both drive: a person, a recording, a simulator. A name is
-    looked up, which takes as long as the name service does; one that nobody knows is a mark itself.
+    Empty for addresses that two programs cannot both drive: a person, a recording, a simulator. A name is resolved,
+    which takes as long as the name service; an unknown name is a mark itself.
     """
     if address.simulated or address.is_person or address.is_recording:
         return frozenset()
@@ -40,7 +40,7 @@ def _hosts(name: str) -> set[str]:
 
 
 def _host(numeric: str) -> str:
-    """One spelling of a numeric address; that of this machine for all of its own."""
+    """Return the canonical numeric address; that of this machine for all of its own."""
     ip: ipaddress.IPv4Address | ipaddress.IPv6Address = ipaddress.ip_address(numeric.partition("%")[0])
     if isinstance(ip, ipaddress.IPv6Address) and ip.ipv4_mapped is not None:
         ip = ip.ipv4_mapped
@@ -48,18 +48,18 @@ def _host(numeric: str) -> str:
 
 
 def _is_own(ip: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
-    """Whether a packet to this address would come from it; connecting a datagram socket sends nothing."""
+    """Return True if the address is of this machine; connecting a datagram socket sends nothing."""
     family = socket.AF_INET if ip.version == 4 else socket.AF_INET6
     try:
         with socket.socket(family, socket.SOCK_DGRAM) as probe:
             probe.connect((str(ip), 9))
             return ipaddress.ip_address(probe.getsockname()[0]) == ip
-    except OSError:  # no way there
+    except OSError:  # no route
         return False
 
 
 def _file(path: str) -> str:
-    """The device that a path leads to, or the file; the path without links where there is none."""
+    """Return the device or file of a path; the resolved path if there is none."""
     try:
         state = os.stat(path)
     except OSError:

@@ -64,10 +64,10 @@ def load_judged_plan(
     bench = occupied(bench, outline, places) if bench is not None else None
     found += [*unrolling, *check(plan, bench)]
     if wishes or found:
-        raise InputError(*wishes, *document.told(found))
+        raise InputError(*wishes, *document.located(found))
     remarks = judge(plan, bench) if bench is not None else ()
     if errors := [(remark.place, remark.text) for remark in remarks if remark.severity == "error"]:
-        raise InputError(*document.told(errors))
+        raise InputError(*document.located(errors))
     return plan, remarks
 
 
@@ -108,7 +108,8 @@ def _from_file(outline: Outline, path: Path) -> tuple[list[str], dict[str, Value
     except InputError as error:
         return list(error.problems), {}
     if not isinstance(document.value, dict):
-        return document.told([((), f"is {in_words(document.value)}, expected a mapping of parameters to values")]), {}
+        problem = f"is {in_words(document.value)}, expected a mapping of parameters to values"
+        return document.located([((), problem)]), {}
     found: list[Problem] = []
     given: dict[str, Value] = {}
     for name, raw in document.value.items():
@@ -121,7 +122,7 @@ def _from_file(outline: Outline, path: Path) -> tuple[list[str], dict[str, Value
             found.append(((name,), problem))
         else:
             given[name] = value
-    return document.told(found), given
+    return document.located(found), given
 
 
 def _setting(outline: Outline, setting: str) -> tuple[str, Value]:

@@ -1,1 +1,1 @@
-"""The run store: one directory for each run, one SQLite file in it, nothing acknowledged that is not durable."""
+"""Run store: one directory per run with one SQLite file; a write is acknowledged only once it is durable."""

@@ -1,7 +1,7 @@
-"""The hash chain of a run: each commit adds a link, made of the link before and of the rows of that commit.
+"""Hash chain of a run: each commit adds a link, computed from the previous link and the rows of that commit.
 
-The first link, number 0, is the SHA-256 of the manifest with which the run began, so that who, what and with which
-inputs is under the chain as well. A link holds how many rows each table has after its commit.
+Link 0 is the SHA-256 of the manifest with which the run began, so that operator, sequence and inputs are covered as
+well. A link holds the number of rows of each table after its commit.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ NOTHING = dict.fromkeys(TABLES, 0)
 
 
 def beginning(manifest: Path) -> bytes:
-    """The head of link 0: the SHA-256 of the manifest of a run, empty where there is none."""
+    """Return the head of link 0: the SHA-256 of the manifest, or of nothing if the file is missing."""
     return hashlib.sha256(manifest.read_bytes() if manifest.is_file() else b"").digest()
 
 
 def head_after(head: bytes, of_tables: Mapping[str, bytes]) -> bytes:
-    """The head that follows another by the encoded rows of a commit, by table."""
+    """Return the head that follows `head`, from the encoded rows of a commit by table."""
     link = hashlib.sha256(head)
     for table in TABLES:
         link.update(f"{table} {len(of_tables[table])}\n".encode())
@@ -37,7 +37,7 @@ def head_after(head: bytes, of_tables: Mapping[str, bytes]) -> bytes:
 
 @dataclass(frozen=True)
 class Link:
-    """A row of the table `chain`: the rows that each table has after a commit, and the head."""
+    """Row of the table `chain`: number of rows of each table after a commit, and the head."""
 
     number: int
     rows: Mapping[str, int]
@@ -45,7 +45,7 @@ class Link:
 
     @classmethod
     def from_row(cls, row: Row) -> Link:
-        """The link in a row; ValueError for what is none."""
+        """Decode a row of the table. Raises ValueError if it is malformed."""
         number, *counts, head = row
         if not all(isinstance(count, int) for count in (number, *counts)) or not isinstance(head, bytes):
             raise ValueError("an entry of the hash chain is malformed")
@@ -54,26 +54,26 @@ class Link:
         return cls(number, dict(zip(TABLES, counts, strict=True)), head)
 
     def to_row(self) -> Row:
-        """The row of the table."""
+        """Return the row of the table."""
         return (self.number, *self.rows.values(), self.head)
 
     @property
     def total(self) -> int:
-        """The rows of all tables."""
+        """Number of rows of all tables."""
         return sum(self.rows.values())
 
     def next(self, added: Mapping[str, int], of_tables: Mapping[str, bytes]) -> Link:
-        """The link of the next commit, by its number of rows and its encoded rows, both by table."""
+        """Return the link of the next commit, from its number of rows and its encoded rows, both by table."""
         rows = {table: count + added[table] for table, count in self.rows.items()}
         return Link(self.number + 1, rows, head_after(self.head, of_tables))
 
 
 @dataclass(frozen=True)
-class Walked:
-    """What a walk along a chain has found.
+class ChainCheck:
+    """Result of checking a run against its hash chain.
 
-    `links` are those that could be read, in order; `intact` is the last one up to which everything is as written, and
-    `damage` tells each range of rows that is not.
+    `links` are the readable ones in order, `intact` is the last link before the first damage, and `damage` describes
+    each damaged range of rows.
     """
 
     links: tuple[Link, ...]
@@ -81,8 +81,8 @@ class Walked:
     damage: tuple[str, ...]
 
 
-def walk(database: sqlite3.Connection) -> Walked:
-    """Hold every row of a run against the chain, in one snapshot of the database."""
+def walk(database: sqlite3.Connection) -> ChainCheck:
+    """Check every row of a run against its hash chain, in one snapshot of the database."""
     try:
         database.execute("BEGIN")
         links = tuple(map(Link.from_row, database.execute(f"SELECT * FROM {CHAIN} ORDER BY number")))  # noqa: S608
@@ -91,16 +91,16 @@ def walk(database: sqlite3.Connection) -> Walked:
         bad = [(last, link) for last, link in pairwise(links) if not _follows(database, last, link)]
         surplus = list(_surplus(database, links[-1]))
     except (sqlite3.Error, ValueError, StoreError) as problem:
-        return Walked((), None, (f"the chain cannot be read ({problem})",))
+        return ChainCheck((), None, (f"the chain cannot be read ({problem})",))
     finally:
         if database.in_transaction:
             database.execute("ROLLBACK")
     intact = bad[0][0] if bad else links[-1]
-    return Walked(links, intact, (*map(_range, _joined(bad)), *surplus))
+    return ChainCheck(links, intact, (*map(_range, _merged(bad)), *surplus))
 
 
 def _follows(database: sqlite3.Connection, last: Link, link: Link) -> bool:
-    """Whether the rows of a commit are those that its link was made of."""
+    """Return True if the rows of a commit match its link."""
     try:
         rows = {table: _between(database, table, last.rows[table], link.rows[table]) for table in TABLES}
         of_tables = {table: encoded(table, found) for table, found in rows.items()}
@@ -110,7 +110,7 @@ def _follows(database: sqlite3.Connection, last: Link, link: Link) -> bool:
 
 
 def _between(database: sqlite3.Connection, table: str, after: int, to: int) -> list[Row]:
-    """The rows of a table above a number up to another; ValueError unless there is each."""
+    """Return the rows of a table with numbers after < number <= to. Raises ValueError if one is missing."""
     if after == to:
         return []
     query = f"SELECT * FROM {table} WHERE rowid > ? AND rowid <= ? ORDER BY rowid"  # noqa: S608  the names are our own
@@ -121,15 +121,15 @@ def _between(database: sqlite3.Connection, table: str, after: int, to: int) -> l
 
 
 def _surplus(database: sqlite3.Connection, last: Link) -> Iterator[str]:
-    """Rows that no commit wrote."""
+    """Yield a description of rows beyond the last commit, by table."""
     for table, count in last.rows.items():
         query = f"SELECT COUNT(*) FROM {table} WHERE rowid > ? OR rowid < 1"  # noqa: S608  the names are our own
         if found := database.execute(query, (count,)).fetchone()[0]:
             yield f"{found} rows of {table} are beyond the last commit"
 
 
-def _joined(bad: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
-    """Neighbouring commits as one range."""
+def _merged(bad: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
+    """Merge neighbouring damaged commits into ranges."""
     ranges: list[tuple[Link, Link]] = []
     for last, link in bad:
         if ranges and ranges[-1][1] is last:

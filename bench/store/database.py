@@ -1,4 +1,4 @@
-"""The tables of a run, and the settings that make a commit mean durable."""
+"""Tables of a run, and the SQLite settings that make a commit durable."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from drivers.can.frame_block import FrameBlock
 from drivers.schema.bounded import UnfitFileError, expect_bounded
 
 VERSION = 2
-READABLE = (1, 2)  # 1 has no chain
+READABLE = (1, 2)  # format 1 has no chain
 FILE_NAME = "run.db"
 LOG_NAME = f"{FILE_NAME}-wal"
-TABLES = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}  # and how many columns they have
+TABLES = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}  # number of columns of each table
 CHAIN = "chain"
 CHAIN_COLUMNS = 2 + len(TABLES)
 _SCHEMA = """
@@ -37,18 +37,18 @@ CREATE TABLE chain(number INTEGER PRIMARY KEY, journal INTEGER NOT NULL, block I
   channel INTEGER NOT NULL, reading INTEGER NOT NULL, sample INTEGER NOT NULL, head BLOB NOT NULL);
 """
 _NS = 1e9
-MOST_PACKED = 1100  # zlib packs no more bytes than these into one
-FRAME_BYTES = 21  # of a time, an identifier, a length and a payload
+MOST_PACKED = 1100  # upper bound of the compression ratio of zlib
+FRAME_BYTES = 21  # time, identifier, length and payload of one frame
 
 
 def create(path: Path) -> sqlite3.Connection:
-    """A new database; StoreError unless it is in WAL mode with full synchronisation.
+    """Create a database in WAL mode with full synchronisation. Raises StoreError if it cannot.
 
-    WAL with synchronous=FULL lost nothing in simulated power cuts, and SQLite says nothing when a pragma fails: hence
-    the reading back.
+    WAL with synchronous=FULL lost nothing in simulated power cuts. SQLite reports no error when a pragma fails, so the
+    settings are read back.
     """
     try:
-        with _kept_if_good(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
+        with _closed_on_error(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
             _make_commits_durable(database, path)
             database.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
     except sqlite3.Error as problem:
@@ -57,10 +57,10 @@ def create(path: Path) -> sqlite3.Connection:
 
 
 def reopen(path: Path) -> sqlite3.Connection:
-    """The database of an interrupted run, to append to; recovered by SQLite. StoreError as `create` raises it."""
+    """Open the database of an interrupted run for appending; SQLite recovers it. Raises StoreError as `create` does."""
     open_to_read(path).close()
     try:
-        with _kept_if_good(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
+        with _closed_on_error(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
             if (version := database.execute("PRAGMA user_version").fetchone()[0]) != VERSION:
                 raise StoreError(f"{path}: has format {version}, this program appends to format {VERSION}")
             _make_commits_durable(database, path)
@@ -79,12 +79,12 @@ def _make_commits_durable(database: sqlite3.Connection, path: Path) -> None:
 
 
 def open_to_read(path: Path) -> sqlite3.Connection:
-    """An existing database; one that was left in the middle of a run is recovered by SQLite itself."""
+    """Open an existing database for reading; SQLite recovers that of an interrupted run. Raises StoreError."""
     _expect_files(path)
     try:
         _roll_back(path)
         read_only = f"{path.absolute().as_uri()}?mode=ro"
-        with _kept_if_good(sqlite3.connect(read_only, uri=True, isolation_level=None)) as database:
+        with _closed_on_error(sqlite3.connect(read_only, uri=True, isolation_level=None)) as database:
             version = database.execute("PRAGMA user_version").fetchone()[0]
             if version == 0:
                 raise StoreError(f"{path}: has no tables; {_why_empty(path)}")
@@ -96,7 +96,7 @@ def open_to_read(path: Path) -> sqlite3.Connection:
 
 
 def _expect_files(path: Path) -> None:
-    """Raise StoreError unless the database is a regular file, and what SQLite keeps beside it too where it is there."""
+    """Raise StoreError unless the database and SQLite's files beside it, if present, are regular files."""
     for each in (path, *(path.with_name(f"{path.name}-{beside}") for beside in ("wal", "shm", "journal"))):
         if each == path or each.exists():
             try:
@@ -106,7 +106,7 @@ def _expect_files(path: Path) -> None:
 
 
 def _why_empty(path: Path) -> str:
-    """Why a database, whose first rows are in the log beside it for long, has no tables."""
+    """Return the reason why a database has no tables; its first rows are in the log beside it for a long time."""
     if not path.stat().st_size:
         return "it is empty: its content was deleted, or the run was killed before its first commit"
     log = path.with_name(f"{path.name}-wal")
@@ -119,15 +119,15 @@ def _why_empty(path: Path) -> str:
 
 
 def _roll_back(path: Path) -> None:
-    """Take back what a power cut has left half done at the very end of a run, which a reader alone cannot."""
+    """Roll back a transaction that a power cut interrupted at the end of a run; a read-only connection cannot."""
     if path.with_name(f"{path.name}-journal").exists():
         with closing(sqlite3.connect(path)) as database:
             database.execute("PRAGMA user_version").fetchone()
 
 
 @contextmanager
-def _kept_if_good(database: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
-    """Closes a database when something goes wrong with it here; else it stays open."""
+def _closed_on_error(database: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
+    """Close the database if the block raises; otherwise leave it open."""
     try:
         yield database
     except BaseException:
@@ -136,7 +136,7 @@ def _kept_if_good(database: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
 
 
 def plain_bytes(block: FrameBlock) -> bytes:
-    """A block of frames, a column at a time; times are kept to the nanosecond, as differences."""
+    """Encode a block of frames by columns, with times as differences in ns."""
     times = np.rint(block.at_s * _NS).astype("<i8")
     columns = (
         np.diff(times, prepend=np.int64(0)).astype("<i8"),
@@ -148,17 +148,20 @@ def plain_bytes(block: FrameBlock) -> bytes:
 
 
 def compressed(plain: bytes) -> tuple[bytes, int]:
-    """Bytes as they are stored, and their CRC-32."""
+    """Compress bytes for storage; return them with the CRC-32 of the plain bytes."""
     return isal_zlib.compress(plain, 1), isal_zlib.crc32(plain)
 
 
 def unpack(data: bytes, frames: int, crc: int) -> FrameBlock:
-    """The block whose plain bytes were `compressed`; StoreError when it is damaged."""
+    """Decode one block from `compressed` bytes. Raises StoreError if it is damaged."""
     return unpack_all([(data, frames, crc)])
 
 
 def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
-    """Blocks that were `compressed`, each with its frames and its CRC, as one; StoreError when one is damaged."""
+    """Decode and join blocks, each given as compressed bytes, number of frames and CRC.
+
+    Raises StoreError if one is damaged.
+    """
     plain = [(plain_of(data, frames, crc), frames) for data, frames, crc in packed]
 
     def column(dtype: str, at_byte: int, out: NDArray[Any] | None = None) -> NDArray[Any]:
@@ -172,13 +175,13 @@ def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
 
 
 def plain_of(data: Any, frames: Any, crc: int) -> bytes:
-    """The bytes that were `compressed`, which are the same for the same frames; StoreError when they are damaged."""
+    """Decompress a block; equal frames give equal bytes. Raises StoreError if it is damaged."""
     are_packed = isinstance(data, bytes) and isinstance(frames, int)
     if not are_packed or not 0 <= FRAME_BYTES * frames <= MOST_PACKED * len(data):
         raise StoreError(f"a block of {frames} frames is damaged")
     try:
         plain = isal_zlib.decompress(data, bufsize=FRAME_BYTES * frames)
-    except isal_zlib.error as problem:  # type: ignore[misc]  # its stubs say an exception where a class of them is
+    except isal_zlib.error as problem:  # type: ignore[misc]  # the stubs declare an instance where the library has a class
         raise StoreError(f"a block of {frames} frames is damaged ({problem})") from problem
     if isal_zlib.crc32(plain) != crc or len(plain) != FRAME_BYTES * frames:
         raise StoreError(f"a block of {frames} frames is damaged: its checksum is wrong")

@@ -1,4 +1,4 @@
-"""From frames, recorded or just arrived, to counts, codes and positions of encoders, by the decoder of their driver."""
+"""Decoding of frames, recorded or live, into counts, codes and encoder positions by the decoder of their driver."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from drivers.schema.bounded import UnfitFileError
 
 
 class Decoder:
-    """Decodes the frames of one device that sends frames by itself.
+    """Decoder of the frames of one device that sends them unsolicited.
 
-    With `folder`, that of a run, it uses the files kept there. StoreError when these cannot be read, or are others.
+    With the `folder` of a run it uses the description files kept there. Raises StoreError if they cannot be read or
+    have changed.
     """
 
     def __init__(self, entry: DeviceEntry, folder: Path | None = None) -> None:
@@ -29,19 +30,19 @@ class Decoder:
 
     @property
     def scales(self) -> Mapping[str, decoded.Scale]:
-        """What makes values of the codes of channels, where these are decoded."""
+        """Scales that convert codes to values, by channel, for channels that have one."""
         return self._frames.scales
 
     def outputs(self, block: FrameBlock) -> dict[str, Counts | Codes]:
-        """The counts, or the samples, of every channel in these frames."""
+        """Return the counts or samples of every channel in these frames."""
         return {name: self._output(name, raw) for name, raw in self._frames.outputs(block).items()}
 
     def positions(self, block: FrameBlock) -> dict[str, Positions]:
-        """What the encoders read in these frames, by the devices that drive their axes."""
+        """Return the encoder positions in these frames, by the device that drives the axis."""
         return {name: _positions(raw, self._encoders[name]) for name, raw in self._frames.positions(block).items()}
 
     def watches(self) -> Sequence[GapWatch]:
-        """Quick checks for the gaps of a new acquisition."""
+        """Return gap detectors for a new acquisition."""
         return self._frames.watches()
 
     def _output(self, name: str, raw: decoded.Counts | decoded.Samples) -> Counts | Codes:
@@ -55,7 +56,7 @@ class Decoder:
 
 
 def decoders_of(devices: Mapping[str, DeviceEntry], folder: Path | None = None) -> dict[str, Decoder]:
-    """A decoder for each of these devices that sends frames, by role; StoreError."""
+    """Return a decoder for each of these devices that sends frames, by role. Raises StoreError."""
     return {role: Decoder(entry, folder) for role, entry in devices.items() if entry.description.frames is not None}
 
 

@@ -1,4 +1,4 @@
-"""The digest of a run: of what it holds, however that is compressed, as it is written or read back."""
+"""Digest of the data of a run: independent of compression, equal when written and when read back."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from bench.store.database import TABLES
 
 
 class Digest:
-    """SHA-256 of each table, fed with its rows in order, and of these; equal for equal runs.
+    """SHA-256 over the SHA-256 of each table, fed row by row.
 
-    Each table has its own, so that a run is digested while it goes on, whichever table its next row is for.
+    Each table has its own hash, so that rows of all tables can arrive in any interleaving while the run goes on.
     """
 
     def __init__(self) -> None:
         self._of = {table: hashlib.sha256() for table in TABLES}
 
     def rows(self, table: str, encoded: bytes) -> None:
-        """The next rows of a table, as `encoded` makes bytes of them; not of blocks."""
+        """Add the next rows of a table, as bytes from `encoded`; for the table of blocks use `block`."""
         self._of[table].update(encoded)
 
     def block(self, stream: str, step: str, frames: int, plain: bytes) -> None:
-        """The next block of frames, not compressed."""
+        """Add the next block of frames, uncompressed."""
         self._of["block"].update(repr((stream, step, frames)).encode())
         self._of["block"].update(plain)
 
     def hexdigest(self) -> str:
-        """Of all rows until now."""
+        """Return the digest of all rows so far."""
         total = hashlib.sha256()
         for table, of_table in self._of.items():
             total.update(f"{table} {of_table.hexdigest()}\n".encode())

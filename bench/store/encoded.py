@@ -1,4 +1,4 @@
-"""Rows of the tables of a run as bytes, the same when they are written as when they are read back."""
+"""Encoding of table rows as bytes, identical when written and when read back."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ Row = tuple[Any, ...]
 
 
 def encoded(table: str, rows: Sequence[Row]) -> bytes:
-    """The bytes of rows of a table, their number first; raises TypeError or ValueError for what no row holds."""
-    if table == "reading":  # numbers alone, and by far the most
+    """Encode rows of a table. Raises TypeError or ValueError for values that the table cannot hold."""
+    if table == "reading":  # by far the most frequent table, and numeric
         return np.array(rows, "<f8").tobytes() if rows else b""
     if table == "block":
         return b"".join(repr(_plain(row[:-1])).encode() + row[-1] for row in rows)
@@ -20,5 +20,5 @@ def encoded(table: str, rows: Sequence[Row]) -> bytes:
 
 
 def _plain(row: Row) -> list[Any]:
-    """A row as it is read, whatever kind of float was written."""
+    """Convert NumPy floats to Python floats, as SQLite returns them."""
     return [float(value) if isinstance(value, float) else value for value in row]

@@ -1,7 +1,7 @@
-"""Benches that may be energised: a file for each run with real connections, until its instruments are known to be safe.
+"""Register of benches that may be energised: one file per run on real instruments, until these are known to be safe.
 
-A run that is killed leaves its file; whoever makes the instruments safe takes them out of it. Two who change one file
-at once can only leave an instrument in it that is safe already.
+A killed run leaves its file; the process that makes the instruments safe removes them from it. Two processes that
+change one file at the same time can at worst leave an entry of an instrument that is already safe.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.errors import StoreError
-from bench.store.kept_json import TEXT, an_object, named, one_of
+from bench.store.kept_json import TEXT, named, object_of, one_of
 from bench.store.kept_records import kept_records
 from bench.store.machine_state import (
     append_record,
@@ -38,11 +38,11 @@ def _a_path(value: object) -> str:
 
 
 _FIELDS = {"run": _a_path, "bench": _a_path, "since": TEXT, "connections": named(TEXT)}
-_FORM = an_object({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
+_FORM = object_of({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
 
 
 class Energised(NamedTuple):
-    """Instruments that a run may have left on: the paths of run and bench file, and addresses by role."""
+    """Instruments that a run may have left on: paths of run and bench file, and addresses by role."""
 
     run: str
     bench: str
@@ -51,12 +51,12 @@ class Energised(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name of the run, for a person; anybody may have written it."""
+        """Name of the run, with control characters removed: other users may have written the file."""
         return printable(Path(self.run).name)
 
 
 def note_energised(run: Path, bench: Path, at: datetime, connections: Mapping[str, str]) -> None:
-    """Record, durably, that a run may energise instruments from now on. Raises StoreError."""
+    """Register, durably, that a run may energise instruments from now on. Raises StoreError."""
     found = Energised(str(run.absolute()), str(bench.absolute()), at.isoformat(timespec="seconds"), connections)
     try:
         folder = folder_to_write(FOLDER)
@@ -66,9 +66,10 @@ def note_energised(run: Path, bench: Path, at: datetime, connections: Mapping[st
 
 
 def energised(unreadable: Callable[[StoreError], object]) -> Iterator[Energised]:
-    """The instruments that may be on, oldest run first; a file that cannot be read is passed to `unreadable`.
+    """Yield the instruments that may be on, oldest run first.
 
-    So is the folder of the machine. Raises StoreError when the user's own cannot be read.
+    Errors of single files, and of the folder for all users, are passed to `unreadable`. Raises StoreError if the user's
+    own folder cannot be read.
     """
     if problem := problem_to_read():
         unreadable(StoreError(f"what runs of other users have left on is not known: {problem}"))
@@ -76,9 +77,9 @@ def energised(unreadable: Callable[[StoreError], object]) -> Iterator[Energised]
 
 
 def note_safe(connections: Collection[str]) -> None:
-    """Take instruments at these addresses out of all files; a run without any left has none.
+    """Remove instruments at these addresses from all files, and the files that are then empty.
 
-    Raises StoreError, after all others, where one cannot be changed.
+    Raises StoreError after the last file if one could not be changed.
     """
     problems: list[StoreError] = []
     for path, found in list(_entries(lambda _problem: None)):
@@ -95,7 +96,7 @@ def note_safe(connections: Collection[str]) -> None:
 
 
 def record_made_safe(bench: Path, at: datetime, lanes: Sequence[Mapping[str, object]]) -> None:
-    """Append how each instrument of a bench was made safe by hand, durably. Raises StoreError."""
+    """Append the outcome of a manual make-safe for each instrument of a bench, durably. Raises StoreError."""
     line = {"bench": str(bench.absolute()), "at": at.isoformat(timespec="seconds"), "lanes": list(lanes)}
     try:
         append_record(MADE_SAFE, json.dumps(line, ensure_ascii=False))

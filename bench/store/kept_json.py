@@ -1,4 +1,4 @@
-"""JSON files that a run keeps, read as strictly as they were written: their size, their values, their form."""
+"""Strict reading of the JSON files of a run: size, values and structure."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from bench.errors import StoreError
 from drivers.schema.bounded import read_bounded
 
 LIMIT_BYTES = 64 * 2**20
-_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")  # half of a character, which this program never writes
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")  # unpaired surrogates; this program never writes them
 
 Form = Callable[[object], str]
-"""What is wrong with a value, empty when nothing is; the place in it comes first."""
+"""Validator: return the problem of a value, with its place in the document first, or "" if it is valid."""
 
 
 def read_kept(path: Path, form: Form, limit_bytes: int = LIMIT_BYTES) -> Any:
-    """The content of a JSON file that has the form; StoreError names what it has not."""
+    """Read a JSON file and validate it. Raises StoreError with the problem."""
     try:
         text = read_bounded(path, limit_bytes).decode("utf-8")
         if _SURROGATE.search(text):
-            raise ValueError("half a character")
+            raise ValueError("an unpaired surrogate")
         content = json.loads(text, parse_constant=_refused, parse_float=_finite)
     except (ValueError, RecursionError) as problem:
         raise StoreError(f"{path}: cannot be read ({problem})") from problem
@@ -34,7 +34,7 @@ def read_kept(path: Path, form: Form, limit_bytes: int = LIMIT_BYTES) -> Any:
 
 
 def a(kind: type | tuple[type, ...], in_words: str) -> Form:
-    """A value of a type; true and false are no numbers."""
+    """Return the form of a value of a type; booleans are not accepted as numbers."""
 
     def form(value: object) -> str:
         fits = isinstance(value, kind) and (not isinstance(value, bool) or kind is bool)
@@ -44,17 +44,17 @@ def a(kind: type | tuple[type, ...], in_words: str) -> Form:
 
 
 def one_of(*known: str) -> Form:
-    """One of some words."""
+    """Return the form of one of the given words."""
     return lambda value: "" if value in known and isinstance(value, str) else f" is not {' or '.join(known)}"
 
 
-def or_none(form: Form) -> Form:
-    """A value, or null."""
+def nullable(form: Form) -> Form:
+    """Return the form of a value or null."""
     return lambda value: "" if value is None else form(value)
 
 
-def every(form: Form) -> Form:
-    """A list of such values."""
+def list_of(form: Form) -> Form:
+    """Return the form of a list of such values."""
 
     def of_list(value: object) -> str:
         if not isinstance(value, Sequence) or isinstance(value, str):
@@ -65,12 +65,14 @@ def every(form: Form) -> Form:
 
 
 def pair(form: Form) -> Form:
-    """Two such values."""
-    return lambda value: every(form)(value) or ("" if isinstance(value, list) and len(value) == 2 else " is not a pair")
+    """Return the form of a pair of such values."""
+    return lambda value: (
+        list_of(form)(value) or ("" if isinstance(value, list) and len(value) == 2 else " is not a pair")
+    )
 
 
 def named(form: Form) -> Form:
-    """An object with any names and such values."""
+    """Return the form of an object with any names and such values."""
 
     def of_names(value: object) -> str:
         if not isinstance(value, Mapping):
@@ -80,8 +82,8 @@ def named(form: Form) -> Form:
     return of_names
 
 
-def an_object(forms: Mapping[str, Form], required: Sequence[str] = ()) -> Form:
-    """An object whose values have forms by their names; what else it has is passed over."""
+def object_of(forms: Mapping[str, Form], required: Sequence[str] = ()) -> Form:
+    """Return the form of an object with these fields; other fields are ignored."""
 
     def of_object(value: object) -> str:
         if not isinstance(value, Mapping):
@@ -100,10 +102,10 @@ TRUTH = a(bool, "true or false")
 
 
 def _refused(word: str) -> float:
-    raise ValueError(f"{word} is no number")
+    raise ValueError(f"{word} is not a number")
 
 
 def _finite(text: str) -> float:
     if not math.isfinite(value := float(text)):
-        raise ValueError(f"{text} is no number")
+        raise ValueError(f"{text} is not a number")
     return value

@@ -1,4 +1,4 @@
-"""Reading the records of a kind, of all users and of this one: any of them may be nonsense, or go away meanwhile."""
+"""Reading of records of all users; any of them may be malformed, or disappear while it is read."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from bench.store.machine_state import printable, records
 def kept_records(
     kind: str, form: Form, unusable: str, unreadable: Callable[[StoreError], object]
 ) -> Iterator[tuple[Path, Any]]:
-    """Every record of a kind that has the form, with its file; why another one cannot be read goes to `unreadable`.
+    """Yield every valid record of a kind with its file; errors of the others are passed to `unreadable`.
 
-    One that was removed meanwhile is passed over. Raises StoreError, which begins with `unusable`, where they cannot be
-    listed; and whatever `unreadable` raises.
+    A record that was removed meanwhile is ignored. Raises StoreError, beginning with `unusable`, if the folder cannot
+    be listed, and whatever `unreadable` raises.
     """
     try:
         paths = list(records(kind))

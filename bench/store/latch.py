@@ -1,6 +1,7 @@
-"""Runs that did not end by themselves with everything safe: latched until a person acknowledges it.
+"""Latch of runs that did not end by themselves with everything safe, until a person acknowledges it.
 
-The latch follows from what is on record; an acknowledgement names it, so that another incident latches the run again.
+The latch is derived from the records. An acknowledgement names the latched state, so that a new incident latches the
+run again.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ INCIDENT, ACKNOWLEDGED = "incident.jsonl", "acknowledged.jsonl"
 
 
 class Latch(NamedTuple):
-    """Why a run is latched, and what an acknowledgement names it by."""
+    """Reasons of a latch, and the identifier that an acknowledgement refers to."""
 
     why: str
     key: str
 
 
 def latch(run: RunSummary) -> Latch | None:
-    """The latch of a run; None where nothing has happened, or it was acknowledged."""
+    """Return the latch of a run, or None if nothing happened or it was acknowledged."""
     ended = {str(role): str(why) for role, why in run.manifest.get("unsafe", {}).items()}
     unsafe = {**kept_unsafe(run.path), **ended}
     incident = [entry for entry in read_lines(run.path / INCIDENT) if entry.get("event") not in ("alert", "alarm")]
@@ -64,9 +65,9 @@ def _not_arrived(late: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def acknowledge(path: Path, by: str, reason: str, is_followed: Callable[[str], bool] = lambda _address: False) -> str:
-    """Take the latch off a run, durably; why it was latched. Raises InputError for what cannot be acknowledged.
+    """Acknowledge a latched run, durably; return the reasons. Raises InputError if it cannot be acknowledged.
 
-    An instrument at an address that `is_followed` may be on: its guardian holds it.
+    Instruments at addresses for which `is_followed` is true may still be on: a guardian holds them.
     """
     run = summary(path)
     if run.state == "running":
@@ -87,7 +88,7 @@ def acknowledge(path: Path, by: str, reason: str, is_followed: Callable[[str], b
 
 
 def _check_switched_off(run: RunSummary, is_followed: Callable[[str], bool]) -> None:
-    """Raise InputError while an instrument of the run may be on, or when that is not known."""
+    """Raise InputError if an instrument of the run may be on, or if that is not known."""
     problems: list[StoreError] = []
     for each in energised(problems.append):
         left = [role for role, address in each.connections.items() if not is_followed(address)]

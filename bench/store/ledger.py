@@ -1,7 +1,7 @@
-"""The ledger: heads of the chains of this user's runs, outside their directories.
+"""Ledger: chain heads of this user's runs, stored outside the run directories.
 
-One line of JSON for each head that was noted, durable, never rewritten. It proves what a run held at that time against
-accidents and clumsy hands; against whoever owns this computer only a copy of a head elsewhere does.
+Each line of JSON is durable and never rewritten. It reveals accidental changes to a run; the owner of the computer can
+change both, so protection against that needs a copy of a head elsewhere.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from dataclasses import asdict, dataclass
 from bench.clock import wall_utc
 from bench.files import append_line
 from bench.store.chain import Link
-from bench.store.kept_json import TEXT, WHOLE, an_object
+from bench.store.kept_json import TEXT, WHOLE, object_of
 from bench.store.user_state import state_folder
 
 LEDGER = "ledger.jsonl"
 
 
-_FORM = an_object({
+_FORM = object_of({
     "run": TEXT, "beginning": TEXT, "number": WHOLE, "rows": WHOLE, "head": TEXT, "utc": TEXT, "seal": TEXT,
 })  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Noted:
-    """A line of the ledger: a run, the head of link 0 of its chain, a link, and the SHA-256 of its seal if it has one.
+    """Line of the ledger: run, head of link 0, a link, and the SHA-256 of the seal if there is one.
 
     Heads are hexadecimal.
     """
@@ -41,7 +41,7 @@ class Noted:
 
 
 def note(run: str, beginning: bytes, link: Link, seal: str = "") -> None:
-    """Note a head, durably; raises OSError."""
+    """Append a head, durably. Raises OSError."""
     utc = wall_utc().isoformat(timespec="seconds")
     line = Noted(run, beginning.hex(), link.number, link.total, link.head.hex(), utc, seal)
     text = json.dumps(asdict(line), ensure_ascii=False)
@@ -49,7 +49,7 @@ def note(run: str, beginning: bytes, link: Link, seal: str = "") -> None:
 
 
 def noted(run: str) -> Iterator[Noted]:
-    """What the ledger has of a run, oldest first; lines that cannot be read are passed over. Raises OSError."""
+    """Yield the entries of a run, oldest first; lines that cannot be read are ignored. Raises OSError."""
     path = state_folder() / LEDGER
     if not path.exists():
         return

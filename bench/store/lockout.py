@@ -1,4 +1,4 @@
-"""Benches at which a person works: no run begins there, and what makes them safe only switches off and stops."""
+"""Lockouts of benches while a person works there: no run starts, and make-safe only switches off and stops."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from bench.errors import InputError, StoreError
-from bench.store.kept_json import TEXT, an_object, named, one_of
+from bench.store.kept_json import TEXT, named, object_of, one_of
 from bench.store.kept_records import kept_records
 from bench.store.machine_state import (
     append_record,
@@ -29,11 +29,11 @@ SCHEMA = "itb-lockout/1"
 FOLDER, LOG = "lockouts", "lockouts.jsonl"
 _UNUSABLE = "the records of lockouts cannot be used"
 _FIELDS = {"bench": TEXT, "since": TEXT, "by": TEXT, "reason": TEXT, "connections": named(TEXT)}
-_FORM = an_object({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
+_FORM = object_of({"schema": one_of(SCHEMA), **_FIELDS}, required=("schema", *_FIELDS))
 
 
 class Lockout(NamedTuple):
-    """A bench at which somebody works: the path of its file, and the addresses of its instruments by role."""
+    """Lockout of a bench: path of the bench file, addresses by role, and who locked it out, when and why."""
 
     bench: str
     since: str
@@ -43,12 +43,12 @@ class Lockout(NamedTuple):
 
     @property
     def in_words(self) -> str:
-        """Who has locked it out, and why."""
+        """Name, time and reason of the lockout as a sentence."""
         return printable(f"locked out by {self.by} since {self.since}: {self.reason}")
 
 
 def lock_out(bench: Path, at: datetime, by: str, reason: str, connections: Mapping[str, str]) -> Lockout:
-    """Record a lockout durably, in place of an earlier one of the same bench. Raises InputError, StoreError."""
+    """Record a lockout durably; it replaces an earlier one of the same bench. Raises InputError, StoreError."""
     check_signed(by, reason)
     found = Lockout(str(bench.resolve()), at.isoformat(timespec="seconds"), by, reason, connections)
     try:
@@ -61,7 +61,7 @@ def lock_out(bench: Path, at: datetime, by: str, reason: str, connections: Mappi
 
 
 def lift(bench: Path, at: datetime, by: str, reason: str) -> None:
-    """Take the lockout off a bench. Raises InputError where there is none, StoreError."""
+    """Lift the lockout of a bench. Raises InputError if there is none, and StoreError."""
     check_signed(by, reason)
     try:
         found = [path for folder in folders_to_read(FOLDER) if os.path.lexists(path := folder / _name(bench))]
@@ -75,7 +75,7 @@ def lift(bench: Path, at: datetime, by: str, reason: str) -> None:
 
 
 def lockouts() -> Iterator[Lockout]:
-    """All of them. Raises StoreError for one that cannot be read, and where those of other users cannot."""
+    """Yield all lockouts. Raises StoreError if one, or the folder of other users, cannot be read."""
     if unknown := problem_to_read():
         raise StoreError(unknown)
     for _, content in kept_records(FOLDER, _FORM, _UNUSABLE, _refuse):
@@ -83,9 +83,9 @@ def lockouts() -> Iterator[Lockout]:
 
 
 def locked_out(connections: Collection[str]) -> str:
-    """Why instruments at these addresses may only be switched off and stopped; "" where they are not locked out.
+    """Return the reason why these instruments are locked out, "" if they are not.
 
-    Records that cannot be read lock out every bench.
+    Unreadable records lock out every bench.
     """
     try:
         return next((each.in_words for each in lockouts() if set(each.connections.values()) & set(connections)), "")

@@ -1,8 +1,8 @@
-"""Records of what is on, and who works at a bench, that concern all users of this computer.
+"""Records for all users of this computer: energised instruments and lockouts.
 
-Where the administrator has made a folder for them (config/services/bench.tmpfiles.conf), of a group and mode 2770, they
-are written there by whoever may; else to the folder of the user. Both are read. Members of the group are trusted with
-the benches; what stands in the folder is all the same read with care: it may be a link, a folder or nonsense.
+If the administrator has created a shared folder (config/services/bench.tmpfiles.conf; mode 2770, with a group), users
+with write permission write there; otherwise records go to the folder of the user. Both are read. Members of the group
+are trusted with the benches, but the content is validated all the same: it may be a link, a folder or malformed.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ from bench.store.user_state import state_folder
 
 VARIABLE, STANDARD = "INERTIAL_TEST_BENCH_MACHINE", "/var/lib/inertial-test-bench/machine"
 FOLDERS = ("energised", "lockouts", "unsafe")
-MODE = 0o660  # for the group of the folder, whatever the umask of the user
+MODE = 0o660  # explicit, since the umask of the user would exclude the group
 
 
 def machine_folder() -> Path | None:
-    """The folder for all users of this computer; None where nobody has made one."""
+    """Return the folder for all users of this computer, or None if there is none."""
     folder = Path(os.environ.get(VARIABLE) or STANDARD)
     try:
         os.lstat(folder)
     except (FileNotFoundError, NotADirectoryError):
         return None
-    except OSError:  # it may be there: this user may not look
+    except OSError:  # it exists, but this user has no permission
         return folder
     return folder
 
 
 def problem_to_write() -> str:
-    """Why this user cannot write to the folder of the machine; "" where that works, or there is none."""
+    """Return the reason why this user cannot write to the shared folder; "" if writing works or there is none."""
     return _problem(os.R_OK | os.W_OK | os.X_OK, "write to")
 
 
 def problem_to_read() -> str:
-    """Why this user cannot read the records of all users; "" where that works, or there are none."""
+    """Return the reason why this user cannot read the shared folder; "" if reading works or there is none."""
     return _problem(os.R_OK | os.X_OK, "read")
 
 
 def folder_to_write(name: str) -> Path:
-    """Where records of a kind (one of FOLDERS) are written; made for the user if missing. Raises OSError."""
+    """Return the folder to which records of a kind (one of FOLDERS) are written, created if missing. Raises OSError."""
     machine = machine_folder()
     if machine is not None and not problem_to_write():
         return machine / name
@@ -55,21 +55,21 @@ def folder_to_write(name: str) -> Path:
 
 
 def folders_to_read(name: str) -> list[Path]:
-    """Where records of a kind are that this user can read: those of all users, then its own. Raises OSError."""
+    """Return the folders with records of a kind: that of all users first, then that of this user. Raises OSError."""
     machine, own = machine_folder(), state_folder() / name
     folders = [machine / name] if machine is not None and not problem_to_read() else []
     return [*folders, *([own] if own.is_dir() and own not in folders else [])]
 
 
 def records(name: str) -> Iterator[Path]:
-    """The files of records of a kind that this user can read. Raises OSError."""
+    """Yield the files of records of a kind that this user can read. Raises OSError."""
     for folder in folders_to_read(name):
         yield from sorted(path for path in folder.iterdir() if path.suffix == ".json")
 
 
 def write_record(path: Path, data: bytes) -> None:
-    """Put a file in the place of whatever has this name, durably; it follows no link. Raises StoreError."""
-    draft = path.with_name(f"{path.name}.{secrets.token_hex(8)}{DRAFT}")  # two users may write at once
+    """Write a file atomically and durably in place of an existing one; links are not followed. Raises StoreError."""
+    draft = path.with_name(f"{path.name}.{secrets.token_hex(8)}{DRAFT}")  # random: two users may write
     try:
         try:
             file = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
@@ -87,7 +87,7 @@ def write_record(path: Path, data: bytes) -> None:
 
 
 def append_record(name: str, text: str) -> None:
-    """Append a line to a log of the machine, or of the user, durably. Raises OSError."""
+    """Append a line to a log, of the machine or of the user, durably. Raises OSError."""
     machine = machine_folder()
     if machine is not None and not problem_to_write():
         append_line(machine / name, text, MODE)
@@ -96,7 +96,7 @@ def append_record(name: str, text: str) -> None:
 
 
 def remove_record(path: Path) -> None:
-    """Raises StoreError."""
+    """Delete a record; a missing one is ignored. Raises StoreError."""
     try:
         path.unlink(missing_ok=True)
     except OSError as problem:
@@ -104,7 +104,7 @@ def remove_record(path: Path) -> None:
 
 
 def printable(text: str) -> str:
-    """Text that anybody may have written, without what a terminal obeys."""
+    """Return text from an untrusted source with control characters replaced."""
     return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in text)
 
 
@@ -114,13 +114,13 @@ def _problem(access: int, what: str) -> str:
         return ""
     for folder in (machine, *(machine / name for name in FOLDERS)):
         try:
-            found = folder.stat() if folder == machine else os.lstat(folder)  # the group can put links into it
+            found = folder.stat() if folder == machine else os.lstat(folder)  # the group can place links there
         except FileNotFoundError:
             return f"{folder} is missing: make it with 'systemd-tmpfiles --create', as config/services describes"
         except OSError:
             return _no_right(machine, what)
         if not stat.S_ISDIR(found.st_mode):
-            return f"{folder} is no folder"
+            return f"{folder} is not a folder"
         if not os.access(folder, access, effective_ids=True):
             return _no_right(machine, what)
     return ""

@@ -1,4 +1,4 @@
-"""What did not come of an acquisition, by the frames of it that were recorded."""
+"""Lost frames of an acquisition, from its recorded frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.can.frame_block import FrameBlock
 
 
 def missed_in_step(folder: Path, step: str, devices: Mapping[str, DeviceEntry]) -> dict[tuple[str, str], Missed]:
-    """What did not come of these devices during a step of a run, finished or not, by device and channel; StoreError."""
+    """Return the losses of these devices during a step, finished or not, by device and channel. Raises StoreError."""
     with RunReader(folder) as reader:
         frames = reader.frames_of(step)
     found: dict[tuple[str, str], Missed] = {}

@@ -1,4 +1,4 @@
-"""Where the directory of a run is, whatever somebody does to its names and its files while the run goes on."""
+"""Location of the directory of a running run, even if it is moved, renamed or truncated meanwhile."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from bench.files import make_folder
 from bench.store.chain import Link, walk
 from bench.store.user_state import state_folder
 
-RESCUED = "rescued"  # records of runs whose directory was removed, in the folder of states
+RESCUED = "rescued"  # subfolder for records of runs whose directory was removed
 
 
-class Place:
-    """Files in a folder, all as they were when this was made; the folder is followed wherever it is moved to.
+class WatchedFiles:
+    """Files of a folder, identified by inode; the folder is found again wherever it is moved.
 
-    The first of them never becomes smaller: SQLite gives no page of a database back unless it is told to, and writes
-    its log, another one, from the beginning as it likes. The files themselves are never opened: closing one would let
-    go of the locks that SQLite has on it.
+    The first file never shrinks in normal operation: SQLite does not vacuum a database unless asked, while it rewrites
+    its log from the beginning. The files themselves are never opened, since closing one would release the locks that
+    SQLite holds on it.
     """
 
     def __init__(self, folder: Path, names: Iterable[str]) -> None:
@@ -30,15 +30,15 @@ class Place:
         self._folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
 
     def missing(self) -> Path | None:
-        """What is not any more where it was: the folder, or a file in it; None where all are."""
+        """Return the folder or file that is no longer at its path, or None if all are there."""
         gone = [name for name, inode in self._inodes.items() if _inode(self._path / name) != inode]
         if not gone:
             return None
         return self._path if len(gone) == len(self._inodes) else self._path / gone[0]
 
     def truncated(self) -> Path | None:
-        """The first file, where it has become smaller than it was at an earlier look; None where it has not."""
-        with contextlib.suppress(OSError):  # it is missing
+        """Return the first file if it has shrunk since the last call, else None."""
+        with contextlib.suppress(OSError):  # a missing file is reported by `missing`
             size = self._grows.stat().st_size
             if size < self._size:
                 return self._grows
@@ -46,7 +46,7 @@ class Place:
         return None
 
     def found(self) -> Path | None:
-        """The folder with the files, wherever it is now; None where one of them has no name any more."""
+        """Return the present path of the folder, or None if one of the files has been deleted."""
         with contextlib.suppress(OSError):
             folder = Path(os.readlink(f"/proc/self/fd/{self._folder}"))
             if all(_inode(folder / name) == inode for name, inode in self._inodes.items()):
@@ -54,14 +54,14 @@ class Place:
         return None
 
     def close(self) -> None:
-        """Follow it no longer; closing twice is harmless."""
+        """Stop tracking the folder; closing twice is harmless."""
         if self._folder >= 0:
             os.close(self._folder)
             self._folder = -1
 
 
 def rescue(database: sqlite3.Connection, run: str, file: str) -> Path:
-    """Copy a database that has no name any more; the folder with the copy. Raises StoreError."""
+    """Copy a deleted database that is still open; return the folder of the copy. Raises StoreError."""
     try:
         folder = state_folder() / RESCUED / run
         make_folder(folder)
@@ -75,10 +75,10 @@ def rescue(database: sqlite3.Connection, run: str, file: str) -> Path:
 
 
 def rescue_whole(database: sqlite3.Connection, run: str, file: str, last: Link) -> Path:
-    """Copy a database of which pages are lost; the folder with the copy, which has all up to the link `last`.
+    """Copy a database with lost pages; return the folder of the copy, which is complete up to the link `last`.
 
-    What the log beside it, or memory, still has is in the copy. Raises StoreError, with how much is in the copy, where
-    that is not all.
+    The copy includes pages that are only in the log or in memory. Raises StoreError, with the number of intact rows, if
+    the copy is incomplete.
     """
     folder = rescue(database, run, file)
     with contextlib.closing(sqlite3.connect(folder / file)) as copy:

@@ -1,4 +1,4 @@
-"""Reads a run back, finished or not."""
+"""Reading of a run, finished or not."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from bench.errors import StoreError
 from bench.store import database
-from bench.store.chain import Walked, walk
+from bench.store.chain import ChainCheck, walk
 from bench.store.digest import Digest
 from bench.store.encoded import encoded
 from drivers.can.frame_block import FrameBlock
 
-BLOCKS_AHEAD = 8  # which are unpacked while one is looked at
+BLOCKS_AHEAD = 8  # unpacked while the consumer works on one
 BATCH_ROWS = 10_000
-STEPS_AHEAD = 2  # whose blocks are
+STEPS_AHEAD = 2  # steps whose blocks are unpacked ahead
 _READING = np.dtype([("at_s", np.float64), ("value", np.float64)])
 _BLOCKS = "SELECT stream, step, data, frames, crc FROM block ORDER BY seq"
 _READINGS = "SELECT at_s, value FROM reading WHERE channel = ? ORDER BY seq"
@@ -35,12 +35,12 @@ _BLOCKS_OF_STEP = "SELECT stream, data, frames, crc FROM block WHERE step = ? AN
 
 T = TypeVar("T")
 Frames = dict[str, FrameBlock]
-"""All of a step, by stream."""
+"""Frames of one step, by stream."""
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A row of the journal."""
+    """Row of the journal."""
 
     seq: int
     at_s: float
@@ -51,7 +51,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One channel over the run: `at_s` (N,) bench time and `values` (N,) in `unit`."""
+    """Readings of one channel over the run: `at_s` (N,) bench time and `values` (N,) in `unit`."""
 
     name: str
     unit: str
@@ -59,19 +59,19 @@ class Series:
     values: NDArray[np.float64]
 
     def between(self, begin_s: float, end_s: float) -> Series:
-        """The part from `begin_s` to `end_s`, both included."""
+        """Return the part from `begin_s` to `end_s`, both included."""
         low, high = bisect_left(self.at_s, begin_s), bisect_left(self.at_s, end_s + 1e-9)
         return Series(self.name, self.unit, self.at_s[low:high], self.values[low:high])
 
 
 class RunReader:
-    """The data of one run directory. A context manager; raises StoreError for what cannot be read."""
+    """Reader of one run directory; a context manager. Raises StoreError for data that cannot be read."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._database = database.open_to_read(folder / database.FILE_NAME)
-        self._series: dict[str, Series] = {}  # that were asked for
-        self._unpackers = ThreadPoolExecutor(thread_name_prefix="unpack")  # zlib lets other threads work meanwhile
+        self._series: dict[str, Series] = {}  # cache
+        self._unpackers = ThreadPoolExecutor(thread_name_prefix="unpack")  # zlib releases the GIL
 
     def __enter__(self) -> Self:
         return self
@@ -87,7 +87,7 @@ class RunReader:
             raise self._unreadable(problem) from problem
 
     def _batches(self, query: str, *values: object) -> Iterator[list[tuple[Any, ...]]]:
-        """The same by many rows at once, where there are hundreds of thousands."""
+        """Yield the rows in batches; faster than `_rows` for hundreds of thousands of rows."""
         try:
             cursor = self._database.execute(query, values)
             while rows := cursor.fetchmany(BATCH_ROWS):
@@ -99,7 +99,7 @@ class RunReader:
         return StoreError(f"{self.folder}: cannot be read ({problem})")
 
     def events(self, *kinds: str) -> Iterator[Event]:
-        """The journal in order; only these kinds when some are given."""
+        """Yield the entries of the journal in order, only those of `kinds` if any are given."""
         for seq, at_s, kind, step, data in self._rows("SELECT seq, at_s, kind, step, data FROM journal ORDER BY seq"):
             if not kinds or kind in kinds:
                 yield Event(seq, at_s, kind, step, self._data(seq, data))
@@ -114,12 +114,12 @@ class RunReader:
         return found
 
     def blocks(self) -> Iterator[tuple[str, str, FrameBlock]]:
-        """(stream, step, frames) in order."""
+        """Yield (stream, step, frames) of all blocks in order."""
         for stream, step, _, block in self._unpacking(database.unpack):
             yield stream, step, block
 
     def _unpacking(self, unpack: Callable[[bytes, int, int], T]) -> Iterator[tuple[str, str, int, T]]:
-        """(stream, step, number of frames, what is unpacked) of all blocks in order; some are unpacked ahead."""
+        """Yield (stream, step, number of frames, unpacked block) in order; blocks are unpacked ahead in threads."""
         ahead: deque[tuple[str, str, int, Future[T]]] = deque()
         for stream, step, data, frames, crc in self._rows(_BLOCKS):
             ahead.append((stream, step, frames, self._unpackers.submit(unpack, data, frames, crc)))
@@ -129,15 +129,15 @@ class RunReader:
 
     @cached_property
     def _seqs_of_steps(self) -> dict[str, tuple[int, int]]:
-        """The first and the last block of each step, so that one is found without going through all."""
+        """Numbers of the first and last block of each step, so that a query need not scan all blocks."""
         return {step: (first, last) for step, first, last in self._rows(_SEQS_OF_STEPS)}
 
     def frames_of(self, step: str) -> Frames:
-        """All frames of a step, by stream."""
+        """Return all frames of a step, by stream."""
         return next(self.of_steps({step: dict}))
 
     def of_steps(self, make: Mapping[str, Callable[[Frames], T]]) -> Iterator[T]:
-        """What is made of all frames of each step, by stream, in order; threads are some steps ahead."""
+        """Yield the result of each function on all frames of its step, in order; threads work some steps ahead."""
         ahead: deque[Future[T]] = deque()
         for step, made_of in make.items():
             packed = list(self._rows(_BLOCKS_OF_STEP, step, *self._seqs_of_steps.get(step, (0, -1))))
@@ -147,11 +147,11 @@ class RunReader:
         yield from (each.result() for each in ahead)
 
     def frames_by_step(self) -> dict[str, Frames]:
-        """All frames of each step, by step and stream."""
+        """Return all frames, by step and stream."""
         return dict(zip(self._seqs_of_steps, self.of_steps(dict.fromkeys(self._seqs_of_steps, dict)), strict=True))
 
     def samples_by_step(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        """What was read during steps, by step and stream: (N, 2), bench time and value."""
+        """Return the samples read during steps, by step and stream: (N, 2), bench time in s and value."""
         collected: dict[str, dict[str, list[tuple[float, float]]]] = {}
         for stream, step, at_s, value in self._samples():
             collected.setdefault(step, {}).setdefault(stream, []).append((at_s, value))
@@ -161,7 +161,7 @@ class RunReader:
         }
 
     def _samples(self) -> Iterator[tuple[Any, ...]]:
-        """Rows of stream, step, time and value; a run from before there was such a table has none."""
+        """Yield rows of stream, step, time and value; runs of old formats have no such table."""
         if self._has_samples():
             yield from self._rows("SELECT stream, step, at_s, value FROM sample ORDER BY seq")
 
@@ -169,11 +169,11 @@ class RunReader:
         return bool(next(self._rows("SELECT COUNT(*) FROM sqlite_master WHERE name = 'sample'"))[0])
 
     def frame_count(self) -> int:
-        """How many frames were recorded."""
+        """Return the number of recorded frames."""
         return int(next(self._rows("SELECT COALESCE(SUM(frames), 0) FROM block"))[0])
 
     def span_s(self) -> tuple[float, float]:
-        """Bench time of the first and of the last thing that was recorded; zeros when nothing was."""
+        """Return the bench time of the first and the last record in s; zeros for an empty run."""
         query = (
             "SELECT (SELECT at_s FROM journal ORDER BY seq LIMIT 1), "
             "(SELECT at_s FROM journal ORDER BY seq DESC LIMIT 1), (SELECT at_s FROM reading ORDER BY seq DESC LIMIT 1)"
@@ -182,29 +182,29 @@ class RunReader:
         return at_s[0], max(at_s)
 
     def channels(self) -> dict[str, str]:
-        """Names and units of the channels that were read."""
+        """Return the units of all recorded channels, by name."""
         return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))
 
     def series(self, name: str) -> Series:
-        """One channel over the whole run, as it was when it was first asked for; empty when it was never read."""
+        """Return the readings of one channel, cached at the first call; empty if the channel has none."""
         if name not in self._series:
             number, unit = next(self._rows("SELECT id, unit FROM channel WHERE name = ?", name), (0, ""))
             read = np.fromiter(self._rows(_READINGS, number), _READING)
             self._series[name] = Series(name, unit, read["at_s"].copy(), read["value"].copy())
         return self._series[name]
 
-    def walked(self) -> Walked:
-        """Every row held against the chain of the run."""
+    def check_chain(self) -> ChainCheck:
+        """Check every row of the run against its hash chain."""
         return walk(self._database)
 
-    def passes_over_a_log(self) -> bool:
-        """Whether a log lies beside the database that it does not know of, as where its first page is damaged."""
+    def ignores_log(self) -> bool:
+        """Return True if there is a log beside the database that SQLite ignores, as when the first page is damaged."""
         log = self.folder / f"{database.FILE_NAME}-wal"
         return log.is_file() and log.stat().st_size > 0 and next(self._rows("PRAGMA journal_mode"))[0] != "wal"
 
     @cached_property
     def format(self) -> int:
-        """The version of the format of the database."""
+        """Version of the database format."""
         return int(next(self._rows("PRAGMA user_version"))[0])
 
     def _encoded(self, table: str, rows: list[tuple[Any, ...]]) -> bytes:
@@ -214,7 +214,7 @@ class RunReader:
             raise StoreError(f"{self.folder}: rows of {table} are damaged ({problem})") from problem
 
     def digest(self) -> str:
-        """The digest of all that is stored; equal for equal runs, however they were compressed."""
+        """Return the digest of all stored data; equal for equal runs, whatever the compression."""
         digest = Digest()
         for stream, step, frames, plain in self._unpacking(database.plain_of):
             digest.block(stream, step, frames, plain)
@@ -226,7 +226,7 @@ class RunReader:
 
 
 def digest_of(folder: Path) -> str:
-    """The digest of a run directory."""
+    """Return the digest of a run directory."""
     with RunReader(folder) as reader:
         return reader.digest()
 
@@ -241,7 +241,7 @@ def _made(make: Callable[[Frames], T], packed: Iterable[tuple[str, bytes, int, i
 
 
 def _unpacked(blocks: Iterable[tuple[str, bytes, int, int]]) -> Frames:
-    """Packed blocks with their streams as one block of each stream."""
+    """Join packed blocks to one block per stream."""
     collected: dict[str, list[tuple[bytes, int, int]]] = {}
     for stream, data, frames, crc in blocks:
         collected.setdefault(stream, []).append((data, frames, crc))

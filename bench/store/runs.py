@@ -1,4 +1,4 @@
-"""Run directories: how they are made, named, found, locked, and what they say of themselves."""
+"""Run directories: creation, names, search, locks and summaries."""
 
 from __future__ import annotations
 
@@ -29,10 +29,11 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9.-]+")
 
 
 class RunDirectory:
-    """The directory of one run while it is being written.
+    """Directory of one run while it is written.
 
-    Lifetime: `create` to `release`. Its locks are held all the while; a directory that says *running* and whose locks
-    are free was interrupted. A reserve is kept on the disk, so that the last words can be written when it is full.
+    Lifetime: `create` to `release`, with its locks held throughout. A directory whose state is *running* and whose
+    locks are free was interrupted. Space is reserved on the disk, so that the final records can be written when it is
+    full.
     """
 
     def __init__(self, path: Path, locks: tuple[int, ...] = ()) -> None:
@@ -41,12 +42,12 @@ class RunDirectory:
 
     @classmethod
     def create(cls, runs: Path, started: datetime, sequence: str, units: str) -> RunDirectory:
-        """A new directory `<UTC>_<sequence>_<units>[_n]`; raises StoreError."""
+        """Create the directory `<UTC>_<sequence>_<units>[_n]`. Raises StoreError."""
         name = "_".join((started.strftime("%Y%m%dT%H%M%SZ"), _plain(sequence), _plain(units)))
         try:
             make_folder(runs)
-            path = _exclusively_made(runs, name)
-            locks = _taken(path, fcntl.LOCK_EX)  # who only looks at it holds it for a moment
+            path = _create_exclusively(runs, name)
+            locks = _take_locks(path, fcntl.LOCK_EX)  # readers hold it for a moment only
             _set_aside_space(path)
             sync_folder(path)
             sync_folder(runs)
@@ -56,10 +57,13 @@ class RunDirectory:
 
     @classmethod
     def reopen(cls, path: Path) -> RunDirectory:
-        """The directory of an interrupted run, to go on in; raises InputError where it is in use, and StoreError."""
+        """Open the directory of an interrupted run to continue it.
+
+        Raises InputError if it is in use, and StoreError.
+        """
         try:
             try:
-                locks = _taken(path, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                locks = _take_locks(path, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise InputError(f"{path.name}: this run is under way in another process") from None
             _set_aside_space(path)
@@ -68,11 +72,11 @@ class RunDirectory:
         return cls(path, locks)
 
     def write_json(self, name: str, value: Any) -> None:
-        """A JSON file of the run, durable and whole when this returns."""
+        """Write a JSON file of the run, atomically and durably. Raises StoreError."""
         write_whole(self.path / name, json_text(value).encode())
 
     def write_text(self, name: str, text: str) -> None:
-        """A text of the run, durable and whole when this returns; `name` may lead into a folder of the directory."""
+        """Write a text file of the run, atomically and durably; `name` may include a subfolder. Raises StoreError."""
         path = self.path / name
         try:
             make_folder(path.parent)
@@ -81,11 +85,11 @@ class RunDirectory:
         write_whole(path, text.encode())
 
     def use_reserve(self) -> None:
-        """Gives the reserve back to the disk, for the last words."""
+        """Free the reserved space for the final records."""
         (self.path / RESERVE).unlink(missing_ok=True)
 
     def release(self) -> None:
-        """The run is over; releasing twice is harmless."""
+        """Release the locks and the reserved space; releasing twice is harmless."""
         with contextlib.suppress(OSError):
             self.use_reserve()
         for lock in self._locks:
@@ -93,10 +97,10 @@ class RunDirectory:
         self._locks = ()
 
 
-def _taken(path: Path, how: int) -> tuple[int, ...]:
-    """The locks of a run: of a file, which somebody may remove, and of the directory itself.
+def _take_locks(path: Path, how: int) -> tuple[int, ...]:
+    """Take the locks of a run: of the lock file, which can be deleted, and of the directory itself.
 
-    Raises OSError, which is BlockingIOError where it is not to wait and one is held.
+    Raises BlockingIOError if `how` is non-blocking and one is held, and OSError.
     """
     with contextlib.ExitStack() as undo:
         file = os.open(path / LOCK, os.O_CREAT | os.O_RDWR, 0o644)
@@ -108,7 +112,7 @@ def _taken(path: Path, how: int) -> tuple[int, ...]:
             fcntl.flock(folder, how)
         except BlockingIOError:
             raise
-        except OSError:  # some network file systems lock no directories
+        except OSError:  # some network file systems cannot lock directories
             pass
         undo.pop_all()
     return file, folder
@@ -122,7 +126,7 @@ def _set_aside_space(path: Path) -> None:
         os.close(reserve)
 
 
-def _exclusively_made(runs: Path, name: str) -> Path:
+def _create_exclusively(runs: Path, name: str) -> Path:
     for attempt in range(1, 1000):
         path = runs / (name if attempt == 1 else f"{name}_{attempt}")
         with contextlib.suppress(FileExistsError):
@@ -136,13 +140,13 @@ def _plain(text: str) -> str:
 
 
 def json_text(value: Any) -> str:
-    """JSON as this project writes it: readable, UTF-8, without NaN."""
+    """Encode a value as JSON: indented, UTF-8, without NaN."""
     return json.dumps(value, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What a run directory says of itself; `state` is running, interrupted, or how the run ended."""
+    """Summary of a run directory; `state` is running, interrupted, damaged, or the outcome of the run."""
 
     path: Path
     state: str
@@ -150,7 +154,7 @@ class RunSummary:
 
     @property
     def id(self) -> str:
-        """The name of the directory."""
+        """Name of the directory."""
         return self.path.name
 
     @property
@@ -159,12 +163,12 @@ class RunSummary:
         return tuple(unit["uut"] for unit in self.manifest.get("units", []))
 
     def to_json(self) -> dict[str, Any]:
-        """The summary as plain JSON types."""
+        """Return the summary as plain JSON types."""
         return {"run": self.id, "path": str(self.path), "state": self.state, "manifest": dict(self.manifest)}
 
 
 def list_runs(runs: Path) -> Iterator[RunSummary]:
-    """The runs below a directory, oldest first; what is not a run is passed over."""
+    """Yield the runs below a directory, oldest first; other content is ignored."""
     if runs.is_dir():
         for path in sorted(runs.iterdir()):
             if (path / MANIFEST).is_file() or (path / LOCK).is_file():
@@ -172,14 +176,14 @@ def list_runs(runs: Path) -> Iterator[RunSummary]:
 
 
 def summary(path: Path) -> RunSummary:
-    """The summary of one run directory, by its manifest and its seal, and whether all sealed files are there.
+    """Return the summary of one run directory, from its manifest, its seal and the presence of all sealed files.
 
-    Where that is not so, it is *damaged*; what the other files hold is not looked at.
+    If they disagree the state is *damaged*. The content of the other files is not checked.
     """
     try:
         manifest = read_kept(path / MANIFEST, MANIFEST_FORM)
         state = str(manifest["state"])
-        if state != "running" and not _is_as_sealed(path, manifest):
+        if state != "running" and not _matches_seal(path, manifest):
             raise StoreError(f"{path}: has changed since it was sealed")
     except StoreError:
         return RunSummary(path, "running" if _is_locked(path) else "damaged", {})
@@ -188,8 +192,8 @@ def summary(path: Path) -> RunSummary:
     return RunSummary(path, state, manifest)
 
 
-def _is_as_sealed(path: Path, manifest: Mapping[str, Any]) -> bool:
-    """Whether all sealed files are there, and the manifest is that of the seal; whether there should be no seal."""
+def _matches_seal(path: Path, manifest: Mapping[str, Any]) -> bool:
+    """Return True if all sealed files are present and the manifest matches the seal, or if no seal is expected."""
     if not (path / SEAL).exists():
         return not manifest.get("sealed", False)
     files = read_kept(path / SEAL, SEAL_FORM)["files"]
@@ -204,7 +208,7 @@ def _is_locked(path: Path) -> bool:
 
 
 def _is_held(path: Path) -> bool:
-    """Whether somebody has the lock of a file or a directory; a shared one is no hindrance to others who ask."""
+    """Return True if another process holds the lock; the shared lock of the test does not block others."""
     try:
         lock = os.open(path, os.O_RDONLY)
     except OSError:
@@ -222,7 +226,7 @@ def _is_held(path: Path) -> bool:
 
 
 def find_run(name: str, runs: Path) -> Path:
-    """The run that a path, an id, a unique beginning of an id, or `last` names; raises InputError."""
+    """Return the run of a path, an id, a unique beginning of an id, or `last`. Raises InputError."""
     given = Path(name)
     if (given / MANIFEST).is_file() or (given / LOCK).is_file():
         return given

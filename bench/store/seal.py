@@ -1,7 +1,7 @@
-"""The seal of a run that is over: the head of its chain, and the hash of every file that the run wrote.
+"""Seal of a finished run: head of its chain, and hash of every file that the run wrote.
 
-Reports are made of what is sealed, may be written again, and are not under the seal. `seal.json` is written before the
-last manifest, whose hash it holds: after a power cut between them the run is an interrupted one.
+Reports are derived from sealed data, may be written again and are not covered. `seal.json` is written before the last
+manifest, whose hash it holds: after a power cut between the two the run counts as interrupted.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from bench.store.ledger import note
 from bench.store.manifest_form import SEAL_FORM, SEAL_SCHEMA
 from bench.store.runs import LOCK, MANIFEST, RESERVE, RUNNER, SEAL, RunDirectory, json_text
 
-DERIVED = ("report.", "report_revisions.json")  # beginnings of the names of files that may be written again
+DERIVED = ("report.", "report_revisions.json")  # name prefixes of files that may be written again
 _PASSING = (LOCK, RESERVE, RUNNER, "run.db-wal", "run.db-shm", SEAL)
 
 
 @dataclass(frozen=True)
 class Seal:
-    """What a seal says: commits and rows of the run, head of its chain, digest of its data, hashes of its files."""
+    """Content of a seal: commits and rows of the run, head of its chain, digest of its data, hashes of its files."""
 
     commits: int
     rows: int
@@ -37,12 +37,11 @@ class Seal:
 
 
 def close_record(directory: RunDirectory, manifest: Mapping[str, Any], begun: bytes, end: Link, digest: str) -> None:
-    """Seal a run with the manifest that it ends with, write that, and note the seal in the ledger.
+    """Seal a run with its final manifest, write the manifest, and note the seal in the ledger.
 
-    Sealed are the database and the files whose hashes the manifest has, with these hashes: what somebody changed or
-    added while the run went on must not pass for what the run wrote. `begun` is the head of link 0. A run that is
-    sealed may be sealed again with another manifest. Raises StoreError, and OSError when all is done but for the
-    ledger.
+    The seal covers the database and the files with hashes in the manifest, with those hashes: files that somebody
+    changed or added during the run must not pass for files of the run. `begun` is the head of link 0. A sealed run may
+    be sealed again with another manifest. Raises StoreError, and OSError if only the entry in the ledger failed.
     """
     folder = directory.path
     try:
@@ -64,13 +63,13 @@ def close_record(directory: RunDirectory, manifest: Mapping[str, Any], begun: by
 
 
 def read_seal(folder: Path) -> Seal:
-    """The seal of a run; StoreError where it cannot be read."""
+    """Read the seal of a run. Raises StoreError."""
     content = read_kept(folder / SEAL, SEAL_FORM)
     return Seal(content["commits"], content["rows"], content["head"], content["digest"], content["files"])
 
 
 def sealable(folder: Path) -> Iterator[str]:
-    """The names of all files of a run directory that may not change once it is sealed; in order."""
+    """Yield the names of all files of a run directory that the seal covers, in order."""
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         passing = name in _PASSING or name.startswith(DERIVED) or name.endswith(DRAFT)
@@ -79,7 +78,7 @@ def sealable(folder: Path) -> Iterator[str]:
 
 
 def file_hash(path: Path) -> str:
-    """SHA-256 of a file, with its name for the method; raises OSError."""
+    """Return the SHA-256 of a file with the prefix `sha256:`. Raises OSError."""
     with path.open("rb") as file:
         return _named(hashlib.file_digest(file, "sha256"))
 

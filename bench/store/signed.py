@@ -1,4 +1,4 @@
-"""What a person gives as name and reason for an entry of a record."""
+"""Name and reason that a person gives for an entry of a record."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ LONGEST_REASON, LONGEST_NAME = 500, 100
 
 
 def check_signed(by: str, reason: str) -> None:
-    """Raise InputError for a name or a reason that is empty, too long or not printable."""
+    """Raise InputError if the name or the reason is empty, too long or not printable."""
     _check("--reason", reason, LONGEST_REASON)
     _check("--by", by, LONGEST_NAME)
 

@@ -9,17 +9,17 @@ from typing import Literal
 from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.files import append_line
-from bench.store.kept_json import TEXT, an_object
+from bench.store.kept_json import TEXT, object_of
 from bench.store.manifest_form import instant
 from bench.store.user_state import state_folder
 
 TRIED = "tried.jsonl"
 What = Literal["rehearsal", "alert"]
-_FORM = an_object({"what": TEXT, "key": TEXT, "at": instant}, ("what", "key", "at"))
+_FORM = object_of({"what": TEXT, "key": TEXT, "at": instant}, ("what", "key", "at"))
 
 
 def note_tried(what: What, key: str) -> None:
-    """Record, durably, that something was tried with success. Raises StoreError."""
+    """Record a success, durably. Raises StoreError."""
     line = {"what": what, "key": key, "at": wall_utc().isoformat(timespec="seconds")}
     try:
         append_line(state_folder() / TRIED, json.dumps(line))
@@ -28,7 +28,7 @@ def note_tried(what: What, key: str) -> None:
 
 
 def last_tried(what: What, key: str) -> datetime | None:
-    """When it was last tried with success; None for never. Lines that cannot be read are passed over."""
+    """Return the time of the last success, or None; lines that cannot be read are ignored."""
     try:
         lines = (state_folder() / TRIED).read_text("utf-8", errors="replace").splitlines()
     except OSError:

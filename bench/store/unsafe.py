@@ -1,4 +1,4 @@
-"""A record, outside of a run's directory, of devices that a run could not make safe."""
+"""Record, outside the run directory, of devices that a run could not make safe."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from datetime import datetime
 from pathlib import Path
 
 from bench.errors import StoreError
-from bench.store.kept_json import TEXT, an_object, named, one_of, read_kept
+from bench.store.kept_json import TEXT, named, object_of, one_of, read_kept
 from bench.store.machine_state import folder_to_write, records, write_record
 from bench.store.runs import json_text
 
 SCHEMA = "itb-unsafe/1"
 FOLDER = "unsafe"
-_DEVICE = an_object({"why": TEXT, "connection": TEXT}, ("why",))
-_FORM = an_object({"schema": one_of(SCHEMA), "run": TEXT, "at": TEXT, "unsafe": named(_DEVICE)}, ("run", "unsafe"))
+_DEVICE = object_of({"why": TEXT, "connection": TEXT}, ("why",))
+_FORM = object_of({"schema": one_of(SCHEMA), "run": TEXT, "at": TEXT, "unsafe": named(_DEVICE)}, ("run", "unsafe"))
 
 
 def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections: Mapping[str, str]) -> Path:
-    """Write which devices may still be energised, and why; the file. Raises StoreError.
+    """Write the devices that may still be energised, with the reasons; return the file. Raises StoreError.
 
     `connections` are the addresses of devices by role.
     """
@@ -27,7 +27,7 @@ def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections:
         folder = folder_to_write(FOLDER)
     except OSError as problem:
         raise StoreError(f"the record of devices that are not safe cannot be written ({problem})") from problem
-    of_path = hashlib.sha256(str(run.absolute()).encode()).hexdigest()[:8]  # runs of two users may have one name
+    of_path = hashlib.sha256(str(run.absolute()).encode()).hexdigest()[:8]  # runs of two users may have the same name
     path = folder / f"{run.name}.{of_path}.json"
     content = {
         "schema": SCHEMA,
@@ -40,9 +40,9 @@ def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections:
 
 
 def kept_unsafe(run: Path) -> dict[str, str]:
-    """Why devices of a run could not be made safe, by role, as `keep_unsafe` has written it.
+    """Return the reasons why devices of a run could not be made safe, by role, from the files of `keep_unsafe`.
 
-    A file that cannot be read is an entry of that name.
+    A file that cannot be read gives an entry under its name.
     """
     found: dict[str, str] = {}
     try:

@@ -1,4 +1,4 @@
-"""The folder of this user's records that belong to no single run, such as what was not made safe."""
+"""Folder for records of this user that belong to no single run, such as devices that were not made safe."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ NAME = "inertial-test-bench"
 
 
 def state_folder() -> Path:
-    """`$XDG_STATE_HOME/inertial-test-bench`, or the same below `~/.local/state`; made if missing. Raises OSError.
+    """Return `$XDG_STATE_HOME/inertial-test-bench`, by default below `~/.local/state`. Raises OSError.
 
-    Only this user may look into it. A relative XDG_STATE_HOME is passed over, as its specification asks for.
+    It is created if missing, readable by this user only. A relative XDG_STATE_HOME is ignored, as its specification
+    requires.
     """
     given = Path(os.environ.get("XDG_STATE_HOME", ""))
     folder = (given if given.is_absolute() else Path.home() / ".local" / "state") / NAME

@@ -1,7 +1,7 @@
-"""Whether the record of a run is as it was written, and what that is known by.
+"""Verification of the record of a run.
 
-A *sealed* run is known by the hashes of its files and the head of its chain. One that was interrupted is *unsealed*:
-its chain tells up to which row it is intact. One from before there were chains is *unchained*.
+A *sealed* run is verified by the hashes of its files and the head of its chain. An interrupted one is *unsealed*: its
+chain shows up to which row it is intact. A run older than the chain is *unchained*.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Literal
 
 from bench.errors import StoreError
 from bench.store import database
-from bench.store.chain import Link, Walked, beginning
+from bench.store.chain import ChainCheck, Link, beginning
 from bench.store.kept_json import LIMIT_BYTES, read_kept
 from bench.store.ledger import Noted, noted
 from bench.store.manifest_form import MANIFEST_FORM
@@ -31,10 +31,10 @@ Kind = Literal["running", "sealed", "unsealed", "unchained", "unreadable"]
 
 @dataclass(frozen=True)
 class Record:
-    """What is known of the record of a run.
+    """Result of verifying the record of a run.
 
-    `commits`, `rows` and `head` are of the part up to which everything is as written. `damage` is what is not as it was
-    written; `remarks` are what a person may want to know beside.
+    `commits`, `rows` and `head` are those of the intact part. `damage` lists the parts that have changed since they
+    were written; `remarks` are further notes for a person.
     """
 
     folder: Path
@@ -47,7 +47,7 @@ class Record:
 
     @property
     def in_words(self) -> str:
-        """The answer in one line; without the damage in its parts."""
+        """Summary in one line, without the list of damage."""
         if self.damage:
             intact = f"; intact up to row {self.rows} (commit {self.commits})" if self.rows else ""
             return f"DAMAGED{intact}"
@@ -59,7 +59,7 @@ class Record:
 
 
 def examine(folder: Path, *, thoroughly: bool = True) -> Record:
-    """Examine a run directory; a sealed one by its files alone unless `thoroughly`, which reads every row and block."""
+    """Verify a run directory; with `thoroughly`, every row and block of a sealed one, otherwise its files only."""
     found = summary(folder)
     if found.state == "running":
         return _chained(found, "running")
@@ -77,7 +77,7 @@ def examine(folder: Path, *, thoroughly: bool = True) -> Record:
 
 
 def _unreadable(found: RunSummary, problem: str) -> Record:
-    """A record whose database cannot be opened: what else is known of it."""
+    """Return the record of a run whose database cannot be opened, with the entries of the ledger."""
     folder = found.path
     files = _hashes(found)
     with contextlib.suppress(StoreError):
@@ -93,7 +93,7 @@ def _unreadable(found: RunSummary, problem: str) -> Record:
 
 
 def _why_unsealed(folder: Path) -> Iterator[str]:
-    """What is wrong with the manifest of a run that is over and has no seal; that there is none, where it says so."""
+    """Yield the defect of the manifest of a finished run without seal, or the missing seal that it refers to."""
     try:
         read_kept(folder / MANIFEST, MANIFEST_FORM)
     except StoreError as problem:
@@ -103,7 +103,7 @@ def _why_unsealed(folder: Path) -> Iterator[str]:
 
 
 def _sealed(found: RunSummary, *, thoroughly: bool) -> Record:
-    """A sealed record: by its files, and where these have changed or it is asked for by its chain and digest."""
+    """Verify a sealed record by its files; if these have changed, or on request, also by chain and digest."""
     folder = found.path
     try:
         seal = read_seal(folder)
@@ -113,43 +113,43 @@ def _sealed(found: RunSummary, *, thoroughly: bool) -> Record:
     links: tuple[Link, ...] = ()
     intact = (seal.commits, seal.rows, seal.head)
     if thoroughly or any(database.FILE_NAME in each for each in damage):
-        walked = _walked(folder)
-        links = walked.links
-        damage += walked.damage
+        chain = _check_chain(folder)
+        links = chain.links
+        damage += chain.damage
         if not links or _end(links[-1]) != intact:
             damage.append(f"the chain does not end as the seal says, at commit {seal.commits}, row {seal.rows}")
-        if walked.damage or not links:
-            intact = _end(walked.intact)
+        if chain.damage or not links:
+            intact = _end(chain.intact)
         if thoroughly and not damage and seal.digest and digest_of(folder) != seal.digest:
             damage.append("the data have changed since they were sealed")
-    told, remarks = _by_ledger(found, links, _seal_bytes(folder))
+    contradictions, remarks = _by_ledger(found, links, _seal_bytes(folder))
     remarks += _others(folder, seal.files, "seal")
-    return Record(folder, "sealed", *intact, tuple(damage + told), tuple(remarks))
+    return Record(folder, "sealed", *intact, tuple(damage + contradictions), tuple(remarks))
 
 
 def _chained(found: RunSummary, kind: Kind) -> Record:
-    """A record without a seal: by its chain, the manifest with which it began, and what the ledger has."""
+    """Verify a record without seal by its chain, its first manifest and the ledger."""
     folder = found.path
-    walked = _walked(folder)
-    damage = list(walked.damage)
-    is_first = found.state in ("running", "interrupted")  # another one is written at the end
-    if is_first and walked.links and walked.links[0].head != beginning(folder / MANIFEST):
+    chain = _check_chain(folder)
+    damage = list(chain.damage)
+    is_first = found.state in ("running", "interrupted")  # the manifest is replaced at the end of the run
+    if is_first and chain.links and chain.links[0].head != beginning(folder / MANIFEST):
         damage.append(f"{folder / MANIFEST}: is not the one with which the run started")
     damage += changed_files(folder, _hashes(found))
     of_log, may_be = ([], []) if kind == "running" else _unread(folder)
-    told, remarks = _by_ledger(found, walked.links, _seal_bytes(folder))
+    contradictions, remarks = _by_ledger(found, chain.links, _seal_bytes(folder))
     if found.state == "interrupted":
         remarks += _others(folder, {*_hashes(found), database.FILE_NAME, MANIFEST}, "chain")
-    return Record(folder, kind, *_end(walked.intact), tuple(damage + of_log + told), tuple(may_be + remarks))
+    return Record(folder, kind, *_end(chain.intact), tuple(damage + of_log + contradictions), tuple(may_be + remarks))
 
 
 def _others(folder: Path, known: Collection[str], by: str) -> list[str]:
-    """Remarks on files that a record does not cover: of other people, or written after its last commit."""
+    """Return remarks on files that the record does not cover: added by others, or written after the last commit."""
     return [f"not covered by the {by}: {name}" for name in sealable(folder) if name not in known]
 
 
 def _unread(folder: Path) -> tuple[list[str], list[str]]:
-    """Damage to the log beside the database, and what may be damage or a power cut."""
+    """Return the damage of the log beside the database, and remarks on what damage or a power cut can explain."""
     log = folder / f"{database.FILE_NAME}-wal"
     try:
         unread = unread_part(log)
@@ -157,12 +157,12 @@ def _unread(folder: Path) -> tuple[list[str], list[str]]:
         return [f"{log}: cannot be read ({problem})"], []
     if unread is None:
         return [], []
-    told = [f"{log}: {unread.in_words}"]
-    return (told, []) if unread.damage else ([], told)
+    finding = [f"{log}: {unread.in_words}"]
+    return (finding, []) if unread.damage else ([], finding)
 
 
 def _seal_bytes(folder: Path) -> bytes:
-    """The seal as it stands on the disk; empty where it is no file that can be read."""
+    """Return the bytes of the seal file; empty if it cannot be read."""
     try:
         return read_bounded(folder / SEAL, LIMIT_BYTES)
     except UnfitFileError:
@@ -174,18 +174,18 @@ def _with(record: Record, *damage: str) -> Record:
 
 
 def _end(link: Link | None) -> tuple[int, int, str]:
-    """Commits, rows and head up to a link."""
+    """Return commits, rows and head up to a link."""
     return (0, 0, "") if link is None else (link.number, link.total, link.head.hex())
 
 
-def _walked(folder: Path) -> Walked:
+def _check_chain(folder: Path) -> ChainCheck:
     try:
         with RunReader(folder) as reader:
-            if reader.passes_over_a_log():
-                return Walked((), None, (f"{database.FILE_NAME}: does not match the log beside it",))
-            return reader.walked()
+            if reader.ignores_log():
+                return ChainCheck((), None, (f"{database.FILE_NAME}: does not match the log beside it",))
+            return reader.check_chain()
     except StoreError as problem:
-        return Walked((), None, (str(problem),))
+        return ChainCheck((), None, (str(problem),))
 
 
 def _hashes(found: RunSummary) -> Mapping[str, str]:
@@ -194,7 +194,7 @@ def _hashes(found: RunSummary) -> Mapping[str, str]:
 
 
 def changed_files(folder: Path, hashes: Mapping[str, str]) -> Iterator[str]:
-    """The files whose hashes are others."""
+    """Yield a description of each file that has changed, is missing or cannot be read."""
     for name, expected in hashes.items():
         path = folder / name
         try:
@@ -208,7 +208,7 @@ def changed_files(folder: Path, hashes: Mapping[str, str]) -> Iterator[str]:
 
 
 def _by_ledger(found: RunSummary, links: Sequence[Link], seal: bytes) -> tuple[list[str], list[str]]:
-    """What contradicts the ledger, and remarks on it. Without links only the seal is looked at."""
+    """Return the contradictions with the ledger, and remarks on it. Without links only the seal is compared."""
     try:
         ledger = list(noted(str(found.manifest.get("run", found.id))))
     except OSError as problem:
@@ -216,7 +216,7 @@ def _by_ledger(found: RunSummary, links: Sequence[Link], seal: bytes) -> tuple[l
     if not ledger:
         return [], ["the ledger of this computer has no entry for this run"]
     began = links[0].head.hex() if links else ""
-    ledger = [each for each in ledger if each.beginning == began] or ledger  # runs elsewhere may have its name
+    ledger = [each for each in ledger if each.beginning == began] or ledger  # a run elsewhere may have its name
     seals = {each.seal for each in ledger if each.seal}
     if seals and hashlib.sha256(seal).hexdigest() not in seals:
         return [
@@ -244,7 +244,7 @@ def _contradictions(ledger: Sequence[Noted], links: Sequence[Link]) -> Iterator[
 
 
 def _unchained(found: RunSummary) -> Record:
-    """A record from before there were chains: by the hashes and the digest in its manifest, if it got one."""
+    """Verify a record older than the chain by the hashes and the digest in its manifest, if it has them."""
     damage = list(changed_files(found.path, _hashes(found)))
     if not found.manifest:
         damage.append(f"{found.path / MANIFEST}: cannot be read")

@@ -1,9 +1,8 @@
-"""What SQLite passes over without a word: commits in the log beside a database that can no longer be read.
+"""Detection of commits in SQLite's log that SQLite ignores silently because they cannot be read.
 
-SQLite takes the log up to the first frame whose checksum is wrong. A frame continues the checksum in the one before it,
-so that each can be checked by itself as well. After a power cut only the last commit is wrong: frames of it are
-missing, or sectors were never written. Commits behind a wrong one are damage, and so is a wrong one without an
-unwritten sector.
+SQLite reads the log up to the first frame with a wrong checksum. Checksums are continued from frame to frame, so that
+each frame can also be checked by itself. After a power cut only the last commit is wrong: frames are missing, or
+sectors were never written. Commits after a wrong one are damage, and so is a wrong commit without an unwritten sector.
 """
 
 from __future__ import annotations
@@ -15,16 +14,16 @@ from itertools import pairwise
 from pathlib import Path
 
 _HEADER, _FRAME, _SECTOR = 32, 24, 512  # bytes
-_MAGIC = 0x377F0682  # with little-endian checksums; one more, with big-endian ones
-_INNER = (2, 5)  # kinds of pages of a b-tree whose head has 12 bytes; that of the others has 8
+_MAGIC = 0x377F0682  # with little-endian checksums; plus one with big-endian ones
+_INNER = (2, 5)  # b-tree pages with a header of 12 bytes; the others have 8
 Sum = tuple[int, int]
 
 
 @dataclass(frozen=True)
 class Unread:
-    """What cannot be read of a log: whole commits, and whether that is damage or may be a power cut.
+    """Unreadable part of a log: number of whole commits, and whether it is damage or may be due to a power cut.
 
-    `commits` is 0 where nothing but a part of a commit is left over, and -1 where the head of the log is wrong.
+    `commits` is 0 if only a part of a commit remains, and -1 if the header of the log is wrong.
     """
 
     commits: int
@@ -32,7 +31,7 @@ class Unread:
 
     @property
     def in_words(self) -> str:
-        """The finding, without the name of the file."""
+        """Finding as a sentence, without the name of the file."""
         if self.commits < 0:
             return "its header is damaged: none of its commits can be read"
         if self.commits > 1:
@@ -46,7 +45,7 @@ class Unread:
 
 
 def unread_part(wal: Path) -> Unread | None:
-    """What cannot be read of a log; None where all can, or there is none. Raises OSError."""
+    """Return the unreadable part of a log, or None if all is readable or there is none. Raises OSError."""
     if not wal.is_file() or wal.stat().st_size <= _HEADER:
         return None
     data = wal.read_bytes()
@@ -71,7 +70,7 @@ def unread_part(wal: Path) -> Unread | None:
 
 @dataclass(frozen=True)
 class _Frame:
-    """A frame by itself: where it begins, whether it is of this log and ends a commit, and whether its sum is right."""
+    """One frame: offset, whether it belongs to this log and ends a commit, and whether its checksum is right."""
 
     begin: int
     of_log: bool
@@ -90,12 +89,12 @@ def _frames(data: bytes, page: int, total: Sum, salts: list[int], order: str) ->
 
 
 def _has_salts(head: bytes, salts: list[int]) -> bool:
-    """Whether the head of a frame, which may be cut off, has these salts."""
+    """Return True if the header of the frame, which may be cut off, has these salts."""
     return len(head) == _FRAME and list(struct.unpack(">6I", head)[2:4]) == salts
 
 
 def _is_unwritten(data: bytes, begin: int, page: int) -> bool:
-    """Whether a sector of a frame may never have been written: it is blank, and not in the free part of its page."""
+    """Return True if a sector of a frame may never have been written: blank, and outside the free part of its page."""
     first_free, end_free = _free_part(data[begin + _FRAME : begin + _FRAME + page])
     low, high = begin + _FRAME + first_free, begin + _FRAME + end_free
     for sector in range(begin - begin % _SECTOR, begin + _FRAME + page, _SECTOR):
@@ -105,7 +104,7 @@ def _is_unwritten(data: bytes, begin: int, page: int) -> bool:
 
 
 def _free_part(content: bytes) -> tuple[int, int]:
-    """The bytes of a page of a b-tree between its pointers and its cells; none of another page."""
+    """Return the byte range of a b-tree page between its pointers and its cells; empty for other pages."""
     head = 100 if content.startswith(b"SQLite format 3\0") else 0
     kind, _, cells, begin, _ = struct.unpack(">B3HB", content[head : head + 8])
     if not kind:
@@ -114,7 +113,7 @@ def _free_part(content: bytes) -> tuple[int, int]:
 
 
 def _sum(total: Sum, data: bytes, order: str) -> Sum:
-    """SQLite's checksum of `data`, continued from `total`."""
+    """Return SQLite's checksum of `data`, continued from `total`."""
     first, second = total
     for even, odd in _pairs(data, order):
         first = (first + even + second) & 0xFFFFFFFF

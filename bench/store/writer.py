@@ -1,4 +1,4 @@
-"""Writes a run: everything goes through one thread into one SQLite file, in the order it was given."""
+"""Writing of a run: one thread writes all data to one SQLite file, in the order given."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ from bench.store import database, ledger
 from bench.store.chain import NOTHING, Link, beginning
 from bench.store.digest import Digest
 from bench.store.encoded import Row, encoded
-from bench.store.place import Place, rescue, rescue_whole
+from bench.store.place import WatchedFiles, rescue, rescue_whole
 from bench.store.runs import MANIFEST
 from drivers.can.frame_block import FrameBlock
 from drivers.timing.awake import came_true
 
 T = TypeVar("T")
 
-LEDGER_EVERY_S = 60.0  # real time; what is cut off an interrupted run before it is noted is not missed
-GROUP_S = 1.0  # what is given is durable at the latest so much real time later
-WAITING_LIMIT = 50_000  # rows that may wait for the disk; more means that it is too slow
+LEDGER_EVERY_S = 60.0  # real time; truncation of an interrupted run before the first entry goes unnoticed
+GROUP_S = 1.0  # real time after which data are durable at the latest
+WAITING_LIMIT = 50_000  # rows that wait for the disk; more means that the disk is too slow
 SLOW_DISK_S = 30.0
 
-ROWS_AT_ONCE = 100  # go in with one statement, and keep the loop's thread from its work once and not so often
+ROWS_AT_ONCE = 100  # rows per statement: batches release the GIL less often
 Rows = Mapping[str, Sequence[Row]]
-"""By table."""
+"""Rows of a transaction, by table."""
 
 
 class RunWriter:
-    """Appends to a run. All but `commit` return at once; `commit` returns when all that was given is durable.
+    """Writer of a run. All methods but `commit` return at once; `commit` returns when all data given are durable.
 
-    A `resumed` one goes on after what an interrupted run has left; one that is not `noted` is not in the ledger.
-    Lifetime: from the directory's making to `close`. Concurrency: called from the loop's thread; one thread of its own
-    owns the database. After a failed write nothing is acknowledged any more: every later call raises StoreError, and
-    `on_failure` is called with it in that thread. The directory is looked after every second: where it is moved or
-    removed, or the database truncated, that is a failure, and `folder` is where the record is.
+    With `resumed` it continues an interrupted run; without `noted` it writes no entries in the ledger. Lifetime: from
+    the creation of the directory to `close`. Concurrency: called from the thread of the event loop; one thread of its
+    own owns the database. After a failed write nothing is acknowledged: every later call raises StoreError, and
+    `on_failure` is called with it in the writer thread. The directory is checked every second: moving or removing it,
+    or truncating the database, is a failure, and `folder` is then the location of the record.
     """
 
     def __init__(self, folder: Path, *, resumed: bool = False, noted: bool = True) -> None:
@@ -63,8 +63,8 @@ class RunWriter:
         except (sqlite3.Error, ValueError) as problem:
             self._database.close()
             raise StoreError(f"{folder}: the run store cannot write ({problem})") from problem
-        self._place = Place(folder, (database.FILE_NAME, database.LOG_NAME))
-        self._place.truncated()  # from now on
+        self._place = WatchedFiles(folder, (database.FILE_NAME, database.LOG_NAME))
+        self._place.truncated()  # initialise the size to compare with
         self.on_failure: Callable[[StoreError], object] = lambda _: None
         self._is_noted = noted
         self._noted: Stopwatch | None = None
@@ -74,7 +74,7 @@ class RunWriter:
         self._rows = _no_rows()
         self._waiting = 0
         self._tickets: list[concurrent.futures.Future[None]] = []
-        self._in_hand: list[concurrent.futures.Future[None]] = []  # taken by the thread
+        self._in_hand: list[concurrent.futures.Future[None]] = []  # tickets taken by the thread
         self._closing = False
         self._commits, self._is_writing = 0, False
         self._failure: StoreError | None = None
@@ -83,22 +83,22 @@ class RunWriter:
         self._thread.start()
 
     def event(self, kind: str, step: str = "", **data: Any) -> None:
-        """A row of the journal: what happened now, in which step, with what data; alike for runs that are alike."""
+        """Append an entry to the journal at the present bench time; equal for equal runs."""
         at_s = asyncio.get_running_loop().time()
         text = json.dumps(data, ensure_ascii=False, sort_keys=True, allow_nan=False)
         self._put("journal", (at_s, kind, step, text))
 
     def frames(self, stream: str, step: str, block: FrameBlock) -> None:
-        """Raw frames of a device during a step."""
+        """Append raw frames of a device during a step."""
         self._put("block", (stream, step, block))
 
     def samples(self, stream: str, step: str, readings: Sequence[Valid]) -> None:
-        """What a device read during a step that acquires; StoreError for what is no number."""
+        """Append samples of a device during an acquisition. Raises StoreError for NaN and infinity."""
         _check_finite(stream, readings)
         self._put("sample", *((float(at_s), stream, step, float(value)) for at_s, value, _ in readings))
 
     def readings(self, name: str, unit: str, readings: Sequence[Valid]) -> None:
-        """Values of one channel; StoreError for what is no number."""
+        """Append readings of one channel. Raises StoreError for NaN and infinity."""
         _check_finite(name, readings)
         channel = self._channels.get(name)
         if channel is None:
@@ -107,7 +107,7 @@ class RunWriter:
         self._put("reading", *((at_s, channel, value) for at_s, value, _ in readings))
 
     async def commit(self) -> None:
-        """Returns when everything given so far is on the disk; raises StoreError when it cannot be."""
+        """Wait until all data given so far are on the disk. Raises StoreError if that fails."""
         ticket: concurrent.futures.Future[None] = concurrent.futures.Future()
         with self._changed:
             self._raise_failure()
@@ -117,7 +117,7 @@ class RunWriter:
         await (loop.admit(ticket) if isinstance(loop, BenchLoop) else asyncio.wrap_future(ticket))
 
     def close(self) -> None:
-        """Writes what is left and closes the file; raises StoreError when that fails. Closing twice is harmless."""
+        """Write the remaining data and close the file. Raises StoreError if that fails; closing twice is harmless."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -126,21 +126,21 @@ class RunWriter:
 
     @property
     def commits(self) -> tuple[int, bool]:
-        """How often something was made durable, and whether more is on its way to the disk."""
+        """Return the number of commits, and whether data are waiting for the disk."""
         return self._commits, self._is_writing or bool(self._tickets)
 
     @property
     def beginning(self) -> bytes:
-        """The head of link 0: the hash of the manifest that was there when the run began."""
+        """Head of link 0: hash of the manifest at the beginning of the run."""
         return self._beginning
 
     @property
     def link(self) -> Link:
-        """The last link of the chain; after `close`."""
+        """Return the last link of the chain; valid after `close`."""
         return self._link
 
     def digest(self) -> str:
-        """The digest of all that was written, as a reader finds it; after `close`. Raises StoreError as that does.
+        """Return the digest of all data written, equal to that of a reader; valid after `close`. Raises StoreError.
 
         Empty for a resumed run, whose earlier rows only a reader has.
         """
@@ -148,7 +148,7 @@ class RunWriter:
         return "" if self._digest is None else self._digest.hexdigest()
 
     def _go_on(self) -> None:
-        """Continue the chain and the numbers of what was committed before. Raises ValueError for a broken chain."""
+        """Continue the chain and the row numbers of earlier commits. Raises ValueError for a broken chain."""
         first, last = (
             Link.from_row(self._database.execute(f"SELECT * FROM {database.CHAIN} ORDER BY {order}").fetchone())  # noqa: S608
             for order in ("number", "number DESC")
@@ -176,13 +176,13 @@ class RunWriter:
         if self._failure is not None:
             raise StoreError(str(self._failure))
 
-    # The thread
+    # Methods of the writer thread
 
     def _write_for_ever(self) -> None:
-        """Whatever ends this thread, nobody waits for it in vain."""
+        """Run the thread, and answer waiting callers whatever ends it."""
         try:
             self._write_until_closed()
-        except BaseException as problem:  # noqa: BLE001  such as no memory between two writes
+        except BaseException as problem:  # noqa: BLE001  such as MemoryError between two writes
             with self._changed:
                 self._failure = self._failure or StoreError(f"the run store has stopped ({problem!r})")
                 tickets, self._tickets, self._waiting = [*self._in_hand, *self._tickets], [], 0
@@ -191,7 +191,7 @@ class RunWriter:
         self._close_database()
 
     def _write_until_closed(self) -> None:
-        """Packs blocks as they come, so that who commits waits for the last of them alone."""
+        """Pack blocks as they arrive, so that a commit waits for the last block only."""
         closing, group = False, _Group()
         while not closing:
             with self._changed:
@@ -214,13 +214,13 @@ class RunWriter:
         return bool(self._tickets or self._rows["block"] or crowded or self._closing)
 
     def _write(self, group: _Group, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
-        """One transaction; the tickets are answered when it is durable where it belongs, or with why it is not."""
+        """Write one transaction; answer its tickets when it is durable, or with the failure."""
         self._is_writing = True
-        self._try(self._look_at_size, self._place)  # before SQLite writes behind the end of what is left
+        self._try(self._check_size, self._place)  # before SQLite extends a truncated file
         if any(group.rows.values()):
             self._try(self._append, group)
             self._note()
-        self._try(self._look_after, self._place)
+        self._try(self._check_folder, self._place)
         self._commits, self._is_writing = self._commits + 1, False
         self._answer(tickets)
 
@@ -234,7 +234,7 @@ class RunWriter:
                 ticket.set_result(None)
 
     def _append(self, group: _Group) -> None:
-        """The rows of a group and the link that they add to the chain, in one transaction."""
+        """Append the rows of a group and the link that covers them, in one transaction."""
         of_tables = {table: encoded(table, rows) for table, rows in group.rows.items()}
         link = self._link.next({table: len(rows) for table, rows in group.rows.items()}, of_tables)
         self._insert({**group.rows, database.CHAIN: [link.to_row()]})
@@ -247,7 +247,7 @@ class RunWriter:
             self._digest.block(*block)
 
     def _note(self) -> None:
-        """Note the head of the chain in the ledger from time to time; that this fails is no reason to end a run."""
+        """Note the head of the chain in the ledger from time to time; a failure does not end the run."""
         is_recent = self._noted is not None and self._noted.elapsed_s() < LEDGER_EVERY_S
         if not self._is_noted or self._failure is not None or is_recent:
             return
@@ -258,12 +258,12 @@ class RunWriter:
             self.ledger_problem = f"the ledger of this computer cannot be written ({problem}); the run goes on"
 
     def _try(self, action: Callable[[T], object], given: T) -> None:
-        """Do it, unless something has failed before."""
+        """Call the action, unless something has failed before."""
         if self._failure is not None:
             return
         try:
             action(given)
-        except Exception as problem:  # noqa: BLE001  whatever it is: nothing more is acknowledged
+        except Exception as problem:  # noqa: BLE001  after any failure nothing may be acknowledged
             failure = StoreError(
                 f"the run store cannot write ({problem}). If the disk of the run directory is full, free "
                 "some space; everything up to the last completed step is kept."
@@ -275,17 +275,15 @@ class RunWriter:
             self._failure = failure
         self.on_failure(failure)
 
-    def _look_after(self, place: Place) -> None:
-        """Fail where the directory was moved or removed; `folder` is then where the record is."""
+    def _check_folder(self, place: WatchedFiles) -> None:
+        """Fail if the directory was moved or removed; `folder` is then the location of the record."""
         missing = place.missing()
         if missing is None:
             return
         lost, found = self.folder, place.found()
         if found is not None:
             self.folder = found
-            self._fail(
-                StoreError(f"the run directory {lost} was moved to {found} while the run went on; its record is there")
-            )
+            self._fail(StoreError(f"the run directory {lost} was moved to {found} during the run; its record is there"))
             return
         try:
             self.folder = rescue(self._database, lost.name, database.FILE_NAME)
@@ -293,10 +291,10 @@ class RunWriter:
         except StoreError as problem:
             kept = str(problem)
         what = f"the run directory {lost}" if missing == lost else str(missing)
-        self._fail(StoreError(f"{what} was removed while the run went on; {kept}"))
+        self._fail(StoreError(f"{what} was removed during the run; {kept}"))
 
-    def _look_at_size(self, place: Place) -> None:
-        """Fail where the database was truncated; `folder` is then where all of the record is, if that is anywhere."""
+    def _check_size(self, place: WatchedFiles) -> None:
+        """Fail if the database was truncated; `folder` is then the location of the rescued record, if there is one."""
         truncated = place.truncated()
         if truncated is None:
             return
@@ -305,7 +303,7 @@ class RunWriter:
             kept = f"everything recorded until then is in {self.folder}"
         except StoreError as problem:
             kept = str(problem)
-        self._fail(StoreError(f"{truncated} was truncated while the run went on; {kept}"))
+        self._fail(StoreError(f"{truncated} was truncated during the run; {kept}"))
 
     def _insert(self, rows: Rows) -> None:
         self._database.execute("BEGIN IMMEDIATE")
@@ -323,7 +321,7 @@ class RunWriter:
     def _close_database(self) -> None:
         try:
             if self._failure is None:
-                self._database.execute("PRAGMA journal_mode=DELETE")  # one file is left, and readers add none
+                self._database.execute("PRAGMA journal_mode=DELETE")  # leave one file, so that readers create no others
             self._database.close()
             self._place.close()
         except sqlite3.Error as problem:
@@ -331,7 +329,7 @@ class RunWriter:
 
 
 class _Group:
-    """What goes into the database together: rows as they are stored, and blocks as they are digested."""
+    """Data of one transaction: rows as stored, and blocks as digested."""
 
     def __init__(self) -> None:
         self.rows = _no_rows()
@@ -340,11 +338,11 @@ class _Group:
 
     @property
     def due_in_s(self) -> float:
-        """How long it may still wait; 0 from then on."""
+        """Return the remaining time in s until the group must be written; 0 if it is due."""
         return max(0.0, GROUP_S - self._since.elapsed_s())
 
     def take(self, rows: Rows) -> None:
-        """More rows; blocks of frames are packed."""
+        """Add rows; blocks of frames are compressed."""
         for table, given in rows.items():
             self.rows[table] += [self._packed(*row) for row in given] if table == "block" else given
 
@@ -367,6 +365,6 @@ def _statement(table: str, rows: int) -> str:
 
 
 def _check_finite(name: str, readings: Sequence[Valid]) -> None:
-    """Keeps out what would be found in a result years later; who reads an instrument has looked before."""
+    """Raise StoreError for NaN and infinity; drivers have already checked their readings."""
     if not all(math.isfinite(value) for _, value, _ in readings):
         raise StoreError(f"{name}: a reading was not a number and is not stored; check the instrument")

@@ -16,7 +16,7 @@ from bench.config.simulation import FaultSimulation
 from bench.engine.ending import EndRequest
 from bench.rig import limits_to_make_safe
 from bench.runner.quiet import Quiet
-from bench.runner.signals import Sent, Signals
+from bench.runner.signals import EndSignal, Signals
 from bench.sequence.estimate.estimate import Estimate
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
@@ -27,7 +27,7 @@ RUNS = {
 }  # fmt: skip
 QUICK = ("tumble_static", "channel_full", "gyro_range", "gyro_response", "indexing_static")
 BROKEN = ("silent", "cut", "stuck")
-ABORT = Sent("trial", EndRequest("trial", "aborted by a trial"))
+ABORT = EndSignal("trial", EndRequest("trial", "aborted by a trial"))
 BEYOND_S = 30.0  # for the step to end, and what is written
 
 
@@ -40,7 +40,7 @@ class _Aborting(Quiet):
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
         loop = asyncio.get_running_loop()
-        loop.call_at(loop.time() + self._share * expected.total_s, self._signals.tell, ABORT)
+        loop.call_at(loop.time() + self._share * expected.total_s, self._signals.request_end, ABORT)
 
 
 def aborted(number: int) -> str:

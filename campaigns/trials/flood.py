@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bench.errors import InputError
-from bench.runner.tell import tell
+from bench.runner.tell import send_command
 from bench.store.reader import RunReader
 from campaigns.trials.rows import Row
 from tests.support.runs import ROOT
@@ -100,7 +100,7 @@ def one_abort(polling: int, idle: int, slow: int) -> float:
             with flooded(run.path, polling, idle, slow):
                 began_s = time.monotonic()
                 try:
-                    tell(run.path, "abort")
+                    send_command(run.path, "abort")
                 except InputError as problem:
                     sys.stderr.write(f"{problem}\n")
                     return float("inf")

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bench.errors import InUseError
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from campaigns.trials.rows import Row
 from drivers.transport.address import Address
 from tests.support.runs import ROOT
@@ -25,10 +25,10 @@ SPELLINGS = (
 )  # fmt: skip
 HOLDS = """
 import encodings.idna, os, sys
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from drivers.transport.address import Address
 os.setuid(int(sys.argv[2]))
-with holding([Address.parse(sys.argv[1])], "a run of smoke"):
+with address_lock([Address.parse(sys.argv[1])], "a run of smoke"):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -85,7 +85,7 @@ def another(text: str, *, user: int | None = None, change: Mapping[str, str] | N
 def named(text: str, who: str) -> bool:
     """Return whether an address is refused, with the words that name who has it."""
     try:
-        with holding([Address.parse(text)], "a trial"):
+        with address_lock([Address.parse(text)], "a trial"):
             return False
     except InUseError as problem:
         return who in str(problem)
@@ -115,5 +115,5 @@ def after_a_kill() -> bool:
     text = f"tcp://127.0.0.1:{free_port()}"
     with another(text):
         pass
-    with holding([Address.parse(text)], "a trial"):
+    with address_lock([Address.parse(text)], "a trial"):
         return True

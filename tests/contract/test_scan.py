@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from bench.app.proposals import entries, pinned, proposal
-from bench.app.scan import PLACE_LIMIT_S, Place, recognising, scan
+from bench.app.scan import PLACE_LIMIT_S, AddressScan, recognising, scan
 from bench.config.devices import DeviceEntry
 from bench.config.document import parse_document
 from bench.loop import AS_FAST_AS_POSSIBLE, run
@@ -26,7 +26,9 @@ every_case = pytest.mark.parametrize("case", ALL, ids=str)
 CLOCKS = ("_ready_s", "_air_c", "_found", "_known")  # what time alone changes, and what was looked up
 
 
-def scanned(case: Case, drivers: Sequence[str] = ()) -> tuple[Place, float, dict[str, tuple[str, str]], TappedWire]:
+def scanned(
+    case: Case, drivers: Sequence[str] = ()
+) -> tuple[AddressScan, float, dict[str, tuple[str, str]], TappedWire]:
     """What a scan finds, how long it took, what it left changed in the instrument, and what passed."""
     outcome = []
 
@@ -96,7 +98,7 @@ def test_what_is_proposed_is_an_entry_that_a_check_accepts(case: Case) -> None:
 
 @pytest.mark.parametrize("case", [case for case in ALL if case.address.is_serial_line], ids=str)
 def test_half_a_message_on_a_line_does_not_hide_an_instrument(case: Case) -> None:
-    async def main() -> Place:
+    async def main() -> AddressScan:
         instrument = simulated(case)
         wire = wire_to(case, instrument)
         wire.instrument.session().feed(b"\xf8\x80*I\xfe")  # as *IDN? looks at another baud rate

@@ -10,7 +10,7 @@ import yaml
 
 from bench.app.scan import address_of, scan_here
 from bench.loop import run
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from drivers.transport import serial
 from drivers.transport.address import Address
 from simulators.serving.pty import serve_pty
@@ -55,7 +55,7 @@ def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(t
         assert checked.exit_code == 0, checked
         looked = invoked("devices", "--bench", str(bench))
         assert looked.exit_code == 0, looked
-        with holding([Address.parse(addresses[0])], "a run of smoke"):
+        with address_lock([Address.parse(addresses[0])], "a run of smoke"):
             (place,) = scan_here([addresses[0]])
             refused = invoked(
                 "run", str(tmp_path / "off.yaml"), "--bench", str(bench), "--uut", "A1",

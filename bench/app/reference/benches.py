@@ -1,4 +1,4 @@
-"""The pages on bench files: their keys, and what each installed driver takes."""
+"""Reference pages on bench files: common keys, and keys of each installed driver."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from simulators.faults.instrument_faults import mishaps_of
 
 
 def bench_page() -> Blocks:
-    """Every key of a bench file except those of drivers."""
+    """Keys of a bench file except those of drivers."""
     return [
         "# Bench files",
         "A file in `config/`, like [the shipped one](../../config/simulated.yaml): the instruments of a bench, their "

@@ -1,4 +1,4 @@
-"""Tables of keys, from the models of documents: what each key means, how its value is written, its default."""
+"""Tables of keys from the models of documents: meaning, notation and default of each key."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from drivers.schema.fields import UNIT_KEYWORD, Name
 
 Blocks = list[str]  # of Markdown: headings, paragraphs, tables
 
-_DEEPEST = 4  # of headings
+_DEEPEST = 4  # heading level
 _NOTHING = {"type": "null"}
 _NAME_IN_FULL: str = get_args(Name)[1].what
 _PLAIN = {"boolean": "`true` or `false`", "string": "a text", "integer": "a whole number", "number": "a number"}
@@ -25,7 +25,7 @@ _BOUNDS = {
 
 
 def part(model: type[BaseModel], path: str, level: int) -> Blocks:
-    """What stands at `path` of a document: a heading, what it is, its keys and its parts; nothing for one without keys.
+    """Return the section on the part at `path` of a document: heading, description, keys, parts; empty without keys.
 
     Args:
         model: of that part of the document.
@@ -37,13 +37,13 @@ def part(model: type[BaseModel], path: str, level: int) -> Blocks:
 
 
 def keys(model: type[BaseModel], level: int, without: Collection[str] = ()) -> Blocks:
-    """The table of a model's keys but those `without`, then its parts, whose headings are of this level."""
+    """Return the table of a model's keys except `without`, then its parts with headings of this level."""
     schema, _ = schema_of(model, ())
     return _keys(schema["$defs"], schema, "", level, without)
 
 
 def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     heads = list(heads)
     lines = (heads, ["---"] * len(heads), *([cell.replace("|", "\\|") for cell in row] for row in rows))
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
@@ -70,13 +70,13 @@ def _keys(known: Schema, ref: Schema, path: str, level: int, without: Collection
 
 
 def _definition(known: Schema, ref: Schema) -> Schema:
-    """What a reference is to; of a part that may be written as one value too, the part."""
+    """Return the target of a reference; for a part with a short form, the full form."""
     found: Schema = known[ref["$ref"].removeprefix("#/$defs/")]
     return next((kind for kind in found.get("anyOf", ()) if "properties" in kind), found)
 
 
 def _default(node: Schema, is_required: bool) -> str:
-    """What holds when a key is left out, as a document would say it."""
+    """Return the default of a key as written in a document."""
     if is_required:
         return "required"
     default = node.get("default", "")
@@ -84,7 +84,7 @@ def _default(node: Schema, is_required: bool) -> str:
 
 
 def _inside(known: Schema, node: Schema, path: str) -> Iterator[tuple[Schema, str]]:
-    """The parts in the value of a key, each with its path; alternatives with the key that tells them apart."""
+    """Yield the parts in the value of a key with their paths; alternatives with their distinguishing key."""
     if "$ref" in node:
         yield node, path
     kinds = [kind for kind in node.get("anyOf", ()) if "$ref" in kind]
@@ -99,35 +99,35 @@ def _inside(known: Schema, node: Schema, path: str) -> Iterator[tuple[Schema, st
 
 
 def _items(node: Schema) -> list[Schema]:
-    """What a list holds; nothing for a list of steps, whose models their first keys tell."""
+    """Return the schemas of list items; empty for a list of steps, whose models are documented elsewhere."""
     return node.get("prefixItems") or [found for found in [node.get("items")] if found]
 
 
 def _of_each_name(node: Schema) -> Schema:
-    """What a mapping of names holds under each of them."""
+    """Return the schema of the values of a mapping by name."""
     named = [*node.get("patternProperties", {}).values(), node.get("additionalProperties")]
     return next((found for found in named if isinstance(found, dict)), {})
 
 
 def _value(known: Schema, node: Schema) -> str:
-    """What a key means, and how its value is written."""
+    """Return the meaning of a key and the notation of its value."""
     said = str(node.get("description", "")).replace(_NAME_IN_FULL, "a name")
     if UNIT_KEYWORD in node:
         return said.replace(f", like {node['examples'][0]}", "")
-    if said and _is_told(node):
+    if said and _has_notation(node):
         return said
     return "; ".join(filter(None, (said, _kind(known, node)))) or "a value"
 
 
-def _is_told(node: Schema) -> bool:
-    """Whether the description of a value says how it is written, too."""
+def _has_notation(node: Schema) -> bool:
+    """Return True if the description of a value includes its notation."""
     if "anyOf" in node:
         return _NOTHING not in node["anyOf"]
     return not node.keys() & {"enum", "const"} and (node.get("type") == "string" or isinstance(node.get("type"), list))
 
 
 def _kind(known: Schema, node: Schema) -> str:
-    """How a value is written, by its type."""
+    """Return the notation of a value, by its type."""
     match node:
         case {"$ref": _}:
             summary = str(_definition(known, node).get("description", "")).partition("\n")[0].rstrip(".")

@@ -1,4 +1,4 @@
-"""The pages on problems: the rules of the checker, and the kinds of errors."""
+"""Reference pages on problems: rules of the checker, and codes of errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.errors import DriverError
 
 
 def rules_page() -> Blocks:
-    """Rules that `bench check` applies to a sequence as a whole."""
+    """Rules that `bench check` applies to a whole sequence."""
     rows = (
         (f"`{rule.name}`", rule.severity, f"{rule.title[:1].upper()}{rule.title[1:]}", inspect.getdoc(rule.find) or "")
         for rule in every_rule()
@@ -29,7 +29,7 @@ def rules_page() -> Blocks:
 
 
 def errors_page() -> Blocks:
-    """The stable codes of errors."""
+    """Stable codes of errors."""
     return [
         "# Errors",
         "Every error has a stable code, for programs and for the `on` of a retry.",

@@ -1,4 +1,4 @@
-"""The pages on sequence files: steps, everything else in the file, and what each installed method takes."""
+"""Reference pages on sequence files: steps, other keys, and settings of each installed method."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ OUTPUT_IS = (
     "the bench file names no other unit."
 )
 GYRO_OUTPUT_IS = " `gyro_output` is the same of its gyros; of pulses, pulse/s/(°/s) is `pulse/°`."
-# What an expression may hold: examples that the page works out, and what they show.
+# examples of expressions, evaluated for the page, with explanations
 EXPRESSIONS = (
     ("temperature + '5 °C'", "`+` `-` `*` `/`, a name, and a constant, which stands in quotes"),
     ("2 * (soak - '10 min')", "parentheses"),
@@ -60,7 +60,7 @@ NAMES: dict[str, Value] = {
 
 
 def sequence_page() -> Blocks:
-    """Everything in a sequence file except the steps, and how values are written."""
+    """Keys of a sequence file except its steps, and notation of values."""
     return [
         "# Sequence files",
         "A file in `sequences/`: the steps of a test, and its results. `bench new sequence NAME` "
@@ -81,7 +81,7 @@ def sequence_page() -> Blocks:
         "## Expressions",
         "A value may be `${…}` over parameters, the names of loops around the step, and what was measured or answered "
         f"before. Here {_names()}.",
-        table(("expression", "gives", "shows"), map(_worked_out, EXPRESSIONS)),
+        table(("expression", "gives", "shows"), map(_evaluated, EXPRESSIONS)),
     ]
 
 
@@ -89,7 +89,7 @@ def _names() -> str:
     return ", ".join(f"`{name}` is `{_written(value)}`" for name, value in NAMES.items())
 
 
-def _worked_out(example: tuple[str, str]) -> tuple[str, str, str]:
+def _evaluated(example: tuple[str, str]) -> tuple[str, str, str]:
     expression, shows = example
     return f"`${{{expression}}}`", f"`{_written(evaluate(expression, NAMES))}`", shows
 
@@ -99,7 +99,7 @@ def _written(value: Value) -> str:
 
 
 def methods_page() -> Blocks:
-    """What each installed method determines, its settings, and the results that can have limits."""
+    """Methods with their results, settings and limits."""
     methods = known_methods()
     return [
         "# Methods",
@@ -124,7 +124,7 @@ def _method(method: MethodDescription) -> Blocks:
 
 
 def _parts(method: MethodDescription) -> Blocks:
-    """The loops and groups that a method knows by name."""
+    """Return the section on loops and groups that a method identifies by name."""
     if not method.parts:
         return []
     rows = ((f"`{each.name}`", each.kind, each.meaning, each.without) for each in method.parts)
@@ -136,7 +136,7 @@ def _parts(method: MethodDescription) -> Blocks:
 
 
 def steps_page() -> Blocks:
-    """Every step: what it does, what it acts on, an example, its keys."""
+    """Steps with their effect, object, example and keys."""
     blocks = [verb for verb in BLOCKS if verb not in STEPS]
     common = set.intersection(*(set(keys_of(model)) for model in STEPS.values()))
     any_step = next(iter(STEPS.values()))
@@ -169,7 +169,7 @@ def _step(verb: str, common: Collection[str]) -> Blocks:
 
 
 def _plug_ins() -> Blocks:
-    """The steps of installed plug-ins, with their settings."""
+    """Return the section on the steps of installed plug-ins, with their settings."""
     blocks = []
     for name, step in sorted(known_steps().items()):
         acts_on = f" Its role is a `{step.capability}`." if step.capability else ""
@@ -178,7 +178,7 @@ def _plug_ins() -> Blocks:
 
 
 def examples() -> dict[str, str]:
-    """Examples of steps by their verbs: the steps of one sequence, which is right as a whole."""
+    """Return examples of steps by verb, taken from one valid sequence."""
     _, _, steps = EXAMPLES.read_text("utf-8").partition("\nsteps:\n  - ")
     found: dict[str, list[str]] = {}
     for step in steps.rstrip("\n").split("\n  - "):

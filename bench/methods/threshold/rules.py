@@ -30,7 +30,7 @@ def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 yield (
                     (*place, "method"),
                     f"a step is judged by the nominal scale factor, which place '{name}' of the bench does not state",
-                    f"Give {' and '.join(f'nominal.{key}' for key in entry.makes_output_of_g)} of places.{name} in the "
+                    f"Give {' and '.join(f'nominal.{key}' for key in entry.output_per_g_keys)} of places.{name} in the "
                     "bench file",
                 )
 

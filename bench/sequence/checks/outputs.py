@@ -30,6 +30,6 @@ def without_nominal(key: str, places: Iterable[str], bench: BenchFile) -> Found:
     """Units without a nominal output at 1 g in the bench file, where a step needs it."""
     for name in places:
         if bench.nominal_per_g(name) is None:
-            parts = bench.places[name].makes_output_of_g
+            parts = bench.places[name].output_per_g_keys
             makes = "which makes it of g" if len(parts) == 1 else "which make it of g"
             yield key, f"places.{name} of the bench file has no nominal {' and '.join(parts)}, {makes}"

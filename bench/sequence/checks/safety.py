@@ -67,7 +67,7 @@ def limit_below_window(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             continue
         for supply in bench.members(step.role):
             fed = [name for name, unit in bench.places.items() if unit.supply == supply]
-            most_a = bench.draws(supply)[1]
+            most_a = bench.current_range(supply)[1]
             if not math.isfinite(most_a) or most_a <= step.current_limit_a:
                 continue
             alone = len(fed) == 1

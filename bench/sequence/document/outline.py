@@ -22,7 +22,7 @@ def outline_of(document: Document) -> tuple[Outline, list[Problem]]:
     except ValidationError as error:
         found = list(problems(value, error))
     if any(block_around(place) is None for place, _ in found):
-        raise InputError(*document.told(found))
+        raise InputError(*document.located(found))
     return Outline.model_validate({key: part for key, part in value.items() if key not in PHASES}), found
 
 

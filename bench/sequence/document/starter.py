@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from bench.config.schema_file import way_to_schema
+from bench.config.schema_file import path_to_schema
 from bench.errors import InputError
 from bench.files import written_new
 from drivers.schema.fields import Name
@@ -26,7 +26,7 @@ def write_starter(name: str, folder: Path) -> Path:
     path = folder / f"{name}.yaml"
     try:
         with written_new(path) as draft:
-            draft.write_text(_starter(name, way_to_schema("sequence", folder)), encoding="utf-8")
+            draft.write_text(_starter(name, path_to_schema("sequence", folder)), encoding="utf-8")
     except FileExistsError:
         raise InputError(f"{path}: is there already; choose another name, or remove it first") from None
     except OSError as problem:

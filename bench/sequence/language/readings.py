@@ -51,7 +51,7 @@ def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
     if bench.places[place].channels is not None:
         return f"the inertial unit in place '{place}' has several outputs; name a channel of its counter"
     if bench.nominal_per_g(place) is None:
-        parts = " and ".join(bench.places[place].makes_output_of_g)
+        parts = " and ".join(bench.places[place].output_per_g_keys)
         return f"places.{place} of the bench file has no nominal {parts}, by which its output is told in g"
     return ""
 

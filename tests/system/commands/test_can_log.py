@@ -78,7 +78,7 @@ def test_a_log_beside_the_bench_file_is_looked_at(tmp_path: Path, recorded: tupl
     bench = copy_bench(tmp_path / "config", (SIMULATED, "connection: log:bus.blf"))
     (tmp_path / "config/bus.blf").write_bytes((folder / "bus.blf").read_bytes())
     found = {look.role: look for look in look_at_devices(str(bench))}
-    assert not found["counter"].problem, found["counter"].said
+    assert not found["counter"].problem, found["counter"].text
 
 
 def test_a_sequence_longer_than_the_log_is_told_that_it_has_ended(

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.app.byhand_lines import Unspoken, _parsed
-from bench.runner.held import holding
+from bench.app.byhand_lines import Unsendable, _parsed
+from bench.runner.held import address_lock
 from drivers.discovery.recognition import scpi_asks
 from drivers.transport.address import Address
 from tests.support.commands import invoked
@@ -35,8 +35,10 @@ def test_modbus_is_read_in_words_beside_the_bytes_and_the_driver_is_asked_on_the
     assert "chamber sends no frames" in told
     assert sum(line.startswith("expected read ADDRESS") for line in told) == 1
     assert "an address or a word is more than 65535" in told
-    assert "not sent: this is no query; --write allows it" in told
-    assert "read ADDRESS [COUNT]      holding registers, by their address on the wire, such as 2782 or 0x0ade" in told
+    assert "not sent: this is not a query; --write allows it" in told
+    assert (
+        "read ADDRESS [COUNT]      address_lock registers, by their address on the wire, such as 2782 or 0x0ade" in told
+    )
     assert "refused, exception 2" in told
     assert told[0].startswith("Only known queries are sent")
     at = told.index("> 00 01 00 00 00 06 01 03 0a de 00 02")  # its own numbers, which the driver does not see
@@ -70,7 +72,7 @@ def test_questions_go_to_a_scpi_instrument_and_nothing_else_without_leave() -> N
     typed = "*IDN?\nOUTP ON\n*IDN?;OUTP ON\n*TST?\n:SOUR:CURR?\n"
     code, told = console("source", typed=typed)
     assert code == 3
-    assert told.count("not sent: this is no query; --write allows it") == 3
+    assert told.count("not sent: this is not a query; --write allows it") == 3
     assert r'> ":SOUR:CURR?\r\n"' in told
     assert not any("OUTP ON" in line or "*TST" in line for line in told if line.startswith(">"))
     assert "source is in its safe state." not in told
@@ -83,7 +85,7 @@ def test_a_source_that_was_switched_on_by_hand_is_off_at_the_end() -> None:
     assert told[0].startswith(
         "What you type is sent to the instrument unchanged: it may move, heat or energise something."
     )
-    assert "no answer within 1 s (usual for a command that is no query)" in told
+    assert "no answer within 1 s (usual for a command that is not a query)" in told
     assert "current_a 0.001, output True" in told
     assert r'> ":SOUR:CURR 0;:OUTP OFF\r\n"' in told
     assert told[-2] == "source is in its safe state."
@@ -104,7 +106,7 @@ def test_frames_are_shown_decoded() -> None:
     shown = [line for line in told if line.startswith("100#")]
     assert 15 <= len(shown) <= 25
     assert re.fullmatch(r"100#[0-9A-F]{16} Latch: Tick \S+ us, Sequence \d+, Status 0, BootCount \d+", shown[0])
-    assert "not sent: this language does not mark queries; --write allows it" in told
+    assert "not sent: this protocol does not mark queries; --write allows it" in told
     assert any(line.startswith(("Temperatures.Unit ", "no new reading yet; ")) for line in told)
 
 
@@ -112,7 +114,7 @@ def test_a_device_that_is_not_there_is_not_opened(tmp_path: Path) -> None:
     found = invoked("console", "chambr")
     assert (found.exit_code, "the bench has no device 'chambr'; did you mean 'chamber'" in found.stderr) == (2, True)
     bench = str(copy_bench(tmp_path, ("sim+tcp://127.0.0.1:5025", "tcp://127.0.0.1:9")))
-    with holding([Address.parse("tcp://127.0.0.1:9")], "a run of tumble_static"):
+    with address_lock([Address.parse("tcp://127.0.0.1:9")], "a run of tumble_static"):
         found = invoked("console", "supply", "--bench", bench, typed=":read\n")
     assert found.exit_code == 3
     assert re.match(r"tcp://127\.0\.0\.1:9 is in use by a run of tumble_static, process \d+", found.stderr)
@@ -137,7 +139,7 @@ def test_a_question_is_told_from_what_does_something(line: str, asks: bool) -> N
     ["read", "read x", "read 1 2 3", "read 1 0", "read 1 101", "write 1", "write 1 65536", "read 010", "read -1"],
 )
 def test_what_is_no_request_for_registers_is_not_sent(line: str) -> None:
-    with pytest.raises(Unspoken):
+    with pytest.raises(Unsendable):
         _parsed(line)
 
 

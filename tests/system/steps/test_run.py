@@ -12,7 +12,7 @@ from bench.app.request import RunRequest, prepare
 from bench.errors import InUseError, StoreError
 from bench.loop import BenchLoop
 from bench.reduce.stored_run import StoredRun
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader
 from bench.store.runs import RunDirectory
@@ -282,7 +282,7 @@ def test_the_bench_is_held_until_it_is_safe_and_free_while_the_report_is_written
 
     def look(*_: object) -> None:
         try:
-            with holding([address], "the next run"):
+            with address_lock([address], "the next run"):
                 in_use.append("")
         except InUseError as problem:
             in_use.append(str(problem).partition(", process")[0])

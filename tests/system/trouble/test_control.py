@@ -18,7 +18,7 @@ import pytest
 
 from bench.errors import InputError
 from bench.runner.control import socket_address
-from bench.runner.tell import tell
+from bench.runner.tell import send_command
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 
@@ -46,7 +46,7 @@ class Running:
             time.sleep(0.05)
         raise AssertionError("it did not come to pass within 20 s")
 
-    def tell(self, *words: str) -> subprocess.CompletedProcess[str]:
+    def send_command(self, *words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [sys.executable, "-m", "bench", words[0], "last", *words[1:], "--runs", str(self.runs)],
             capture_output=True, text=True, check=False, cwd=ROOT, timeout=30,
@@ -90,14 +90,15 @@ def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(
     held = run.steps("step_begins")
     time.sleep(1.0)  # twenty seconds of bench time
     assert run.steps("step_begins") == held
-    assert run.tell("resume").stdout.endswith(": it goes on\n")
+    assert run.tell("resume").stdout.endswith(": the run continues\n")
     run.wait_for(lambda: run.steps("step_begins") != held)
     assert run.tell("stop", "--after-step").stdout.endswith(": the teardown runs after the current step\n")
     assert run.finish() == 4
     assert run.operator() == ["held", "released", "stop after step"]
     user = pwd.getpwuid(os.getuid()).pw_name
     for said in (
-        f"pause by {user}: the run pauses before its next step", "Held before step", f"resume by {user}: it goes on",
+        f"pause by {user}: the run pauses before its next step", "Held before step",
+        f"resume by {user}: the run continues",
         f"stop after step by {user}: the teardown runs after the current step",
     ):  # fmt: skip
         assert said in run.said
@@ -187,7 +188,7 @@ def test_a_step_is_skipped_or_begun_anew_and_the_run_goes_on(started):
     run = started("smoke", "--speed", "20", "--set", "soak=10 min")
     soak = "steps/temperature=20/soak"
     run.wait_for(lambda: soak in run.steps("step_begins"))
-    assert run.tell("repeat").stdout.endswith(f": done again: {soak}\n")
+    assert run.tell("repeat").stdout.endswith(f": repeated: {soak}\n")
     run.wait_for(lambda: f"{soak}~2" in run.steps("step_begins"))
     told = run.tell("skip")
     assert told.stdout.endswith(f": skipped: {soak}~2\n")
@@ -204,7 +205,7 @@ def test_the_step_before_a_pause_is_done_again_while_the_run_is_held(started):
     run.wait_for(lambda: soak in run.steps("step_begins"))
     run.tell("pause")
     run.wait_for(lambda: run.operator() == ["held"])
-    assert run.tell("repeat").stdout.endswith(": done again: the last one\n")
+    assert run.tell("repeat").stdout.endswith(": repeated: the last one\n")
     run.wait_for(lambda: f"{soak}~2" in run.steps("step_ended"))
     assert "steps/temperature=20/position=0/move" not in run.steps("step_begins")
     run.tell("resume")
@@ -258,11 +259,11 @@ def test_a_head_is_turned_by_whoever_answers_over_the_socket_or_on_the_terminal(
     terminal, keyboard = pty.openpty()
     run = started(str(path), "--speed", "20", bench="by_hand", stdin=keyboard)
     run.wait_for(lambda: run.steps("asked") == ["head#1"])
-    (question,) = json.loads(tell(run.path, "status"))["questions"]
+    (question,) = json.loads(send_command(run.path, "status"))["questions"]
     assert (question["step"], question["expected"]) == ("head#1", "a value in °")
     with pytest.raises(InputError, match="expected a value in °"):
-        tell(run.path, "answer", answer="done")
-    tell(run.path, "answer", answer="93 deg", by="A. Hurry")
+        send_command(run.path, "answer", answer="done")
+    send_command(run.path, "answer", answer="93 deg", by="A. Hurry")
     run.wait_for(lambda: run.steps("asked") == ["head#1", "head#1~2"])
     assert run.tell("answer", "90 deg", "--step", "head#1~2", "--by", "A. Person").returncode == 0
     run.wait_for(lambda: run.steps("asked")[2:] == ["head#2"])

@@ -102,7 +102,7 @@ def test_a_run_follows_its_directory_when_that_is_moved_and_ends(tmp_path):
 def test_what_was_recorded_is_rescued_when_the_directory_is_removed(tmp_path):
     result = meddled(tmp_path / "runs", lambda folder: shutil.rmtree(folder.parent))
     is_kept(result, state_folder() / "rescued" / result.path.name)
-    assert "was removed while the run went on" in result.problems[0]
+    assert "was removed during the run" in result.problems[0]
     assert f"recorded until then is in {result.path}" in result.problems[0]
 
 
@@ -133,14 +133,14 @@ def test_a_run_whose_log_is_removed_does_not_go_on_without_it(tmp_path):
     """What is committed to a log without a name would be lost with the process."""
     result = meddled(tmp_path / "runs", lambda folder: (folder / "run.db-wal").unlink())
     is_kept(result, state_folder() / "rescued" / result.path.name)
-    assert "run.db-wal was removed while the run went on" in result.problems[0]
+    assert "run.db-wal was removed during the run" in result.problems[0]
 
 
 def test_a_run_whose_database_is_truncated_ends_with_what_was_recorded(tmp_path):
     """What its log still has is copied; the rest of the record would have been written into an empty file."""
     result = meddled(tmp_path / "runs", lambda folder: os.truncate(folder / "run.db", 0))
     is_kept(result, state_folder() / "rescued" / result.path.name)
-    assert "run.db was truncated while the run went on; everything recorded until then is in" in result.problems[0]
+    assert "run.db was truncated during the run; everything recorded until then is in" in result.problems[0]
 
 
 @pytest.mark.parametrize("size", [0, 4096, 1_000_000])
@@ -150,7 +150,7 @@ def test_a_truncated_database_of_which_the_log_has_only_the_end_is_not_said_to_b
     writer = long_written(folder)
     writer.on_failure = lambda failure: failures.append(str(failure))
     os.truncate(folder / "run.db", size)
-    with pytest.raises(StoreError, match="was truncated while the run went on; not all"):
+    with pytest.raises(StoreError, match="was truncated during the run; not all"):
         run_loop(writer.commit(), REAL_TIME)
     assert len(failures) == 1
     assert writer.folder == folder
@@ -171,7 +171,7 @@ def test_a_run_whose_record_is_lost_by_truncation_ends_safe_and_says_what_is_lef
     monkeypatch.setattr(database, "_make_commits_durable", to_the_file_at_once)
     result = meddled(tmp_path / "runs", lambda folder: os.truncate(folder / "run.db", 0))
     assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
-    assert "run.db was truncated while the run went on; not" in result.problems[0]
+    assert "run.db was truncated during the run; not" in result.problems[0]
     assert result.path.parent == tmp_path / "runs"
     assert examined(result.path).damage
 
@@ -209,7 +209,7 @@ def test_where_nothing_can_be_kept_the_run_ends_in_words(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     result = meddled(tmp_path / "runs", lambda folder: shutil.rmtree(folder.parent))
     assert (result.outcome.how, result.outcome.unsafe) == ("error", {})
-    assert "was removed while the run went on; nothing of it could be kept" in result.problems[0]
+    assert "was removed during the run; nothing of it could be kept" in result.problems[0]
 
 
 @pytest.mark.integration
@@ -226,7 +226,7 @@ def test_a_run_that_gives_nothing_is_told_when_its_directory_is_removed(tmp_path
     writer.on_failure = failed
     shutil.rmtree(folder)
     assert told.wait(10.0)
-    assert "was removed while the run went on" in failures[0]
+    assert "was removed during the run" in failures[0]
     with pytest.raises(StoreError, match="was removed"):
         writer.close()
 
@@ -252,7 +252,7 @@ def test_a_file_that_somebody_adds_while_the_run_goes_on_is_not_under_its_seal(t
 @pytest.mark.parametrize("edit", [written("manifest.json", "{}"), lambda folder: (folder / "manifest.json").unlink()])
 def test_a_manifest_that_is_edited_while_the_run_goes_on_is_on_record(tmp_path, edit):
     result = meddled(tmp_path / "runs", edit)
-    told = f"{result.path / 'manifest.json'}: somebody else wrote or removed this file while the run went on"
+    told = f"{result.path / 'manifest.json'}: another program wrote or removed this file during the run"
     assert result.problems[0].startswith(told)
     manifest = read_json(result, "manifest.json")
     assert (manifest["problems"], manifest["verdict"]) == (result.problems, "PASS")
@@ -270,5 +270,5 @@ def test_a_file_in_the_place_of_a_result_is_kept_beside_and_told(tmp_path, name)
     result = meddled(tmp_path / "runs", written(name, "mine"))
     assert (result.path / f"{name}.found").read_text() == "mine"
     assert (read_json(result, "manifest.json")["problems"], len(result.problems)) == (result.problems, 1)
-    assert f"{name}: somebody else wrote" in result.problems[0]
+    assert f"{name}: another program wrote" in result.problems[0]
     assert examined(result.path).damage == ()

@@ -300,7 +300,7 @@ def test_a_group_that_was_begun_again_is_rebuilt_and_begun_again(tmp_path):
 
 def test_a_group_that_is_never_resumed_is_refused_with_its_name(tmp_path):
     path = cut(tmp_path, 40.0, ON, GROUP % "never", "{wait: 5 s}")
-    with pytest.raises(InputError, match="steps/order was under way, and may not be done again; start the run anew"):
+    with pytest.raises(InputError, match="steps/order was under way, and must not be repeated; start a new run"):
         resumed(path)
 
 

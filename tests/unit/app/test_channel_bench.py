@@ -55,7 +55,7 @@ def errors_of(bench, seed=1):
     [
         ("    converter_temperature: converter_temperature", "    converter_temperature: converter_temperatur",
          "there is no reading 'converter_temperatur'; did you mean 'converter_temperature'?"),
-        (THERMOMETER, "from: source.on_time", "'converter_temperature' is no temperature"),
+        (THERMOMETER, "from: source.on_time", "'converter_temperature' is not a temperature"),
         (SIMULATED, "sources: {supply: {warm_up: 2 h}}", "'supply' is not a current source; expected source"),
         (SIMULATED, "sources: {source: {fresh: 0.5}}", "fresh: is 0.5, expected at least 1"),
     ],

@@ -91,7 +91,7 @@ def test_one_that_does_not_say_what_it_does_counts_as_energised(tmp_path):
     what = found(bench, nothing, lambda laboratory: FaultPlayer(laboratory, faults, lambda *_: None))
     assert what.keys() == {"supply"}
     assert what["supply"].is_output
-    assert what["supply"].text.startswith("does not say what it does")
+    assert what["supply"].text.startswith("does not report its state")
 
 
 @pytest.mark.parametrize(("from_safe_c", "is_found"), [(None, False), (0.0, False), (9.9, False), (10.0, True)])

@@ -21,7 +21,7 @@ from bench.app.make_safe import make_safe
 from bench.app.request import RunRequest, prepare
 from bench.config.bench import load_bench
 from bench.errors import InUseError, StoreError
-from bench.runner.held import energising_addresses, holding
+from bench.runner.held import address_lock, energising_addresses
 from bench.runner.quiet import Quiet
 from bench.store.energised import energised, note_energised, note_safe, record_made_safe
 from bench.store.lockout import lift, lock_out, locked_out, lockouts
@@ -208,7 +208,7 @@ def test_a_folder_that_was_set_up_in_part_is_named(machine, missing):
     (machine / missing).rmdir()
     assert f"{machine / missing} is missing" in problem_to_write()
     (machine / missing).write_text("", "utf-8")
-    assert "is no folder" in problem_to_write()
+    assert "is not a folder" in problem_to_write()
 
 
 @as_root
@@ -218,7 +218,7 @@ def test_a_link_in_place_of_a_folder_leads_nobody_elsewhere(place, machine):
     (machine / "energised").symlink_to(elsewhere)
     note_energised(Path("/runs/a"), Path("/b.yaml"), AT, {"supply": SUPPLY})
     assert list(elsewhere.iterdir()) == []
-    assert "is no folder" in problem_to_write()
+    assert "is not a folder" in problem_to_write()
 
 
 def odd(path: Path, kind: str, place: Path) -> None:
@@ -314,7 +314,7 @@ def test_a_run_of_another_user_that_is_under_way_is_not_made_safe_by_the_service
     address = str(energising_addresses(load_bench(bench).bench)["supply"])
     note_energised(Path("/home/alice/no/right/a"), bench, AT, {"supply": address})
     said: list[str] = []
-    with holding([Address.parse(address)], "a run of smoke"):
+    with address_lock([Address.parse(address)], "a run of smoke"):
         assert list(make_safe(None, said.append, lambda _: None, if_left_on=True)) == []
     assert said == []
 

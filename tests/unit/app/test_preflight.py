@@ -60,7 +60,7 @@ def test_a_certificate_that_ends_within_the_run_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "setup", "state", "words"),
     [
-        (("{wait: 1 s}",), "", "ok", "asks nothing"),
+        (("{wait: 1 s}",), "", "ok", "has no prompts"),
         (("{wait: 1 s}",), "{prompt: 'Ready?'}", "look", "stay until these are answered"),
         (("{prompt: 'Turn the cube.'}",), "", "NO", "s.yaml:2:5"),
         (("{wait_until: unit_temperature, above: 1 °C, give_up_after: 1 s, on_failure: ask}",), "", "NO", "s.yaml:2:5"),

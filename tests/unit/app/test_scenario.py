@@ -40,9 +40,9 @@ def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **wishes: object)
 @pytest.mark.parametrize(
     ("fault", "problem"),
     [
-        ("{device: chamber, fault: stuck}", "4:5: say when: at, such as 10 min, or after, the id of a step"),
+        ("{device: chamber, fault: stuck}", "4:5: give at, such as 10 min, or after, the id of a step"),
         ("{at: 5, device: chamber, fault: stuck}", "4:6: at: 5 has no unit, write it like '5 s'"),
-        ("{at: 5 s, fault: stuck}", "4:5: give device or unit, one of them"),
+        ("{at: 5 s, fault: stuck}", "4:5: give either device or unit"),
         ("{at: 5 s, device: chambre, fault: stuck}", "4:15: there is no device 'chambre'; did you mean 'chamber'?"),
         ("{at: 5 s, unit: b, fault: dead}", "4:15: there is no place 'b'; expected a"),
         ("{at: 5 s, unit: a, fault: door_open}", "4:5: fault is 'door_open', a unit can be silent, dead, "),

@@ -362,7 +362,7 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
          "limits: making it safe (at rest where it is) could take 30.025 s, at most 30 s are allowed; raise "
          "options.acceleration or lower limits.rate"),
         ("identity: {model: SIM-PSU, serial: SIM-PSU-01}\n", "options: {watchdog: 29 s}\n", "watchdog: 29 s",
-         "watchdog: is less than 3 periods of 10 s in which it is looked at; give 30 s or more"),
+         "watchdog: is less than 3 polling periods of 10 s; give 30 s or more"),
         ("safe: {temperature: 25 °C}", "safe: {temperature: 101 °C}", "temperature: 101",
          "temperature: is above the max of limits.temperature"),
         ("safe: {temperature: 25 °C}", "safe: {temperature: -51 °C}", "temperature: -51",
@@ -373,11 +373,11 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
         ("at_90: up", "at_90: level", "input_axis:",
          "input_axis: of at_0 and at_90 one is level and the other up or down: the axis turns in a vertical plane"),
         ("  input_axis: {at_0: level, at_90: up}\n", "", "fixture:",
-         "fixture: say how the units lie: input_axis on a head with a level axis, else body (and axes)"),
+         "fixture: give the orientation of the units: input_axis on a head with a level axis, else body (and axes)"),
         ("input_axis: {at_0: level, at_90: up}", "body: {x: east, z: west}", "body:",
-         "body: x and z are on one line; they are at right angles"),
+         "body: x and z are parallel; they must be at right angles"),
         ("input_axis: {at_0: level, at_90: up}", "body: {x: east, z: up}\n  axes: [{device: chamber, points: up}]",
-         "device: chamber, points", "'chamber' is no head and no rate table; expected head"),
+         "device: chamber, points", "'chamber' is neither a head nor a rate table; expected head"),
         ("upright: 0°", "upright: {roll: 0°, tilt: 1°}", "tilt: 1°",
          "tilt: unknown key; expected angle, roll or clock"),
         ("[2 arcsec, 2 arcsec, 2 arcsec, 2 arcsec]", "[2 arcsec, 7]", "7]", "7 has no unit, write it like '7 arcsec'"),
@@ -400,15 +400,15 @@ def test_a_wrong_value_elsewhere_is_told_under_its_key(folder, old, new, problem
          "foreign_frames, short_frames, swapped_frames, error_frames, bus_off, stuck_count, cleared_count, "
          "heater_dead, cooling_dead, runaway, detached_sensor, slow"),
         ("seed: 1", "faults: [{unit: a, device: head, kind: silent, at: 5 s}]", "{unit: a",
-         "give device or unit, one of them"),
+         "give either device or unit"),
         ("seed: 1", "faults: [{unit: x, kind: dead, at: 5 s}]", "unit: x", "there is no place 'x'; expected a"),
         ("\nfixture:\n", "\ntogether:\n  source: [supply]\n\nfixture:\n", "source: [supply]",
-         "'source' is a device or a reading already; several need a name of their own"),
+         "'source' is a device or a reading already; a group needs a name of its own"),
         ("\nfixture:\n", "\ntogether:\n  all: [supply, source]\n\nfixture:\n", "all: [",
-         "these are not alike: current sources and power supplies"),
+         "members of different kinds: current sources and power supplies"),
         ("\nfixture:\n", "\ntogether:\n  all: [supply, head]\n\nfixture:\n", "head]",
          "there is no supply, current source or reading 'head'; expected unit_temperature, supply or source"),
-        ("\nfixture:\n", "\ntogether:\n  all: [supply, supply]\n\nfixture:\n", "all: [", "names one of them twice"),
+        ("\nfixture:\n", "\ntogether:\n  all: [supply, supply]\n\nfixture:\n", "all: [", "names a member twice"),
     ],
 )  # fmt: skip
 def test_values_that_contradict_each_other_are_told_at_the_part_that_holds_them(folder, old, new, at, problem):
@@ -459,7 +459,7 @@ def test_a_reading_may_be_in_any_unit_but_then_it_is_no_temperature(folder):
     assert problems(folder, text) == [
         f"{place_of(text, 'limits: {min: -55 °C')}: is for a temperature, supply.current is in A",
         f"{calibration}: is for a temperature, supply.current is in A",
-        f"{place_of(text, 'temperature: unit_temperature')}: 'unit_temperature' is no temperature",
+        f"{place_of(text, 'temperature: unit_temperature')}: 'unit_temperature' is not a temperature",
     ]
 
 
@@ -684,7 +684,7 @@ def test_a_bench_with_any_part_changed_is_a_bench_or_tells_its_problems(value):
 
     def read() -> BenchFile:
         bench = load(document, BenchFile)
-        if found := document.told(misfits(bench)):
+        if found := document.located(misfits(bench)):
             raise InputError(*found)
         return bench
 

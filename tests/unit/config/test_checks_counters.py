@@ -60,7 +60,7 @@ def test_an_encoder_must_not_come_half_round_between_two_latches(tmp_path):
     assert told(tmp_path / "short", dbc=(short,)) == []  # 2160 °/s are 21600 counts in 1 ms
     (problem,) = told(tmp_path / "shorter", dbc=((short[0], short[1].replace("16@", "15@")),))
     assert problem == (
-        "its signal has 15 bits; at 2160 °/s it goes 21600 counts in a period, half round or more: shorten the "
+        "its signal has 15 bits; at 2160 °/s it counts 21600 in a period, half its range or more: shorten the "
         "period, or use a longer signal"
     )
 
@@ -87,7 +87,7 @@ def test_an_encoder_latched_with_samples_is_that_of_an_axis_and_of_a_channel(tmp
     assert problem.endswith("has no signal 'Encoder.Positoin'; did you mean 'Encoder.Position'?")
     short = ("Position : 0|32@1+", "Position : 0|15@1+")
     (problem,) = told(tmp_path / "short", dbc=(short,), name=TELEMETRY)
-    assert problem.startswith("its signal has 15 bits; at 2160 °/s it goes 21600 counts in a period, half round")
+    assert problem.startswith("its signal has 15 bits; at 2160 °/s it counts 21600 in a period, half its range")
 
 
 @pytest.mark.parametrize(("second", "problems"), [("BU_:\n", 0), ("BU_: Other\n", 1)])

@@ -145,7 +145,12 @@ def test_a_part_that_is_not_there_is_where_the_nearest_part_around_it_is():
 def test_problems_are_told_once_in_the_order_of_the_file():
     document = parse_document("a: 1\nb:\n  c: 2\nd: 3\n", FILE)
     problems = [(("d",), "late"), (("b", "c"), "middle"), (("a",), "two"), (("d",), "late"), (("a",), "one")]
-    assert document.told(problems) == ["f.yaml:1:1: one", "f.yaml:1:1: two", "f.yaml:3:3: middle", "f.yaml:4:1: late"]
+    assert document.located(problems) == [
+        "f.yaml:1:1: one",
+        "f.yaml:1:1: two",
+        "f.yaml:3:3: middle",
+        "f.yaml:4:1: late",
+    ]
 
 
 # What is refused

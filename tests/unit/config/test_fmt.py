@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.config.document import parse_document
-from bench.config.layout import changes, laid_out
+from bench.config.layout import changes, formatted
 from bench.errors import InputError
 
 ROOT = Path(__file__).parents[3]
@@ -49,7 +49,7 @@ TEXTS = [DENSE, *((ROOT / name).read_text("utf-8") for name in ("sequences/smoke
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_files_stand_as_they_should(path):
-    assert laid_out(path.read_text("utf-8"), path) == path.read_text("utf-8")
+    assert formatted(path.read_text("utf-8"), path) == path.read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -86,8 +86,8 @@ def test_shipped_files_stand_as_they_should(path):
     ],
 )  # fmt: skip
 def test_a_text_is_laid_out(text, result):
-    assert laid_out(text, FILE) == result
-    assert laid_out(result, FILE) == result
+    assert formatted(text, FILE) == result
+    assert formatted(result, FILE) == result
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_a_text_is_laid_out(text, result):
 )
 def test_what_is_no_document_or_would_say_something_else_is_refused(text, problem):
     with pytest.raises(InputError, match=re.escape(problem)):
-        laid_out(text, FILE)
+        formatted(text, FILE)
 
 
 @pytest.mark.parametrize("width", [3, 4, 8])
@@ -113,7 +113,7 @@ def test_a_sequence_with_another_indentation_becomes_what_is_shipped(path, width
         return " " * (len(found[1]) // 2 * width) + dash + line[found.end() :]
 
     text = path.read_text("utf-8")
-    assert laid_out("\r\n".join(wider(line) + "  " for line in text.splitlines()), FILE) == text
+    assert formatted("\r\n".join(wider(line) + "  " for line in text.splitlines()), FILE) == text
 
 
 EDIT = st.tuples(
@@ -148,15 +148,15 @@ def test_layout_never_changes_what_is_said_and_doing_it_again_changes_nothing(te
         value = parse_document(text, FILE).value
     except InputError:
         with pytest.raises(InputError):
-            laid_out(text, FILE)
+            formatted(text, FILE)
         return
-    result = laid_out(text, FILE)
+    result = formatted(text, FILE)
     assert json.dumps(parse_document(result, FILE).value) == json.dumps(value)
     assert [line.split() for line in result.split("\n")] == [
         line.split() for line in f"{text.rstrip()}\n".replace("\r\n", "\n").split("\n")
     ], "words stay in their lines"
     assert "|" in text or not re.search(r"[ \r]$", result, re.MULTILINE)
-    assert laid_out(result, FILE) == result
+    assert formatted(result, FILE) == result
 
 
 # Files

@@ -53,7 +53,7 @@ def test_there_is_a_template_for_each_kind_and_it_is_a_capability():
         ("watlow_f4", "thermal_chamber", "NAME: there is a driver 'watlow_f4' already; choose another name"),
         ("json", "thermal_chamber", "NAME: there is a Python module 'json' already; choose another name"),
         ("simulators", "thermal_chamber", "NAME: there is a Python module 'simulators' already"),
-        ("my_oven", "chamber", "--kind chamber: there is no template of that"),
+        ("my_oven", "chamber", "--kind chamber: there is no template of this kind"),
         ("there", "thermal_chamber", "there: is there already; choose another name, or remove it first"),
     ],
 )

@@ -58,7 +58,7 @@ def test_what_was_commanded_and_answered_is_on_the_disk_with_who_did_it_and_is_t
         writer.close()
 
     asyncio.run(main())
-    assert said == ["answer by A. Person: answered: Ready?", "resume by anna: it goes on"]
+    assert said == ["answer by A. Person: answered: Ready?", "resume by anna: the run continues"]
 
 
 def test_a_full_disk_is_told_in_place_of_a_status(tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def test_a_chamber_that_is_gone_for_long_has_not_arrived(tmp_path):
     assert not found.is_over
     found.unseen(GONE_S + 1, "no answer")
     assert events(found) == ["not_arrived"]
-    assert "could not be looked at for 10 min: no answer" in found.noted[0].why
+    assert "could not be read for 10 min: no answer" in found.noted[0].why
 
 
 def test_a_bench_that_another_program_has_is_handed_over(tmp_path):
@@ -88,7 +88,7 @@ def test_a_hold_ends_at_its_time_and_then_the_air_is_on_its_way(tmp_path):
         found.seen(float(at_s), state(HOT_C, target_c=HOT_C))
         assert not found.hold_is_over
     found.seen(1800.0, state(HOT_C, target_c=HOT_C))
-    assert found.hold_is_over == "its time is over"
+    assert found.hold_is_over == "the hold time has expired"
     found.commanded(1801.0)
     found.seen(1802.0, state(SAFE_C))
     assert events(found) == ["held", *["reading"] * 60, "hold_ends", "commanded", "arrived"]
@@ -114,6 +114,6 @@ def test_a_hold_that_cannot_be_looked_at_ends_by_its_time(tmp_path):
     assert not found.hold_is_over
     assert [(each.event, each.why) for each in found.noted] == [("not_seen", "no answer")]
     found.unseen(1800.0, "no answer")
-    assert found.hold_is_over == "its time is over"
+    assert found.hold_is_over == "the hold time has expired"
     found.unseen(1800.0 + GONE_S + 1, "no answer")
     assert "COULD NOT BE MADE SAFE" in found.noted[-1].why

@@ -133,7 +133,7 @@ def test_a_deadlock_is_an_error_that_says_when():
         await asyncio.sleep(12.5)
         await asyncio.get_running_loop().create_future()
 
-    with pytest.raises(TimeError, match=r"stands at 12\.500000 s: deadlock"):
+    with pytest.raises(TimeError, match=r"stuck at 12\.500000 s: deadlock"):
         fast(main())
 
 
@@ -144,7 +144,7 @@ def test_an_instant_that_never_ends_is_an_error():
         while True:  # noqa: ASYNC110  this is the mistake that the loop must notice
             await asyncio.sleep(0)
 
-    with pytest.raises(TimeError, match=f"stands at 1.000000 s: {TURNS_AT_ONE_INSTANT} turns"):
+    with pytest.raises(TimeError, match=f"stuck at 1.000000 s: {TURNS_AT_ONE_INSTANT} turns"):
         fast(main())
 
 

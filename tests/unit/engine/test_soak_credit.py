@@ -20,11 +20,12 @@ from bench.engine.credit import Chamber, Held, Instant, Look, NoCredit, Soaked, 
 from bench.engine.crediting import Proved, SoakCredit
 from bench.engine.past import past_of, under_way_of
 from bench.engine.soaked import Record, soaked
+from bench.figures.after_run import last_states
 from bench.quality import Invalid, Stale, Window
 from bench.sequence.plan.plan import Branches, Passes, PlannedStep
 from bench.sequence.steps.stimulus import Ramp, SetOutput
 from bench.sequence.steps.waits import Soak
-from bench.store.followed import FOLLOWED, course_of, read_lines
+from bench.store.followed import FOLLOWED, read_lines
 from bench.store.reader import Event, Series
 from drivers.errors import InstrumentFault
 from drivers.values import ChamberState
@@ -571,4 +572,4 @@ def test_what_cannot_be_read_or_has_no_held_chamber_gives_no_credit(tmp_path, he
 
 def test_a_look_that_failed_is_told_of_a_chamber_that_is_held(tmp_path):
     (tmp_path / FOLLOWED).write_text(text_of([line(HELD_S, "not_seen", why="no answer")]), "utf-8")
-    assert "held, and could not be looked at" in course_of(tmp_path)["chamber"]
+    assert "held by its guardian; it could not be read at" in last_states(tmp_path)["chamber"]

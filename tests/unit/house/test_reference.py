@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
+import bench.cli.main  # noqa: F401  which fills the table of commands
 from bench.app.reference import benches, sequences
 from bench.app.reference.keys import keys, part, table
 from bench.cli.reference import PAGES, page_text, write_pages

@@ -12,7 +12,7 @@ from bench.reduce.stored_run import open_run
 from bench.report.status_text import runs_table, status_lines
 from bench.report.verify import examined
 from bench.report.write import write_report
-from bench.runner.tell import tell
+from bench.runner.tell import send_command
 from bench.store.manifest_form import WHOLE_MANIFEST
 from bench.store.runs import list_runs, summary
 
@@ -68,7 +68,7 @@ def test_what_is_no_such_file_at_all(folder, name):
 def test_a_runner_that_is_none(folder, text):
     (folder / "runner.json").write_text(text, "latin-1")
     with pytest.raises(InputError, match="this run is not running"):
-        tell(folder, "status")
+        send_command(folder, "status")
 
 
 def test_the_state_of_a_run_is_printed_whatever_its_manifest_lacks(folder):

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from bench.figures.after_run import last_states
 from bench.reduce.stored_run import open_run
 from bench.report.write import write_report
-from bench.store.followed import FOLLOWED, course_of
+from bench.store.followed import FOLLOWED
 from bench.store.verify import examine
 from tests.support.runs import run_short
 
@@ -71,11 +72,11 @@ def test_without_a_record_nothing_is_said(run):
         ([COMMANDED], "the safe set point was commanded at 2026-03-01 "),
         ([COMMANDED, ARRIVED], "its air arrived at the safe set point at 2026-03-01 "),
         ([COMMANDED, ARRIVED], ", at 26.4 °C."),
-        ([COMMANDED, LATE], "chamber HAS NOT ARRIVED at the safe set point"),
-        ([{"event": "held", "set_point_c": -40.0, "air_c": -39.8}], "held at -40.0 °C, last seen at"),
-        ([{"event": "held"}, {"event": "hold_ends", "why": "its time is over"}, COMMANDED], "was held until"),
+        ([COMMANDED, LATE], "chamber: HAS NOT ARRIVED at the safe set point"),
+        ([{"event": "held", "set_point_c": -40.0, "air_c": -39.8}], "held by its guardian at -40.0 °C, last read at"),
+        ([{"event": "held"}, {"event": "hold_ends", "why": "the hold time has expired"}, COMMANDED], "was held until"),
         ([COMMANDED, {"event": "handed_over", "why": "a run of x has taken the bench"}], "handed over at"),
-        ([COMMANDED, {"event": "ended"}], "not followed any more since"),
+        ([COMMANDED, {"event": "ended"}], "no longer followed since"),
     ],
 )
 def test_what_became_of_a_chamber_is_on_page_one_with_whose_record_that_is(run, lines, words):
@@ -128,7 +129,7 @@ def test_no_entry_breaks_the_page_or_gets_into_it(run, line):
         assert "\x1b" not in html
         assert len(after(html)) < 3000
         assert after(html) or isinstance(line, dict)  # of another device
-    assert "\x1b" not in "".join(course_of(run).values())
+    assert "\x1b" not in "".join(last_states(run).values())
 
 
 def test_lines_that_cannot_be_read_are_counted(run):

@@ -12,7 +12,7 @@ from jinja2 import Environment, nodes
 
 from bench.config.document import read_document
 from bench.config.fixture import Compass, Direction
-from bench.figures import languages, svg, words
+from bench.figures import after_run, languages, svg, words
 from bench.figures.languages import LANGUAGES, catalogue_of, language, tr
 from bench.reduce.stored_run import open_run
 from bench.report import flag_words, note_words
@@ -101,6 +101,7 @@ def texts_in_tables():
         words.ENDINGS,
         words.REASONS,
         words.CONTENTS,
+        after_run.SENTENCES,
         words.CONDITIONS,
         flag_words._READINGS,
         flag_words._UNITS,

@@ -23,7 +23,7 @@ from bench.runner import control
 from bench.runner import tell as tell_module
 from bench.runner.control import Arguments, control_socket, socket_address
 from bench.runner.held import peer
-from bench.runner.tell import tell
+from bench.runner.tell import send_command
 from tests.support.runs import ROOT
 
 pytestmark = pytest.mark.integration
@@ -111,7 +111,7 @@ def test_who_aborts_is_heard_at_once_among_many_who_poll_and_many_who_say_nothin
 
     def poll() -> None:
         while not over.is_set():
-            tell(run.folder, "status")
+            send_command(run.folder, "status")
 
     pollers = [threading.Thread(target=poll) for _ in range(10)]
     with ExitStack() as idle:
@@ -121,7 +121,7 @@ def test_who_aborts_is_heard_at_once_among_many_who_poll_and_many_who_say_nothin
         for poller in pollers:
             poller.start()
         began_s = time.monotonic()
-        assert tell(run.folder, "abort") == "aborted"
+        assert send_command(run.folder, "abort") == "aborted"
         took_s = time.monotonic() - began_s
         over.set()
         for poller in pollers:
@@ -135,7 +135,7 @@ def test_who_aborts_does_not_wait_for_another_command(run: Run, monkeypatch: pyt
     with run.connected() as client:
         client.sendall(b'{"command": "wait"}\n')
         assert run.waiting.acquire(timeout=10)
-        assert tell(run.folder, "abort") == "aborted"
+        assert send_command(run.folder, "abort") == "aborted"
         assert run.commands
         run.hold.set()
         assert json.loads(client.makefile("rb").readline()) == {"done": "waited"}
@@ -193,7 +193,7 @@ def test_who_is_refused_before_he_asks_reads_why_and_asks_again(run: Run, monkey
         return peer(client)
 
     monkeypatch.setattr(tell_module, "peer", late)
-    assert tell(run.folder, "abort") == "aborted"
+    assert send_command(run.folder, "abort") == "aborted"
     assert met == 2
 
 
@@ -218,7 +218,7 @@ def test_a_program_of_another_user_in_the_place_of_a_run_is_not_told(run: Run) -
     with (run.folder / "run.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         with pytest.raises(InputError, match="the socket belongs to a program of another user"):
-            tell(run.folder, "abort")
+            send_command(run.folder, "abort")
     assert run.commands == []
 
 

@@ -54,7 +54,7 @@ def test_a_guardian_that_takes_no_beats_is_told_to_go_on_and_then_ends_the_run(l
 
     run(main(), AS_FAST_AS_POSSIBLE)
     assert [sent.request.text for sent in signals.received] == [
-        "its guardian stands still, which would make the bench safe if this process died"
+        "its guardian hangs; nothing would make the bench safe if this process died"
     ]
     assert 15 < took[0] < 30
     for _ in range(100):

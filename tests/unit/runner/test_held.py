@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from bench.errors import InUseError
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from bench.runner.whereabouts import marks
 from drivers.transport.address import Address
 from tests.support.guardians import stop
@@ -25,10 +25,10 @@ PORT = 2000 + os.getpid() % 7_990  # other tests on this machine hold other port
 HOST = f"tcp://10.0.0.1:{PORT}"
 HOLDS = """
 import encodings.idna, os, sys
-from bench.runner.held import holding
+from bench.runner.held import address_lock
 from drivers.transport.address import Address
 os.setuid(int(sys.argv[2]))
-with holding([Address.parse(sys.argv[1])], "a run of smoke"):
+with address_lock([Address.parse(sys.argv[1])], "a run of smoke"):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -36,7 +36,7 @@ NOBODY = 65534
 
 
 def hold(*texts: str):
-    return holding([Address.parse(text) for text in texts], "somebody")
+    return address_lock([Address.parse(text) for text in texts], "somebody")
 
 
 @contextmanager

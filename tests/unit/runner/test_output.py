@@ -8,16 +8,16 @@ import pty
 
 import pytest
 
-from bench.runner.output import Lasting, Unhurried
+from bench.runner.output import ThreadedStream, TolerantStream
 
 
 def write(out, text):
     assert out.write(text) == len(text)
-    if isinstance(out, Unhurried):
+    if isinstance(out, ThreadedStream):
         out.finish()
 
 
-@pytest.mark.parametrize("kind", [Lasting, Unhurried])
+@pytest.mark.parametrize("kind", [TolerantStream, ThreadedStream])
 def test_a_terminal_that_is_closed_takes_no_more_and_raises_nothing(kind):
     near, far = pty.openpty()
     stream = os.fdopen(far, "w")
@@ -36,7 +36,7 @@ def test_a_terminal_that_is_closed_takes_no_more_and_raises_nothing(kind):
 def test_a_terminal_that_takes_nothing_holds_nobody_up():
     near, far = os.pipe()
     with os.fdopen(near, "rb"), os.fdopen(far, "w") as stream:
-        out = Unhurried(stream)
+        out = ThreadedStream(stream)
         for _ in range(40):
             out.write("x" * 10_000)  # a pipe takes 64 KiB
         assert not out.is_gone

@@ -166,7 +166,7 @@ def test_a_run_that_goes_on_is_not_held() -> None:
 def test_who_listens_late_is_told_that_the_run_is_to_be_held() -> None:
     hold, told = Hold(), list[bool]()
     hold.want(True)
-    with hold.told_to(told.append):
+    with hold.calling(told.append):
         hold.want(True)
         hold.want(False)
     hold.want(True)
@@ -185,6 +185,6 @@ def test_what_is_not_known_ends_nothing_and_is_not_line_power() -> None:
 
 def test_only_another_state_is_news() -> None:
     policy = Policy(PowerEntry.model_validate({"ups": "u@h"}))
-    assert [policy.is_news(state) for state in (LINE, LINE, BATTERY, UNKNOWN, UNKNOWN)] == [
+    assert [policy.is_changed(state) for state in (LINE, LINE, BATTERY, UNKNOWN, UNKNOWN)] == [
         True, False, True, True, False,
     ]  # fmt: skip

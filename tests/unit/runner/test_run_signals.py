@@ -34,7 +34,7 @@ def test_a_signal_is_told_with_its_name(number):
 
     async def wait_for_it():
         came = asyncio.Event()
-        with signals.told_to(lambda sent: (told.append(sent), came.set())):
+        with signals.calling(lambda sent: (told.append(sent), came.set())):
             os.kill(os.getpid(), number)
             await came.wait()
 

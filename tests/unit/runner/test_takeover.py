@@ -38,7 +38,7 @@ def test_a_program_that_stands_still_is_killed():
         stop(process)
         begun_s = time.monotonic()
         _, told = taken_over(0.5)
-        assert told.endswith("did not let go within 0.5 s and is killed.")
+        assert told.endswith("did not release them within 0.5 s and is killed.")
         assert time.monotonic() - begun_s < 10
         with hold(HOST):
             pass

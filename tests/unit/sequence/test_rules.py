@@ -71,7 +71,11 @@ def test_units_on_one_supply_are_held_against_it_together(tmp_path):
     text = path.read_text("utf-8").replace("current: {max: 200 mA}", "current: {max: 1 A}")
     path.write_text(text.replace("supply: supply_b\n", "supply: supply_a\n"), "utf-8")
     bench = load_bench(path).bench
-    assert [bench.draws(f"supply_{place}") for place in "abc"] == [(0.06, 0.22), (-math.inf, math.inf), (0.03, 0.11)]
+    assert [bench.current_range(f"supply_{place}") for place in "abc"] == [
+        (0.06, 0.22),
+        (-math.inf, math.inf),
+        (0.03, 0.11),
+    ]
     teardown = "needs: {supply: power_supply}\nteardown: [{set: supply, output: off}]\n"
     for limit, expected in (("200 mA", [(2, "limit-below-window")]), ("220 mA", [])):
         on = steps(f"{{set: supply, voltage: 5 V, current_limit: {limit}, output: on}}")

@@ -95,7 +95,7 @@ def test_a_run_that_came_to_its_end_is_sealed(sealed):
     assert (record.kind, record.damage, record.remarks) == ("sealed", (), ())
     assert record.in_words.startswith(f"sealed, {record.rows} rows, head ")
     with RunReader(sealed) as reader:
-        assert record.rows == reader.walked().links[-1].total
+        assert record.rows == reader.check_chain().links[-1].total
 
 
 def test_a_run_that_was_interrupted_is_intact_to_its_last_row_and_not_sealed(interrupted):

@@ -207,6 +207,6 @@ def test_an_inertial_unit_needs_both_kinds():
     place = {"channels": channels, "temperature": "t", "supply": "supply"}
     half = {"bias": "20 µg", "scale": "10 ppm"}
     both = {**half, "gyro_bias": "1e-5 °/s", "gyro_scale": "10 ppm"}
-    stated = [PlaceEntry.model_validate({**place, "power_cycles": each}).says_power_cycles for each in (half, both)]
+    stated = [PlaceEntry.model_validate({**place, "power_cycles": each}).has_power_cycles for each in (half, both)]
     assert stated == [False, True]
-    assert not PlaceEntry.model_validate(place).says_power_cycles
+    assert not PlaceEntry.model_validate(place).has_power_cycles
