@@ -49,7 +49,7 @@ def test_a_chamber_that_breaks_in_a_soak_ends_the_run_safe_and_nothing_is_lost(t
 
 def test_a_chamber_without_power_is_found_in_the_ramp(tmp_path):
     result = ran(tmp_path, "wait: 10 min", "{ramp: chamber, to: 40 °C, at: 1 °C/min}", "wait: 1 h", kind="slow")
-    assert "the air has not come 1 °C nearer" in result.problems[0]
+    assert "the air has not come 1 °C closer" in result.problems[0]
     assert result.bench_s < 10 * 60 + 240 + 620
 
 
