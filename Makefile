@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo test setup lint types contracts pytest slow newest coverage truth faults hostile trials reliability profile benchmark peers docs clean
+.PHONY: demo test setup lint types contracts pytest test-quick slow newest coverage night truth faults hostile trials reliability profile benchmark peers docs clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -27,6 +27,10 @@ contracts: $(VENV)/.dev
 pytest: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --dist worksteal -m 'not slow'
 
+# What to run after each change: a minute or so.
+test-quick: $(VENV)/.dev lint
+	$(BIN)/pytest -q -n 2 --dist worksteal -m 'not slow and not lengthy' tests/unit tests/wire
+
 # The other tests: truth over seeds, real stacks on loopback, whole benches. CI runs them after `make test`.
 slow: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --dist worksteal -m slow --durations 20
@@ -40,46 +44,24 @@ coverage: $(VENV)/.dev
 	$(BIN)/pytest -n 2 --cov --cov-report= --dist worksteal
 	$(BIN)/coverage report --fail-under=90
 
-# Results against the simulated truth on a perfect and on a full bench, then with errors planted. Forty seeds go at the
-# level of records where there is that way, so that a seed takes seconds; behind each is what it takes of one processor.
-# All of it is about an hour, or half of that with two processors. `python -m campaigns.truth... --seeds 4` tries a few.
-# Threads of OpenBLAS cost twice what they gain on matrices as small as these.
-truth: export OPENBLAS_NUM_THREADS = 1
-truth: $(VENV)/.dev
-	$(BIN)/python -m campaigns.truth --seeds 40                # static tumble, through all wires
-	$(BIN)/python -m campaigns.truth.indexing --seeds 40       # through all wires: 5 s a seed and bench, 7 min
-	$(BIN)/python -m campaigns.truth.imu --seeds 40            # records: 5 s, 8 min
-	$(BIN)/python -m campaigns.truth.channel --seeds 40        # records: 2 s, 4 min
-	$(BIN)/python -m campaigns.truth.ramp --seeds 40           # records: 4 s, 6 min
-	$(BIN)/python -m campaigns.truth.repeatability --seeds 40  # through all wires
-	$(BIN)/python -m campaigns.truth.resumed --seeds 40        # through all wires, killed and resumed: 30 s, 20 min
-	$(BIN)/python -m campaigns.truth.imu_start_up --seeds 20
-	$(BIN)/python -m campaigns.truth.table --seeds 40          # records: 11 s, 18 min, three seeds through all wires
-	$(BIN)/python -m campaigns.truth.ladder --seeds 20
-	$(BIN)/python -m campaigns.truth.monte_carlo --draws 1500
-	$(BIN)/python -m campaigns.truth.units --seeds 40 --decide # units that differ in kind: hours, stopped it goes on
+# The campaigns, whole: hours. Stopped, it goes on where it was; results by date are in build/night. The list of what is
+# done, with the time that each takes, is campaigns/night.py. The scorecard goes on for MINUTES where it was stopped.
+MINUTES ?= 0
+night: $(VENV)/.dev
+	$(BIN)/python -m campaigns.night --minutes $(MINUTES)
 
-# Bad lines: 20,000 readings over all dialects, each fault reported or borne, and none that makes a value wrong where the
-# line has a checksum; 2,000 orders, none of them sent twice; and what asking twice gains where it has none. Five minutes.
+# Its parts. truth: results against the simulated truth on a perfect and on a full bench, then with errors planted. Forty
+# seeds go at the level of records where there is that way, so that a seed takes seconds. All of it is about an hour, or
+# half of that with two processors, and units that differ in kind hours; `python -m campaigns.truth... --seeds 4` tries a few.
+# faults: 20,000 readings over all dialects on bad lines, each fault reported or borne, and none that makes a value wrong
+# where the line has a checksum; 2,000 orders, none of them sent twice; and what asking twice gains where it has none.
 # Then instruments that exchange their ports, and second masters: 2000 of each, none told what was meant for another.
 # Then 10,000 acquisitions of counters on bad buses: every gap is told, and no count is wrong without a word.
-faults: $(VENV)/.dev
-	$(BIN)/python -m campaigns.line_faults --trials 20000
-	$(BIN)/python -m campaigns.swaps --trials 2000
-	$(BIN)/python -m campaigns.can_faults --cases 10000
-
-# 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
-hostile: $(VENV)/.dev
-	$(BIN)/python -m campaigns.hostile --count 100000
-
-# Hostile trials of record, safe state, locks and control, in one table; `python -m campaigns.trials --scale 0.05` is a sample.
-trials: $(VENV)/.dev
-	$(BIN)/python -m campaigns.trials
-
-# The scorecard: trials by the hundred, which go on for MINUTES where they were stopped; without, the table as it is.
-MINUTES ?= 0
-reliability: $(VENV)/.dev
-	$(BIN)/python -m campaigns.reliability --minutes $(MINUTES)
+# hostile: 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
+# trials: record, safe state, locks and control, in one table; `python -m campaigns.trials --scale 0.05` is a sample.
+# reliability: the scorecard, trials by the hundred; without MINUTES the table as it is.
+truth faults hostile trials reliability: $(VENV)/.dev
+	$(BIN)/python -m campaigns.night $@ --minutes $(MINUTES)
 
 # Where the time of a simulated bench second goes, and our decoder beside cantools.
 profile: $(VENV)/.dev

@@ -20,7 +20,7 @@ from bench.metrology.acquisition import Counts
 from bench.metrology.outputs import windows_of
 from bench.reduce.acquisitions import acquisitions
 from bench.reduce.evaluate import evaluate
-from bench.reduce.journal import on_the_way
+from bench.reduce.journal import journal_records
 from bench.reduce.stored_run import open_run
 from bench.runner.quiet import Quiet
 
@@ -60,7 +60,7 @@ def in_memory(path: Path) -> tuple[int, float, float]:
                 analysis_s += watch.elapsed_s()
                 latches += max(len(counts.tick) for counts in acquisition.counts.values())
         watch = Stopwatch()
-        evaluate(stored.sequence, means.__getitem__, "completed", on_the_way(stored.reader))
+        evaluate(stored.sequence, means.__getitem__, "completed", journal_records(stored.reader))
         return latches, script_s, analysis_s + watch.elapsed_s()
 
 

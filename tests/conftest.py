@@ -14,7 +14,7 @@ import subprocess
 import sys
 import threading
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 from ctypes.util import find_library
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,9 @@ from hypothesis import settings
 
 import bench.loop
 import tests  # noqa: F401  which gives them a folder for states
+from tests.support.commands import Done, invoked
 
+pytest_plugins = ["tests.support.budget"]
 ROOT = Path(__file__).parents[1]
 # The same examples in every run, so that a change is judged by itself; HYPOTHESIS_PROFILE=explore looks for new ones.
 # A busy machine is no failure, so no example has a deadline.
@@ -83,6 +85,36 @@ def _state_of_nobody(tmp_path_factory):
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("itb-state-"))
 
 
+_OF_SOMETHING: dict[str, bool] = {}  # lines on which the present test has called all(), and whether it got anything
+
+
+def _noted_all(values: Iterable[object]) -> bool:
+    """As all(); notes where it is of nothing, of which everything is true."""
+    caller = sys._getframe(1)
+    line = f"{caller.f_code.co_filename}:{caller.f_lineno}"
+    _OF_SOMETHING.setdefault(line, False)
+    for value in values:
+        _OF_SOMETHING[line] = True
+        if not value:
+            return False
+    return True
+
+
+def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class) -> None:
+    """Let every module of tests note its calls of all()."""
+    if isinstance(collector, pytest.Module):
+        vars(collector.obj).setdefault("all", _noted_all)
+
+
+@pytest.fixture(autouse=True)
+def _all_is_of_something():
+    """Fails a test in which all() was never of anything on one of its lines, also over all examples of a property."""
+    _OF_SOMETHING.clear()
+    yield
+    nothing = [line for line, some in _OF_SOMETHING.items() if not some]
+    assert not nothing, f"all() of nothing is always true; assert before what there must be: {nothing}"
+
+
 _LEFT_TASKS: list[str] = []  # of the loops that the present test has run
 
 
@@ -98,12 +130,16 @@ def _noting(end: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]
 bench.loop._end_tasks = _noting(bench.loop._end_tasks)  # type: ignore[assignment]
 
 
+_FONTS = re.compile(r"\.(tt[cf]|otf)$")  # matplotlib keeps open what it has drawn with
+
+
 def _held() -> tuple[Counter[str], set[threading.Thread]]:
     """Files, sockets and pipes that this process holds, by what they are, and its threads."""
     descriptors = Counter[str]()
     for name in os.listdir("/proc/self/fd"):
         with contextlib.suppress(OSError):
-            descriptors[re.sub(r"\[\d+\]", "", os.readlink(f"/proc/self/fd/{name}"))] += 1
+            held = os.readlink(f"/proc/self/fd/{name}")
+            descriptors[re.sub(r"\[\d+\]", "", held)] += not _FONTS.search(held)
     return descriptors, set(threading.enumerate())
 
 
@@ -136,5 +172,19 @@ def bench_command():
             [sys.executable, "-m", "bench", *map(str, arguments)], stdout=stdout, stderr=subprocess.PIPE, text=True,
             timeout=timeout_s, cwd=cwd or ROOT, env={**os.environ, "PYTHONPATH": str(ROOT), **(env or {})}, check=False,
         )  # fmt: skip
+
+    return run
+
+
+@pytest.fixture
+def bench_here(monkeypatch):
+    """Runs `bench` as bench_command does, but in this process, which saves the start of another one."""
+
+    def run(*arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None) -> Done:
+        with monkeypatch.context() as patched:
+            patched.chdir(cwd or ROOT)
+            for name, value in (env or {}).items():
+                patched.setenv(name, value)
+            return invoked(*map(str, arguments))
 
     return run

@@ -16,7 +16,6 @@ from bench.config.models import BenchFile
 from bench.config.places import PlaceEntry
 from bench.config.simulation import SourceSimulation, TableSimulation
 from bench.errors import InputError
-from bench.metrology.bench_uncertainty import AxisRecord
 from bench.reduce.certificates import HOUR_S, bench_record
 from bench.reduce.corrections import Table as CorrectionTable
 from bench.reduce.corrections import corrections_of
@@ -140,7 +139,7 @@ class _Draws:
         )
 
     def _axis(self, role: str, path: tuple[str, ...]) -> AxisErrors:
-        known = self._stated.axes.get(role, AxisRecord())
+        known = self._stated.axis(role)
         harmonics = enumerate(known.harmonics_u_deg, start=1)
         amplitudes = [
             [self._draw(u, "head", *path, str(order), shape) for shape in ("cosine", "sine")] for order, u in harmonics
@@ -149,16 +148,16 @@ class _Draws:
             zero_deg=self._draw(known.zero_u_deg, "head", *path, "zero"),
             cosines=tuple(cosine for cosine, _ in amplitudes),
             sines=tuple(sine for _, sine in amplitudes),
-            backlash_deg=self._backlash_deg(known, path),
+            backlash_deg=self._backlash_deg(known.backlash_u_deg, path),
             repeatability_deg=known.repeatability_u_deg,
             table=columns(self._corrections.axes.get(role)),
         )
 
-    def _backlash_deg(self, known: AxisRecord, path: tuple[str, ...]) -> float:
+    def _backlash_deg(self, certified_u_deg: float | None, path: tuple[str, ...]) -> float:
         """Draw the backlash from the certificate, if it states one."""
-        if known.backlash_u_deg is None:
+        if certified_u_deg is None:
             return self._bench.simulation.head.backlash / ARCSEC_PER_DEG
-        return self._draw(known.backlash_u_deg, "head", *path, "backlash")
+        return self._draw(certified_u_deg, "head", *path, "backlash")
 
     def _installed(self, fixture: Fixture) -> Fixture:
         """Return a table with several axes as installed: rotated about the vertical, tilted, not quite square."""

@@ -7,12 +7,11 @@ the truth too. An import contract ensures that.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 from bench.app.laboratory import Laboratory
 from bench.metrology.acquisition import Acquisition
-from bench.metrology.run_data import UnitUnderTest
 from bench.reduce.stored_run import StoredRun
 from bench.sequence.method import CountsAt, known_methods
 from drivers.installed import loaded
@@ -45,12 +44,36 @@ def _own_truth(stored: StoredRun, world: World) -> dict[str, Any]:
     return {"methods": found} if found else {}
 
 
-def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[tuple[str, UnitUnderTest, Acquisition]]:
-    """Yield the acquisitions of methods with this kind of counting, with their keys in the truth."""
+class _Measured(NamedTuple):
+    """An acquisition of one unit; `temperature` and `source` are the names of its inputs in the record."""
+
+    label: str
+    place: str
+    temperature: str
+    source: str
+    acquired: Acquisition
+
+    def key(self, step: str) -> str:
+        """Return the key of a step, or of a group of steps, in the truth."""
+        return f"{self.label}/{self.place}@{step}"
+
+
+def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[_Measured]:
+    """Yield the acquisitions of methods with this kind of counting, in the order of the record."""
     for data in stored.counted_at(counted_at):
         for unit in data.units:
-            for acquisition in data.acquisitions:
-                yield f"{data.label}/{unit.place}@{acquisition.step}", unit, acquisition
+            for acquired in data.acquisitions:
+                yield _Measured(data.label, unit.place, unit.temperature, unit.source, acquired)
+
+
+def _by(
+    stored: StoredRun, counted_at: CountsAt, belongs_to: Callable[[Acquisition], str]
+) -> dict[str, list[_Measured]]:
+    """Return the same acquisitions by what those of a unit belong to, with its keys in the truth."""
+    found: dict[str, list[_Measured]] = {}
+    for each in _each(stored, counted_at):
+        found.setdefault(each.key(belongs_to(each.acquired)), []).append(each)
+    return found
 
 
 def orientation(acquisition: Acquisition) -> Lies:
@@ -60,79 +83,71 @@ def orientation(acquisition: Acquisition) -> Lies:
     return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
 
 
+def _middle_s(acquisition: Acquisition) -> float:
+    return (acquisition.begin_s + acquisition.end_s) / 2
+
+
 def _dwells(stored: StoredRun) -> list[DwellAsMeasured]:
     """Return the dwells of a run for the truth: times, temperatures and angles."""
-    found = []
-    for data in stored.counted_at("dwells"):
-        for unit in data.units:
-            found += [_dwell(data.label, unit, group, members) for group, members in data.groups().items()]
-    return found
+    dwells = _by(stored, "dwells", lambda acquired: acquired.group.partition("/")[2])
+    return [_dwell(key, members[0], [each.acquired for each in members]) for key, members in dwells.items()]
 
 
-def _dwell(label: str, unit: UnitUnderTest, group: str, members: Sequence[Acquisition]) -> DwellAsMeasured:
+def _dwell(key: str, first: _Measured, members: Sequence[Acquisition]) -> DwellAsMeasured:
     return DwellAsMeasured(
-        key=f"{label}/{unit.place}@{group.partition('/')[2]}",
-        place=unit.place,
+        key=key,
+        place=first.place,
         at_s=math.fsum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
-        temperature_c=math.fsum(each.temperatures_c[unit.temperature].mean() for each in members) / len(members),
+        temperature_c=math.fsum(each.temperatures_c[first.temperature].mean() for each in members) / len(members),
         lies=tuple(orientation(member) for member in members),
-        each_s=tuple((member.begin_s + member.end_s) / 2 for member in members),
+        each_s=tuple(_middle_s(member) for member in members),
     )
 
 
 def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
     """Yield the windows of a run for each inertial unit."""
-    for key, unit, window in _each(stored, "windows"):
-        yield WindowAsMeasured(key, unit.place, (window.begin_s + window.end_s) / 2)
+    for each in _each(stored, "windows"):
+        yield WindowAsMeasured(each.key(each.acquired.step), each.place, _middle_s(each.acquired))
 
 
 def _readings(stored: StoredRun) -> list[LegAsMeasured]:
     """Return the single readings of methods that count separately: the last stable reading of each unit."""
     return [
-        LegAsMeasured(
-            key, unit.place, each.end_s - (each.over_s or each.end_s - each.begin_s), each.end_s, orientation(each)
-        )
-        for key, unit, each in _each(stored, "records")
+        _leg(each, each.acquired.end_s - (each.acquired.over_s or each.acquired.end_s - each.acquired.begin_s))
+        for each in _each(stored, "records")
     ]
 
 
 def _legs(stored: StoredRun) -> list[LegAsMeasured]:
     """Return the legs of temperature ramps, one acquisition each."""
-    return [
-        LegAsMeasured(key, unit.place, leg.begin_s, leg.end_s, orientation(leg))
-        for key, unit, leg in _each(stored, "ramps")
-    ]
+    return [_leg(each, each.acquired.begin_s) for each in _each(stored, "ramps")]
+
+
+def _leg(each: _Measured, begin_s: float) -> LegAsMeasured:
+    acquired = each.acquired
+    return LegAsMeasured(each.key(acquired.step), each.place, begin_s, acquired.end_s, orientation(acquired))
 
 
 def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
     """Return the acquisitions at one input level each."""
     return [
         LevelAsMeasured(
-            key, unit.place, level.begin_s, level.end_s, orientation(level),
-            source_a=level.sources_told_a.get(unit.source, 0.0) if level.input == "source" else None,
+            each.key(level.step), each.place, level.begin_s, level.end_s, orientation(level),
+            source_a=level.sources_set_a.get(each.source, 0.0) if level.input == "source" else None,
         )
-        for key, unit, level in _each(stored, "levels")
+        for each in _each(stored, "levels") for level in (each.acquired,)
     ]  # fmt: skip
 
 
 def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
-    """Return the ladders of small steps; their position is that of the start."""
+    """Return the ladders of small steps, by the loop variable `position`; their position is that of the start."""
+    ladders = _by(stored, "steps", lambda acquired: f"position={acquired.loops.get('position', 0.0):g}")
     return [
         LadderAsMeasured(
-            key=f"{data.label}/{unit.place}@position={position:g}",
-            place=unit.place,
-            at_s=(members[0].begin_s + members[-1].end_s) / 2,
-            lies=orientation(members[0]),
+            key=key,
+            place=steps[0].place,
+            at_s=(steps[0].acquired.begin_s + steps[-1].acquired.end_s) / 2,
+            lies=orientation(steps[0].acquired),
         )
-        for data in stored.counted_at("steps")
-        for unit in data.units
-        for position, members in _ladders_of(data.acquisitions).items()
+        for key, steps in ladders.items()
     ]
-
-
-def _ladders_of(acquisitions: Sequence[Acquisition]) -> dict[float, list[Acquisition]]:
-    """Return the acquisitions of each ladder, by the loop variable `position`."""
-    found: dict[float, list[Acquisition]] = {}
-    for acquisition in acquisitions:
-        found.setdefault(acquisition.loops.get("position", 0.0), []).append(acquisition)
-    return found

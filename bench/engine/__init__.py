@@ -1,1 +1,1 @@
-"""Runs a plan on a rig: steps, readings, safety, record."""
+"""Run a plan on a rig: steps, readings, safe state and record."""

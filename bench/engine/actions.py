@@ -1,4 +1,4 @@
-"""Each kind of step as one short function, and what is done when one is cut short."""
+"""One short function for each kind of step, and the stop of what an interrupted step has started."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from drivers.quantity.units import customary_unit
 
 
 async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C901  one case for each kind of step
-    """Does a step; what it found."""
+    """Execute a step; return its result for the journal."""
     match step:
         case Move():
             return await _move(step, bench)
@@ -73,7 +73,7 @@ async def perform(step: Step, step_id: str, bench: Bench) -> Found:  # noqa: C90
 
 
 def target_of(step: Step, bench: Bench) -> Found:
-    """What a step is to set, for the journal before it begins.
+    """Return the target of a step, for the journal before the step begins.
 
     A movement relative to an angle that is not known yet has no target.
     """
@@ -99,7 +99,7 @@ def target_of(step: Step, bench: Bench) -> Found:
 
 
 async def leave(step: Step, bench: Bench) -> None:
-    """Brings to rest what a step that was cut short has set going."""
+    """Stop the motion or output that an interrupted step has started."""
     match step:
         case Move():
             await bench.rig.positioner(step.role).stop()
@@ -127,7 +127,7 @@ async def _move(step: Move, bench: Bench) -> Found:
 
 
 async def begin_turning(step: Rotate | Oscillate, bench: Bench) -> None:
-    """Sets the table going."""
+    """Start the rotation of the table."""
     table = bench.rig.table(step.role)
     bench.angles_deg.pop(step.role, None)
     if isinstance(step, Rotate):
@@ -145,7 +145,7 @@ async def _rotate(step: Rotate, bench: Bench) -> Found:
 
 
 async def _oscillate(step: Oscillate, bench: Bench) -> Found:
-    """Every frequency of a sweep swings about the same angle, where a table that goes to angles is taken back to."""
+    """Oscillate the table at each frequency of a sweep; a positioning table returns to the centre before each."""
     table = bench.rig.table(step.role)
     bench.angles_deg.pop(step.role, None)
     centre = await table.angle()
@@ -159,7 +159,7 @@ async def _oscillate(step: Oscillate, bench: Bench) -> Found:
 
 
 def _credit_s(step: Soak, step_id: str, bench: Bench) -> float:
-    """Seconds of the soak that count as passed."""
+    """Return the seconds of the soak that count as passed."""
     if bench.credit is None:
         return 0.0
     given_s, text = bench.credit.given_s(step, step_id, bench.monitor, bench.journal)
@@ -169,13 +169,13 @@ def _credit_s(step: Soak, step_id: str, bench: Bench) -> float:
 
 
 async def _set_output(step: SetOutput, bench: Bench) -> Found:
-    """Sets an output, or each of several that are for units still in; none is left on for a unit that is not."""
+    """Switch an output, or those of all remaining units; the outputs of dropped units stay off."""
     units, found = bench.monitor.units, {}
     for role in bench.file.members(step.role) if step.output == "off" else units.members(step.role):
         try:
             found[role] = await _set_one(step, role, bench)
         except DriverError:
-            if units.is_needed(role):  # not of a unit that was dropped, and its output made safe, meanwhile
+            if units.is_needed(role):  # The unit may have been dropped, and its output made safe, during the loop.
                 raise
     return found.get(step.role, {"outputs": found})
 
@@ -201,7 +201,7 @@ async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
     question = Question(step_id, step.text, step.allowed, step.input, step.picture, step.expect)
     bench.journal.write("asked", step_id, text=step.text, expected=question.expected)
     answer = await bench.desk.ask(question, step.give_up_after_s)
-    found: dict[str, Any] = {"question": step.text, "by": answer.by, **_told(answer.value)}
+    found: dict[str, Any] = {"question": step.text, "by": answer.by, **_answer_facts(answer.value)}
     if step.name is not None:
         found["as"] = step.name
     if step.expect is not None and step.expect.mount is not None:
@@ -212,7 +212,7 @@ async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
     return found
 
 
-def _told(value: Quantity | str) -> dict[str, Any]:
+def _answer_facts(value: Quantity | str) -> dict[str, Any]:
     if isinstance(value, str) or not is_known(value):
         return {"value": str(value)}
     unit = customary_unit(value.dimension)

@@ -25,10 +25,10 @@ from drivers.values import Reading
 
 KEPT_S = 4 * 3600.0
 TOO_MANY = 2  # rejected readings in a row
-STEEPEST_C_PER_MIN = 60.0  # the sensor in the air of a chamber past an open door; a unit, which is heavier, is slower
-CHANGES_WITHIN_S = 3600.0  # by then any thermometer as fine as that shows its noise
+STEEPEST_C_PER_MIN = 60.0  # sensor in the chamber's air when the door opens; a unit is slower
+CHANGES_WITHIN_S = 3600.0  # a thermometer of this resolution has shown its noise by then
 FINE_C = 0.02
-AHEAD_S = 0.5  # of the clock of the run: more than converted times of an instrument's clock differ from it
+AHEAD_S = 0.5  # of the clock of the run; instrument times converted to it differ by less
 ROUNDING_S = 1e-6  # of times of readings, which are sums
 
 
@@ -91,16 +91,16 @@ class Channel:
         self._rule = rule
         self._number = 0
         self._newest: Valid | None = None
-        self.invalid: Invalid | None = None  # the newest reading, if it is so
-        self._in_a_row = 0  # invalid ones
-        self._implausible = 0  # of them, those that are the sensor's
-        self._lost_s = math.inf  # since when they have been too many
-        self._finest = math.inf  # change that was ever seen
+        self.invalid: Invalid | None = None  # the newest reading, if it is invalid
+        self._in_a_row = 0  # invalid readings
+        self._implausible = 0  # of these, those that indicate a fault of the sensor
+        self._lost_s = math.inf  # time at which they became too many
+        self._finest = math.inf  # smallest change seen so far
         self._same_since_s = math.inf
         self._at_s, self._values = array("d"), array("d")
 
     def take(self, readings: Sequence[Reading], now_s: float) -> tuple[list[Valid], list[Invalid]]:
-        """Take in values that were read by now: all valid ones, and the first few invalid ones of each series."""
+        """Add the values read by `now_s`: all valid readings, and the first few invalid ones of each series."""
         valid: list[Valid] = []
         invalid: list[Invalid] = []
         for at_s, value in readings:
@@ -118,9 +118,9 @@ class Channel:
         return valid, invalid
 
     def latest(self, age_of: Callable[[float], float] = awake_s) -> Latest:
-        """The newest reading with its age, if it is valid and not stale; otherwise what it is. For display and limits.
+        """Return the newest reading with its age if it is valid and not stale, otherwise the reason.
 
-        `age_of` returns the age of an instant on the clock of the run.
+        For display and limits. `age_of` returns the age of an instant on the clock of the run.
         """
         if self._newest is None:
             return self.invalid or Stale("has not been read yet", math.inf)
@@ -131,9 +131,10 @@ class Channel:
         return self.invalid or Fresh(self._newest, max(age_s, 0.0))
 
     def window(self, span_s: float, since_s: float, age_of: Callable[[float], float] = awake_s) -> Window | Absent:
-        """Readings of the last `span_s` before the newest, none older than `since_s`; for decisions over a time.
+        """Return the readings of the last `span_s` before the newest, none older than `since_s`.
 
-        Absent if the newest is invalid or stale, or if between two of them it was so.
+        For decisions over a time. Absent if the newest reading is invalid or stale, or if there was a gap of valid
+        readings between two of them.
         """
         latest = self.latest(age_of)
         if not isinstance(latest, Fresh):
@@ -153,7 +154,7 @@ class Channel:
         return Window(at_s, np.array(self._values[begin:]))
 
     def _untimely(self, at_s: float, now_s: float) -> str:
-        """Why a reading is none of this time, to follow the name of the channel; "" if it is."""
+        """Return the fault of a reading's time stamp, to follow the name of the channel; "" if it is valid."""
         newest = self._newest
         if newest is not None and newest.at_s < at_s <= now_s:
             return ""
@@ -166,7 +167,7 @@ class Channel:
         return f"was read with a time stamp {newest.at_s - at_s:.3g} s before that of the reading before it"
 
     def _implausibility(self, at_s: float, value: float) -> str:
-        """Why a value is rejected, to follow the name of the channel; "" if it is accepted."""
+        """Return the reason why a value is rejected, to follow the name of the channel; "" if it is accepted."""
         rule, newest = self._rule, self._newest
         if not math.isfinite(value):
             return "was read as not-a-number"
@@ -174,7 +175,8 @@ class Channel:
             return f"was read as {value:.6g} {self.unit}, outside the possible range"
         if newest is None or abs(value - newest.value) <= rule.jump:
             return ""
-        changing_s = min(at_s, self._lost_s) - newest.at_s  # a step does not become possible by being read for longer
+        # A jump stays implausible however long the channel was not read.
+        changing_s = min(at_s, self._lost_s) - newest.at_s
         if abs(value - newest.value) <= rule.jump + rule.steepest_per_s * changing_s:
             return ""
         return (
@@ -183,7 +185,7 @@ class Channel:
         )
 
     def _reject(self, at_s: float, why: str, *, untimely: bool) -> None:
-        """Count an invalid reading; what is wrong with the sensor."""
+        """Count an invalid reading; return the fault of the sensor, "" if none."""
         self._in_a_row += 1
         if untimely:
             return
@@ -193,7 +195,7 @@ class Channel:
             self._fail(f"{why}, and the reading before it was implausible too. Check the sensor")
 
     def _accept(self, reading: Valid) -> Valid:
-        """Take this one as the newest value, with the problem that it shows; return it."""
+        """Store a valid reading as the newest, with the problem it reveals, and return it."""
         before, self._newest = self._newest, reading
         if self.invalid is not None:
             self.invalid, self._in_a_row, self._implausible, self._lost_s = None, 0, 0, math.inf
@@ -216,7 +218,7 @@ class Channel:
             self.problem = f"{self.name} {what}, its cable, and the instrument that reads it."
 
     def _forget(self, now_s: float) -> None:
-        """Drops what is no longer kept, seldom."""
+        """Discard readings that are too old, once in a while."""
         if self._at_s[0] < now_s - 2 * KEPT_S:
             passed = bisect_left(self._at_s, now_s - KEPT_S)
             del self._at_s[:passed], self._values[:passed]

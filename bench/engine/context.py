@@ -1,4 +1,4 @@
-"""What a step of a plan acts with."""
+"""Context in which a step of a plan acts."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from bench.engine.questions import Desk
 from bench.rig import Rig
 from bench.store.writer import RunWriter
 
-Found = Mapping[str, Any]  # what a step found, for the journal
+Found = Mapping[str, Any]  # result of a step, for the journal
 
 
 @dataclass(frozen=True)
 class Bench:
-    """What a step acts with. `angles_deg` are where the last moves went, by role; `numbered` is what sends numbers.
+    """Context of a step: rig, plan and services.
 
-    `credit` is that of a soak of a resumed run, `role` the one that a plug-in's step names.
+    `angles_deg` are the targets of the last moves by role, `numbered` are the devices that number their frames,
+    `credit` is that of a soak of a resumed run, `role` is the one that a plug-in's step names.
     """
 
     file: BenchFile

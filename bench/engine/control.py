@@ -1,4 +1,4 @@
-"""What the operator and interlocks want of a run while it goes on: hold, skip, repeat, end after the step."""
+"""Requests of the operator and of interlocks during a run: hold, skip, repeat, end after the step."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ OPERATOR = "operator"
 
 
 class StepUnderWay:
-    """A step that can be cut short: its time limit, and who wants what of it instead."""
+    """A running step that can be interrupted: its cancel scope and the request that interrupts it."""
 
     def __init__(self, step: StepBase, limit: asyncio.Timeout) -> None:
         self.step, self._limit = step, limit
         self.wish: Wish | None = None
 
     def cut(self, wish: Wish) -> bool:
-        """Ends the step now; false when it is ending already, and being brought to rest."""
+        """End the step now; return false if it is already ending."""
         if self._limit.expired():
             return False
         self.wish = wish
@@ -30,7 +30,7 @@ class StepUnderWay:
 
 
 class Control:
-    """Hold steps back while there is a reason to, and cancel the current ones.
+    """Hold back steps while there is a reason to, and cancel running ones.
 
     Concurrency: one loop; its methods may be called at any time, also from within the steps.
     """
@@ -43,15 +43,15 @@ class Control:
         self._repeat_last = False
         self._woken = asyncio.Event()
         self.last_step = False
-        self.aborting = False  # no teardown begins any more
+        self.aborting = False  # set once no further teardown may begin
         self.under_way: dict[str, StepUnderWay] = {}
 
     def hold(self, by: str) -> None:
-        """No step begins until `by` releases it."""
+        """Let no step begin until `by` releases the run."""
         self._reasons.add(by)
 
     def release(self, by: str) -> None:
-        """`by` has no reason any more."""
+        """Remove the hold of `by`."""
         self._reasons.discard(by)
         if not self._reasons:
             self._woken.set()
@@ -63,12 +63,12 @@ class Control:
 
     @property
     def held(self) -> bool:
-        """Whether anybody holds the run."""
+        """True while anybody holds the run."""
         return bool(self._reasons)
 
     @property
     def held_by(self) -> str:
-        """Who holds the run."""
+        """Return the names of those who hold the run."""
         return ", ".join(sorted(self._reasons))
 
     def cut(self, wish: Wish, kind: type[StepBase] = StepBase) -> list[str]:
@@ -82,7 +82,7 @@ class Control:
         self._woken.set()
 
     async def may_begin(self, step: str) -> bool:
-        """Returns when a step may begin: true, or false when the one before it is to be done again first."""
+        """Wait until a step may begin; return true, or false if the step before it is to be repeated first."""
         while self._reasons:
             if self._repeat_last:
                 self._repeat_last = False

@@ -1,8 +1,8 @@
-"""For how long a soak that is done again counts as passed: what the record of a run and its guardian prove.
+"""Credit for a soak that is repeated after an interruption, from the record of a run and of its guardian.
 
-Opens nothing. `NoCredit` is raised for whatever is not proved: it makes no difference whether a condition did not last,
-or whether that is unknown. Two clocks are compared: `up_s`, the time since the start of the computer (s), which nobody
-sets and which counts on while it sleeps, and `utc_s`, its time of day (s since 1970).
+Opens no files. `NoCredit` is raised for anything that is not proved: a condition that failed and one that is unknown
+are treated alike. Two clocks are compared: `up_s`, the time since the start of the computer (s), which nobody sets and
+which counts on while it sleeps, and `utc_s`, its time of day (s since 1970).
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 from bench.clock import SLEWED, SMALLEST_STEP_S
 from drivers.kinds.chamber.arrival import KEPT_WITHIN_C
 
-GAP_S = 60.0  # between looks at the chamber, at most: two of a guardian, of which none is missing
-SAME_C = 0.05  # by which the read-back of a set point that nobody changes may differ from look to look
+GAP_S = 60.0  # largest interval between readings of the chamber: two periods of a guardian that has missed none
+SAME_C = 0.05  # largest difference of consecutive read-backs of an unchanged set point
 
 
 class NoCredit(Exception):
-    """What is not proved, in words."""
+    """The reason why no credit is given."""
 
 
 class Chamber(NamedTuple):
@@ -36,7 +36,7 @@ class Chamber(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """A time by both clocks, after a start of the computer."""
+    """An instant on both clocks, after a start of the computer."""
 
     boot: str
     up_s: float
@@ -44,7 +44,7 @@ class Instant(NamedTuple):
 
 
 class Look(NamedTuple):
-    """A look at the chamber, °C; `from_safe_c` is how far its last command is from the safe set point, 0 where off."""
+    """A reading of the chamber, °C; `from_safe_c` is the last command minus the safe set point, 0 if off."""
 
     at: Instant
     air_c: float
@@ -53,7 +53,7 @@ class Look(NamedTuple):
 
 
 class Soaked(NamedTuple):
-    """What the record proves: in band at the set point from `since_s` (bench time) until the last reading."""
+    """Period proved by the record: in band at the set point from `since_s` (bench time) until the last reading."""
 
     since_s: float
     since_up_s: float
@@ -64,7 +64,7 @@ class Soaked(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What the guardian proves: in band by so many looks, with gaps of `longest_s` at most, until the last one."""
+    """Period proved by the guardian: number of readings in band, longest gap `longest_s`, and the last reading."""
 
     looks: int
     longest_s: float
@@ -72,7 +72,7 @@ class Held(NamedTuple):
 
 
 def held(lines: Sequence[Mapping[str, Any]], run: str, chamber: Chamber, before: Soaked) -> Held:
-    """How the guardian held the chamber after that, by the lines of its record; raises NoCredit."""
+    """Return the period in which the guardian held the chamber, from the lines of its record; raise NoCredit."""
     course = _last_course(lines, chamber.role)
     if any(not isinstance(each.get("run"), str) or PurePath(each["run"]).name != run for each in course):
         raise NoCredit("the record of the guardian is of another run")
@@ -89,14 +89,17 @@ def held(lines: Sequence[Mapping[str, Any]], run: str, chamber: Chamber, before:
 
 
 def credit_s(before: Soaked, meanwhile: Held, now: Look, chamber: Chamber) -> float:
-    """The time (s) until the first look of the resumed run, which is `now`; raises NoCredit."""
+    """Return the credited time (s) until the first reading of the resumed run, `now`; raise NoCredit."""
     _passed_s(meanwhile.last.at, now.at)
     _expect_in_band(now, chamber, before.set_point_c, before.read_back_c)
     return now.at.up_s - before.since_up_s
 
 
 def _last_course(lines: Sequence[Mapping[str, Any]], role: str) -> Sequence[Mapping[str, Any]]:
-    """What the guardian did with the chamber last: held, read, handed over; nothing else proves that it was held."""
+    """Return the guardian's last sequence of records on the chamber: held, read, handed over.
+
+    Nothing else proves a hold.
+    """
     if not lines:
         raise NoCredit(f"no guardian has recorded that {role} was held")
     if not all(isinstance(each.get("role"), str) and isinstance(each.get("event"), str) for each in lines):
@@ -113,7 +116,7 @@ def _last_course(lines: Sequence[Mapping[str, Any]], role: str) -> Sequence[Mapp
 
 
 def _other(course: Sequence[Mapping[str, Any]]) -> str:
-    """What is recorded of a chamber beside looks at it, in words."""
+    """Describe a record of a chamber that is not a reading."""
     other = [each for each in course[1:] if each["event"] not in ("reading", "handed_over")]
     if not other:
         return "its guardian has not handed it over"
@@ -128,7 +131,7 @@ def _instant(line: Mapping[str, Any]) -> Instant:
         raise NoCredit("the record of the guardian is damaged") from None
     up_s, boot = number(line.get("up_s")), line.get("boot")
     if at.tzinfo is None or math.isnan(up_s) or not isinstance(boot, str):
-        raise NoCredit("the record of the guardian does not say when it looked")
+        raise NoCredit("the record of the guardian does not state the times of its readings")
     return Instant(boot, up_s, at.timestamp())
 
 
@@ -137,7 +140,7 @@ def _look(line: Mapping[str, Any], at: Instant) -> Look:
 
 
 def number(value: object) -> float:
-    """A finite number; NaN for anything else."""
+    """Return a finite number, or NaN for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return math.nan
     try:
@@ -147,7 +150,7 @@ def number(value: object) -> float:
 
 
 def _passed_s(before: Instant, after: Instant) -> float:
-    """Time between two looks, by both clocks."""
+    """Return the time between two readings (s), checked on both clocks."""
     if not before.boot or before.boot != after.boot:
         raise NoCredit("the computer was started again")
     passed_s, by_day_s = after.up_s - before.up_s, after.utc_s - before.utc_s
@@ -158,7 +161,7 @@ def _passed_s(before: Instant, after: Instant) -> float:
 
 
 def expect_gap(gap_s: float) -> None:
-    """Raises NoCredit where nobody looked for too long (s)."""
+    """Raise NoCredit for a gap (s) between readings that is too long."""
     if not gap_s <= GAP_S:
         raise NoCredit(f"nobody read the chamber for {gap_s:.0f} s; at most {GAP_S:g} s are allowed")
     if gap_s < 0:
@@ -166,17 +169,17 @@ def expect_gap(gap_s: float) -> None:
 
 
 def expect_at(found_c: float, set_point_c: float) -> None:
-    """Raises NoCredit for a set point (°C) that is not that of the soak."""
+    """Raise NoCredit for a set point (°C) other than that of the soak."""
     if not abs(found_c - set_point_c) <= KEPT_WITHIN_C:
         raise NoCredit(f"the set point was {found_c:g} °C and not the {set_point_c:g} °C of the soak")
 
 
 def _expect_in_band(look: Look, chamber: Chamber, set_point_c: float, read_back_c: float) -> None:
-    """A look at a chamber that its controller still keeps at the set point of the soak."""
+    """Raise NoCredit unless the controller keeps the chamber in the band at the set point of the soak."""
     expect_at(look.set_point_c, set_point_c)
     if not abs(look.set_point_c - read_back_c) <= SAME_C:
         raise NoCredit(f"the set point changed from {read_back_c:g} to {look.set_point_c:g} °C")
     if not abs(look.from_safe_c - abs(look.set_point_c - chamber.safe_c)) <= KEPT_WITHIN_C:
-        raise NoCredit(f"the controller of {chamber.role} was switched off, or does not say whether it was")
+        raise NoCredit(f"the controller of {chamber.role} was switched off, or its state is unknown")
     if not abs(look.air_c - set_point_c) <= chamber.band_c:
         raise NoCredit(f"the air was at {look.air_c:.1f} °C, outside {set_point_c:g} ± {chamber.band_c:g} °C")

@@ -1,4 +1,4 @@
-"""The credit of one soak in a resumed run: its first look at the chamber, and the decision when the soak begins."""
+"""Credit of one soak in a resumed run: the first reading of the chamber, and the decision when the soak begins."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOOKED_AT_WITHIN_S = 5.0
 
 
 class Proved(NamedTuple):
-    """What is proved of a soak before its run was resumed: by its record, and by its guardian."""
+    """Evidence on a soak before its run was resumed: from its record and from its guardian."""
 
     chamber: Chamber
     soaked: Soaked
@@ -31,10 +31,10 @@ class Proved(NamedTuple):
 
 
 class SoakCredit:
-    """Decides for how long the soak `step` counts as passed; once, when it begins for the first time.
+    """Decide how much of the soak `step` counts as passed; once, when it begins for the first time.
 
-    `claim` is what is proved of it, or why it has no credit, in words. What happens to the chamber and its unit between
-    the first look and the soak may still take the credit away.
+    `claim` is the evidence, or the reason why there is no credit. What happens to the chamber and its unit between the
+    first reading and the soak may still withdraw the credit.
     """
 
     def __init__(self, step: str, claim: Proved | str) -> None:
@@ -47,11 +47,11 @@ class SoakCredit:
         self._is_open = True
 
     def rule_out(self, why: str) -> None:
-        """There is no credit, for the first reason that there was."""
+        """Withdraw the credit; the first reason is kept."""
         self._why = self._why or why.rstrip(".")
 
     async def look(self, rig: Rig) -> None:
-        """Look at the chamber before this run commands anything: until then the time counts."""
+        """Read the chamber before this run commands anything: the credited time ends here."""
         if self._proved is None or self._why:
             return
         chamber, soaked, held = self._proved
@@ -69,7 +69,7 @@ class SoakCredit:
         self._looked_s = asyncio.get_running_loop().time()
 
     def begins(self, step: Step) -> None:
-        """Another step of this run begins."""
+        """Withdraw the credit if a step that begins before the soak disturbs the unit or the chamber."""
         match step:
             case SetOutput() if step.output == "on":
                 self.rule_out(f"{step.role} is on before it")
@@ -81,7 +81,7 @@ class SoakCredit:
                 pass
 
     def given_s(self, step: Soak, step_id: str, monitor: Monitor, journal: Journal) -> tuple[float, str]:
-        """Seconds of `at_least` that count as passed, which the journal has now, and a line for a person."""
+        """Write to the journal and return the seconds of `at_least` that count as passed, and a message."""
         if not self._is_open or first_visit(step_id) != self._step or not step.at_least_s:
             return 0.0, ""
         self._is_open = False
@@ -100,7 +100,7 @@ class SoakCredit:
         )
 
     def _judge_since_look(self, monitor: Monitor) -> None:
-        """The readings of this process since its first look; one that has not come yet is not older than that look."""
+        """Check the readings since the first one of this process; one that has not arrived counts as old as that."""
         if self._proved is None or self._why:
             return
         chamber, soaked, _ = self._proved

@@ -1,4 +1,4 @@
-"""How a run ended, and who asked for it."""
+"""Outcome of a run, and requests to end it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ How = Literal["completed", "failed", "error", "aborted"]
 
 @dataclass(frozen=True, slots=True)
 class EndRequest:
-    """Who wants a run to end: `by` is a stable name for the record, `text` is for people."""
+    """A request to end a run: `by` is a stable name for the record, `text` is for people."""
 
     by: str
     text: str
@@ -21,7 +21,7 @@ OPERATOR = EndRequest("operator", "ended by the operator")
 
 @dataclass
 class Outcome:
-    """How a run ended: `failed` is what the unit did, `error` what the bench did.
+    """Outcome of a run: `failed` concerns the unit, `error` the bench.
 
     `problems` are for people, the first one is why. `unsafe` names devices that could not be made safe, `not_reached`
     those that could not be opened, so that nothing was sent to them; both with the reason. `ended_by` is who asked for
@@ -36,7 +36,7 @@ class Outcome:
     ended_by: EndRequest | None = None
 
     def ended(self, request: EndRequest) -> None:
-        """The run was ended on request; the first request counts, and a failure before it stays what it was."""
+        """Return the outcome after a request to end: the first request counts, and an earlier failure is kept."""
         if self.ended_by is None:
             self.ended_by = request
         if self.how == "completed":
@@ -45,7 +45,7 @@ class Outcome:
             self.problems.append(self.ended_by.text)
 
     def failed(self, text: str) -> None:
-        """The bench or this program failed; a problem is listed once."""
+        """Return the outcome after a failure of the bench or of this program; each problem is listed once."""
         self.how = "error"
         if text not in self.problems:
             self.problems.append(text)

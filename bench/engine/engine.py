@@ -1,4 +1,4 @@
-"""Runs a plan: setup, steps, teardown, and in any case a bench made safe."""
+"""Run a plan: setup, steps, teardown; the bench is made safe in any case."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from bench.sequence.steps.stimulus import Ramp
 from drivers.errors import DriverError, InstrumentFault
 from drivers.timing.awake import patience
 
-END_BEYOND_S = 5.0  # for a step that is to end, beyond the time in which what it has set going can be stopped
-LOOK_S = 1.0  # how often that is looked at
-END_RECORD_S = 10.0  # for the last readings, after the devices were made safe
+END_BEYOND_S = 5.0  # time for a step to end, in addition to the time that stopping its motion may take
+LOOK_S = 1.0  # polling interval meanwhile
+END_RECORD_S = 10.0  # for the last readings after the devices were made safe
 
 
 class Observer(Watcher, Protocol):
     """Display of a run; called in the loop, so it must return quickly."""
 
     def asked(self, question: Question) -> None:
-        """A question to a person is open."""
+        """A question to a person has been opened."""
 
 
 class Engine:
@@ -90,27 +90,27 @@ class Engine:
 
     @property
     def in_teardown(self) -> bool:
-        """Whether the teardown has begun."""
+        """True once the teardown has begun."""
         return self._teardown_task is not None
 
     @property
     def may_hold(self) -> bool:
-        """Whether chambers may be held if this process is lost now: steps are under way, and nothing is wrong."""
+        """True if chambers may be held should this process be lost now: steps are running and no problem is known."""
         under_way = self._body_task is not None and not self._body_task.done() and not self._body_task.cancelling()
         return under_way and not self._tripped and not self._monitor.fault.done()
 
     def pause(self) -> None:
-        """Holds before the next step; the devices stay as they are and go on being watched. Not in teardown."""
+        """Hold before the next step; devices keep their state and are still monitored. Not in teardown."""
         self._control.hold(OPERATOR)
 
     def resume(self) -> None:
-        """Goes on after a pause; InputError when an interlock holds the run as well."""
+        """Continue after a pause; raise InputError if an interlock also holds the run."""
         self._control.release(OPERATOR)
         if self._control.held:
             raise InputError(f"the run is still held by {self._control.held_by}")
 
     def hold(self, by: str, wanted: bool = True) -> None:
-        """Begin no step, for a reason other than the operator's, or go on as far as that reason is concerned."""
+        """Hold the run for a reason other than the operator's, or release that hold."""
         if wanted:
             self._control.hold(by)
         else:
@@ -149,7 +149,7 @@ class Engine:
         """Cancel the current step; teardown runs."""
         if self._body_task is not None and not self._body_task.done() and not self._body_task.cancelling():
             self._requested(request, "stop")
-            self._control.last_step = True  # for a step that ends as if it had not been cancelled
+            self._control.last_step = True  # for a step that ends normally although it was cancelled
             self._body_task.cancel(request.text)
             self._ending.set()
 
@@ -161,7 +161,7 @@ class Engine:
             self._body_task.cancel(request.text)
 
     def _abort(self, why: str) -> None:
-        """No further step begins, and a running teardown ends."""
+        """Let no further step begin, and end a running teardown."""
         self._walk.abort()
         if self._teardown_task is not None:
             self._teardown_task.cancel(why)
@@ -187,7 +187,7 @@ class Engine:
                 timer.cancel()
             for left in (*self._switching_off, self._body_task, self._teardown_task):
                 if left is not None:
-                    left.cancel()  # all is made safe now
+                    left.cancel()  # every device is made safe now
             try:
                 await finish(self._make_safe(), self._rig.safe_within_s + END_RECORD_S)
             except TimeoutError:
@@ -196,13 +196,13 @@ class Engine:
 
     async def _tear_down(self) -> None:
         """Run the whole teardown; problems that the monitor finds meanwhile are reported after it."""
-        told = self._monitor.fault.done()
+        reported = self._monitor.fault.done()
         teardown = self._walk.teardown(self._plan.teardown)
         self._teardown_task = asyncio.create_task(teardown, name="teardown")
         await _first_of(self._teardown_task, self._aborted)
         await self._wait_for_end(self._teardown_task)
         self._settle(self._teardown_task)
-        if self._monitor.fault.done() and not told:
+        if self._monitor.fault.done() and not reported:
             self._failed(self._monitor.fault.result())
 
     def _interlock(self, change: Change) -> None:
@@ -224,7 +224,7 @@ class Engine:
             self._monitor.report(WindowError(change.text))
 
     def _let_go(self, interlock: str) -> None:
-        """An interlock has no reason any more to hold the run."""
+        """Release the hold of an interlock that no longer applies."""
         self._control.release(f"interlock {interlock}")
         if (timer := self._giving_up.pop(interlock, None)) is not None:
             timer.cancel()
@@ -287,7 +287,7 @@ class Engine:
         self._giving_up[change.name] = loop.call_later(most_s, self._monitor.report, WindowError(text))
 
     async def _watched(self, task: asyncio.Task[None]) -> None:
-        """Waits for the task; what the monitor finds ends it."""
+        """Wait for the task; a problem found by the monitor ends it."""
         ending = asyncio.create_task(self._ending.wait(), name="ending")
         try:
             first: list[asyncio.Future[Any]] = [task, self._monitor.fault, ending]
@@ -306,7 +306,7 @@ class Engine:
             self._settle(task)
 
     async def _wait_for_end(self, task: asyncio.Task[None]) -> None:
-        """Returns when a task that is to end has ended, or has had `_end_within_s` for it.
+        """Wait until a task that is to end has ended, or `_end_within_s` has passed.
 
         The teardowns of groups in it take as long as they take, unless the run is aborted.
         """
@@ -318,7 +318,7 @@ class Engine:
                 patient_until_s = loop.time() + self._end_within_s
 
     def _settle(self, task: asyncio.Task[None]) -> None:
-        """Takes over how a task ended, or that it did not."""
+        """Record in the outcome how a task ended, or that it did not."""
         if not task.done():
             self._left_behind(task)
             return
@@ -352,14 +352,14 @@ class Engine:
         of_chamber = isinstance(problem, DriverError) and problem.device in self._may_be_held
         self._is_hold_ruled_out |= of_chamber or isinstance(problem, WindowError)
         text = in_words(problem)
-        if text in self.outcome.problems:  # a store that fails fails the teardown too
+        if text in self.outcome.problems:  # a store that fails, fails the teardown as well
             return
         self.outcome.problems.append(text)
         self._observer.notice(text)
         self.journal.try_to_write("problem", text=str(problem))
 
     def _to_hold(self) -> frozenset[str]:
-        """Chambers that keep their set point: after a failure, not on request, of anything but them or a reading."""
+        """Chambers that keep their set point: after a failure not theirs and not of a reading; not on request."""
         failed = self.outcome.how == "error" and self._request is None
         return self._may_be_held if failed and not (self._is_hold_ruled_out or self._tripped) else frozenset()
 
@@ -368,7 +368,7 @@ class Engine:
         return self._rig.safe_within_s + END_BEYOND_S
 
     async def _make_safe(self) -> None:
-        """Makes every device safe while the readings are still recorded, then ends the record."""
+        """Make every device safe while readings are still recorded, then end the record."""
         self._monitor.being_made_safe.update(self._rig.devices)
         unsafe = self.outcome.unsafe = await self._rig.make_safe(self._to_hold())
         self.outcome.held = sorted(self._rig.held)
@@ -384,7 +384,7 @@ class Engine:
 
 
 async def _first_of(task: asyncio.Task[None], event: asyncio.Event) -> None:
-    """Returns when the task is done or the event is set."""
+    """Wait until the task is done or the event is set."""
     waiting = asyncio.create_task(event.wait())
     try:
         await asyncio.wait([task, waiting], return_when=asyncio.FIRST_COMPLETED)

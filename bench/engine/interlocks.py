@@ -1,6 +1,6 @@
-"""Interlocks while a run goes on: when one trips, and when it has been in range for long enough.
+"""Interlocks during a run: when each trips, and when it has been in range long enough to recover.
 
-Arithmetic on readings and times. What a hold, a pause, a stop or an abort does is the engine's.
+Arithmetic on readings and times; the engine carries out a hold, a pause, a stop or an abort.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def _never(_since_s: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """An interlock has tripped or recovered; `since_s` is the time at which this began, `text` the message."""
+    """An interlock has tripped or recovered; `since_s` is the time at which the condition began, `text` the message."""
 
     name: str
     action: Action
@@ -46,8 +46,8 @@ class Change:
 class Interlocks:
     """All interlocks of a run; a stop and an abort trip once.
 
-    Only valid readings are judged, at their own times: one that stays away neither trips an interlock nor makes it
-    good, except where the age of a reading is what is looked at. What has tripped is good only after valid readings
+    Only valid readings are judged, at their own times. A missing reading neither trips an interlock nor lets it
+    recover, except where the age of a reading is monitored. A tripped interlock recovers only after valid readings
     without a gap.
     """
 
@@ -61,24 +61,24 @@ class Interlocks:
         self._changes: list[Change] = []
 
     def take(self, source: str, readings: Sequence[Valid]) -> None:
-        """New readings of DEVICE.CHANNEL, in the order of their times."""
+        """Add new readings of DEVICE.CHANNEL, in time order."""
         for interlock in self._of_source.get(source, ()):
             for reading in readings:
                 if (change := interlock.take(source, reading)) is not None:
                     self._changes.append(change)
 
     def lapse(self, source: str) -> None:
-        """The newest reading of DEVICE.CHANNEL is invalid."""
+        """Note that the newest reading of DEVICE.CHANNEL is invalid."""
         for interlock in self._of_source.get(source, ()):
             interlock.lapse(source)
 
     def rely_on(self, source: str) -> bool:
-        """Whether interlocks judge DEVICE.CHANNEL, and none of them notices that it gives nothing valid any more."""
+        """True if interlocks judge DEVICE.CHANNEL and none of them monitors the age of its valid readings."""
         judging = self._of_source.get(source, ())
         return bool(judging) and not any(isinstance(each, _Age) for each in judging)
 
     def judge_age_of(self, role: str) -> bool:
-        """Whether an interlock monitors the age of a device's readings, which grows while it is silent."""
+        """True if an interlock monitors the age of a device's readings, which grows while it is silent."""
         return any(isinstance(each, _Age) and role == each.sources[0].partition(".")[0] for each in self._interlocks)
 
     def disregard(self, source: str) -> list[str]:
@@ -90,9 +90,10 @@ class Interlocks:
         return [each.name for each in gone]
 
     def look(self, now_s: float, stalled_s: Stalled = _never) -> Sequence[Change]:
-        """Interlocks that have changed since the last call; call it after every poll of a device, even a failed one.
+        """Return the interlocks that have changed since the last call.
 
-        `stalled_s` returns the time since an instant in which the program was suspended; it does not age readings.
+        To be called after every poll of a device, even a failed one. `stalled_s` returns the time since an instant in
+        which the program was suspended; it does not age readings.
         """
         for interlock in self._interlocks:
             if (change := interlock.look(now_s, stalled_s)) is not None:
@@ -105,31 +106,31 @@ class Interlocks:
 
 @dataclass(frozen=True, slots=True)
 class _Good:
-    """The values that are good, both ends included, and the words for them."""
+    """Range of good values, both ends included, with its text."""
 
     low: float
     high: float
     unit: str
-    looked_at: str  # with {} for the value
+    looked_at: str  # {} stands for the value
     allowed: str
     advice: str
     stale_after_s: float = math.inf
 
 
 class _Interlock:
-    """One interlock; subclasses define which value is judged, and when."""
+    """One interlock; subclasses define the judged value and its times."""
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good) -> None:
         self.sources = sources
         self.name, self._entry, self._good = name, entry, good
         self._good_for_s = entry.good_for_s if entry.then in PASSING else math.inf
         self._tripped = False
-        self._otherwise_since_s: float | None = None  # since when the condition is not what the state is
+        self._otherwise_since_s: float | None = None  # time since which the condition contradicts the state
         self._newest: dict[str, Valid] = {}
-        self._whole_since_s = -math.inf  # the end of the last gap between valid readings of a source
+        self._whole_since_s = -math.inf  # end of the last gap between valid readings of a source
 
     def take(self, source: str, reading: Valid) -> Change | None:
-        """A new reading of one of the sources."""
+        """Add a new reading of one of the sources."""
         before = self._newest.get(source)
         if before is not None and reading.at_s - before.at_s > self._good.stale_after_s:
             self._whole_since_s = reading.at_s
@@ -137,14 +138,14 @@ class _Interlock:
         return None
 
     def lapse(self, source: str) -> None:
-        """The newest reading of one of the sources is invalid."""
+        """Note that the newest reading of one of the sources is invalid."""
 
     def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
-        """Judge after time has passed and readings that belong together are taken."""
+        """Judge after time has passed and all simultaneous readings are added."""
         return None
 
     def _judge(self, at_s: float, value: float, from_s: float | None = None) -> Change | None:
-        """The value at a time not before the last one; a value that is not a number is not good.
+        """Judge a value at a time not before the last one; a value that is not a number is not good.
 
         It is computed from readings since `from_s`. A gap in them never delays a trip, and always a recovery.
         """
@@ -170,7 +171,7 @@ class _Interlock:
 
 
 class _Level(_Interlock):
-    """Judges every reading."""
+    """Judge every reading."""
 
     def take(self, source: str, reading: Valid) -> Change | None:
         super().take(source, reading)
@@ -178,7 +179,7 @@ class _Level(_Interlock):
 
 
 class _Rate(_Interlock):
-    """Judges, with every reading, the mean rate since the newest one that is at least `over_s` older."""
+    """Judge, with every reading, the mean rate since the newest one that is at least `over_s` older."""
 
     def __init__(
         self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good, over_s: float, factor: float
@@ -202,15 +203,16 @@ class _Rate(_Interlock):
 
 
 class _Difference(_Interlock):
-    """Judges the newest values of both, after all simultaneous readings are taken, while the second is at rest.
+    """Judge the difference of the newest values of two channels while the second is at rest.
 
-    Not while one of them is invalid or stale, which no recovery outlasts.
+    Judged after all simultaneous readings are added. Not judged while one of them is invalid or stale; such a gap also
+    restarts the recovery.
     """
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good, rest_s: float) -> None:
         super().__init__(name, entry, sources, good)
         self._rest_s = rest_s
-        self._rests_since: Valid | None = None  # when the second came to where it now rests
+        self._rests_since: Valid | None = None  # time at which the second reached its present rest value
         self._lapsed: set[str] = set()
 
     def take(self, source: str, reading: Valid) -> None:
@@ -237,7 +239,7 @@ class _Difference(_Interlock):
 
 
 class _Age(_Interlock):
-    """Judges the age of the newest reading, or the time since the first call while there is none."""
+    """Judge the age of the newest reading, or the time since the first call while there is none."""
 
     def __init__(self, name: str, entry: AnyInterlock, sources: Sequence[str], good: _Good) -> None:
         super().__init__(name, entry, sources, good)
@@ -253,7 +255,7 @@ class _Age(_Interlock):
 
 
 def _made(name: str, entry: AnyInterlock, channels: Mapping[str, Channel]) -> _Interlock:
-    """The interlock of an entry that fits the bench."""
+    """Return the interlock of an entry for the channels of the bench."""
     sources = tuple(channels[reading].source for reading in entry.names)
     unit, named = channels[entry.names[0]].unit, " and ".join(entry.names)
     stale_s = max(channels[reading].stale_after_s for reading in entry.names)

@@ -1,4 +1,4 @@
-"""Steps that measure single values, and hold them against limits."""
+"""Steps that measure single values and compare them with limits."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from bench.store.decoder import Decoder
 from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import PulseCounter
 
-VALUE_LOOK_S = 0.1  # how often a value is looked for that is not older than the step
-VALUE_WITHIN_S = 60.0  # every device is polled more often
+VALUE_LOOK_S = 0.1  # polling interval for a value newer than the beginning of the step
+VALUE_WITHIN_S = 60.0  # longer than the polling period of any device
 
 
 async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any]:
-    """One value, less the tare if requested, with its verdict and its standard uncertainty if known."""
+    """Measure one value, less the tare if requested, with its verdict and, if known, its standard uncertainty."""
     single = await _value(step.reading, step.duration_s, step_id, bench)
     if step.net:
         tares = bench.journal.state.tares
@@ -54,7 +54,7 @@ async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any
 
 
 async def tare(step: Tare, step_id: str, bench: Bench) -> Mapping[str, Any]:
-    """The mean that later measures start from."""
+    """Measure the mean that later measurements subtract."""
     single = await _value(step.reading, step.duration_s, step_id, bench)
     found = {"tare": step.reading, "value": single.value, "unit": single.unit, "u": single.u}
     return {**found, "scatter": single.scatter}
@@ -62,9 +62,9 @@ async def tare(step: Tare, step_id: str, bench: Bench) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class _Single:
-    """A measured value: what its scatter leaves, and the standard uncertainties of its certificate, None without one.
+    """A measured value: standard uncertainties of its mean and, by a certificate, of offset and gain.
 
-    The offset of an instrument is in the tare as well, so that it is not in what goes beyond that.
+    The offset of an instrument is in the tare as well and cancels in the difference from it.
     """
 
     value: float
@@ -75,17 +75,17 @@ class _Single:
 
     @property
     def u(self) -> float | None:
-        """Standard uncertainty; None where it is not known."""
+        """Standard uncertainty; None if unknown."""
         return None if self.offset_u is None else math.hypot(self.scatter, self.offset_u, self.gain_u * self.value)
 
     def beyond(self, tared: Tared) -> _Single:
-        """What it is more than the tare."""
+        """Return the difference from the tare."""
         scatter, offset_u = math.hypot(self.scatter, tared.scatter), None if self.offset_u is None else 0.0
         return replace(self, value=self.value - tared.value, scatter=scatter, offset_u=offset_u)
 
 
 async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench) -> _Single:
-    """A reading's mean over a time or its newest value."""
+    """Return the mean of a reading over a time, or its newest value."""
     name = bench.file.members(name)[0]
     if (place := measured_place(name, bench.file)) is not None:
         return await _output_in_g(place, duration_s or 0.0, step_id, bench)
@@ -105,7 +105,7 @@ async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench
 
 
 async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
-    """Returns when a reading has a value of its own time, not of the step before; StepError when none comes."""
+    """Wait for a value that was read after the step began; StepError if none arrives."""
     loop = asyncio.get_running_loop()
     give_up_s = loop.time() + VALUE_WITHIN_S
     while True:
@@ -120,7 +120,7 @@ async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
 
 
 def _certified(name: str, file: BenchFile) -> tuple[float | None, float]:
-    """The standard uncertainties of offset and gain by the certificate of a named reading; None without one."""
+    """Standard uncertainties of offset and gain from the certificate of a named reading; None without one."""
     entry = file.readings.get(name)
     if entry is None or entry.calibration is None:
         return None, 0.0
@@ -129,7 +129,7 @@ def _certified(name: str, file: BenchFile) -> tuple[float | None, float]:
 
 
 async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench) -> _Single:
-    """The mean output of a unit over a time, in g by what it is made to be; its zero is in it."""
+    """Mean output of a unit over a time, in g by its nominal scale factor; its zero offset is included."""
     found, per_g = await output_of(place, duration_s, step_id, bench), bench.file.nominal_per_g(place)
     if per_g is None:
         raise StepError(f"the bench file does not give the nominal output at 1 g of the unit in place {place}")
@@ -138,11 +138,11 @@ async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench
             f"the output of the unit in place {place}: too little data in {duration_s:g} s; measure longer, or check "
             f"{bench.file.measured_by(place)}"
         )
-    return _Single(found.value / per_g, BY_NOMINAL, math.hypot(found.alone_u, found.step_u) / abs(per_g))
+    return _Single(found.value / per_g, BY_NOMINAL, math.hypot(found.single_u, found.quantisation_u) / abs(per_g))
 
 
 async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) -> _Single:
-    """The net pulse rate of a counter's channel, counted for a time; the frames are kept with the step."""
+    """Net pulse rate of a counter channel over a time; the frames are stored with the step."""
     role, _, channel = name.partition(".")
     counter = bench.rig.counter(role)
     block = await frames_of(counter, duration_s)
@@ -150,15 +150,15 @@ async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) 
         bench.writer.frames(role, step_id, block)
         gaps = Watch(bench, step_id)
         gaps.frames(role, block)
-        await gaps.tell()
+        await gaps.report()
     found = mean_of(Decoder(bench.file.devices[role]).outputs(block)[channel])
     if math.isnan(found.value):
         raise StepError(f"{name}: too few latches arrived in {duration_s:g} s; count longer, or check the counter")
-    return _Single(found.value, PULSE_RATE, found.alone_u)
+    return _Single(found.value, PULSE_RATE, found.single_u)
 
 
 async def frames_of(counter: PulseCounter, duration_s: float) -> FrameBlock:
-    """All frames of a time."""
+    """Return all frames that arrive within a time."""
     kept: list[FrameBlock] = []
 
     async def keep(blocks: AsyncIterator[FrameBlock]) -> None:

@@ -14,7 +14,7 @@ from bench.store.missed import missed_in_step
 from drivers.can.decoded import GapWatch
 from drivers.can.frame_block import FrameBlock
 
-LOOKED_AT_ONCE = 10_000  # frames; checking a few takes about as long
+LOOKED_AT_ONCE = 10_000  # frames; checking a few takes as long as checking this many
 
 
 class Watch:
@@ -45,10 +45,10 @@ class Watch:
             each.take(block)
 
     def readings(self, role: str, readings: Sequence[Valid]) -> None:
-        """Readings of a meter have no numbers; none of them is sent unasked."""
+        """Ignore readings of a meter: they have no numbers, and each is requested."""
 
-    async def tell(self) -> None:
-        """Write an entry for each channel with lost frames, after all frames are taken in."""
+    async def report(self) -> None:
+        """Write a journal entry for each channel with lost frames, after all frames are received."""
         bench = self._bench
         for role in self._looks:
             self._look(role)
@@ -59,10 +59,10 @@ class Watch:
         devices = {role: bench.numbered.devices[role] for role in broken}
         loop = asyncio.get_running_loop()
         found = await loop.run_in_executor(None, missed_in_step, bench.writer.folder, self._step_id, devices)
-        told = {name.partition(".")[0] for name in bench.journal.state.lost}
+        reported = {name.partition(".")[0] for name in bench.journal.state.lost}
         for (role, channel), missed in found.items():
             bench.journal.write(EVENT, self._step_id, device=role, channel=channel, **asdict(missed))
-        for role in dict.fromkeys(role for role, _ in found if role not in told):
+        for role in dict.fromkeys(role for role, _ in found if role not in reported):
             of_device = {channel: missed for (device, channel), missed in found.items() if device == role}
             bench.notice(f"{self._step_id}: {_in_words(role, of_device)}")
 

@@ -1,4 +1,4 @@
-"""Watches the devices the whole run long: records their readings, and finds what leaves its window."""
+"""Monitor the devices throughout a run: record their readings, and find values outside their limits."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from drivers.errors import DriverError
 from drivers.timing.awake import awake_s, stalled_s
 from drivers.values import Reading
 
-STOP_WITHIN_S = 3.0  # for a poll in progress
+STOP_WITHIN_S = 3.0  # time for a poll in progress
 NEVER_READ = Stale("has not been read yet", math.inf)
-WINDOW_GRACE_S = 2.0  # after switching a supply, before its current is judged
+WINDOW_GRACE_S = 2.0  # time after switching a supply before its current is judged
 
 
 @dataclass
 class Allowed:
-    """What a supply's current must be within while its output is on; set by the steps that switch it."""
+    """Permitted current of a supply while its output is on; set by the steps that switch it."""
 
     low: float
     high: float
@@ -39,13 +39,12 @@ class Allowed:
 
 
 class Monitor:
-    """Polls every device at its period from `start` to `stop`.
+    """Poll every device at its period from `start` to `stop`.
 
-    It reports a problem once, through the future `fault`; that device is no longer polled. An interlock
-    that trips or recovers is journalled, then passed to `on_interlock`, which the engine sets before `start`.
-    One of several units that fails is dropped, and told to `on_unit_failure` with the interlocks on its thermometer,
-    which are judged no more. A device that fails and is not `used` by the run is no longer polled; `on_left_out` is
-    called with it.
+    It reports a problem once, through the future `fault`; that device is no longer polled. An interlock that trips or
+    recovers is journalled, then passed to `on_interlock`, which the engine sets before `start`. If one of several units
+    fails, it is dropped; `on_unit_failure` is called with the failure and the interlocks on its thermometer, which are
+    disabled. A device that fails and is not `used` by the run is no longer polled; `on_left_out` is called with it.
     Concurrency: one task for each device, owned by this object.
     """
 
@@ -67,7 +66,7 @@ class Monitor:
         self.on_left_out: Callable[[str, DriverError], None] = lambda _role, _problem: None
         self.used = frozenset(rig.devices if used is None else used)
         self.being_made_safe: set[str] = set()  # devices that the engine switches off or makes safe
-        self.polls: dict[str, int] = {}  # how often each device has answered, while it is polled
+        self.polls: dict[str, int] = {}  # number of answers of each device that is polled
         self._channels: dict[str, Channel] = {}
         self._names = {reading.from_: name for name, reading in bench.readings.items()}
         self._tasks: list[asyncio.Task[None]] = []
@@ -76,12 +75,12 @@ class Monitor:
         self.fault: asyncio.Future[Exception] = asyncio.get_running_loop().create_future()
 
     def start(self) -> None:
-        """Begins to poll."""
+        """Start polling."""
         for role in self._rig.devices:
             self._tasks.append(asyncio.create_task(self._watch(role), name=f"monitor {role}"))
 
     async def stop(self) -> None:
-        """Stops polling; what was read until now, and what has come unasked, is with the writer."""
+        """Stop polling; all data received until now, including unsolicited data, is with the writer."""
         for role in self._rig.devices:
             await self.freshen(role)
         for task in self._tasks:
@@ -90,7 +89,7 @@ class Monitor:
             await asyncio.wait(self._tasks, timeout=STOP_WITHIN_S)
 
     def report(self, problem: Exception) -> None:
-        """Ends the run by a problem, unless another one has already."""
+        """End the run by a problem, unless another one has already ended it."""
         if not self.fault.done():
             self.fault.set_result(problem)
 
@@ -100,14 +99,14 @@ class Monitor:
         return channel.latest() if channel is not None else NEVER_READ
 
     async def freshen(self, name: str) -> None:
-        """Returns when what has come unasked of a reading, or of all of a device, has been taken in."""
+        """Wait until unsolicited data of a reading, or of all channels of a device, has been read in."""
         device = self._rig.devices[self._source(name).partition(".")[0]]
         if isinstance(device, FrameSource):
             device.take_in()
             await asyncio.sleep(0)  # tasks that wait for data of the device go first
 
     def newest(self) -> dict[str, tuple[Latest, str]]:
-        """The newest value of every channel that was read, by its name on this bench, with its unit."""
+        """Newest value of every channel that was read, with its unit, by its name on this bench."""
         return {channel.name: (channel.latest(), channel.unit) for channel in self._channels.values()}
 
     def unit_of(self, name: str) -> str:
@@ -115,7 +114,7 @@ class Monitor:
         return unit_of(name, self._bench) or ""
 
     def _source(self, name: str) -> str:
-        """DEVICE.CHANNEL of a named reading, and of one that is named so already."""
+        """DEVICE.CHANNEL of a named reading; a name of that form is returned unchanged."""
         return self._bench.readings[name].from_ if name in self._bench.readings else name
 
     def window(self, name: str, span_s: float, since_s: float) -> Window | Absent:
@@ -136,7 +135,7 @@ class Monitor:
                     self._take(role, await device.poll(), units)
                     self.polls[role] += 1
                 except DriverError:
-                    if role not in self.being_made_safe:  # which cuts the answer to a poll short
+                    if role not in self.being_made_safe:  # this interrupts the answer to a poll
                         raise
                 due_s = max(due_s + every_s, loop.time())
                 await (news() if news is not None else asyncio.sleep(due_s - loop.time()))
@@ -158,7 +157,7 @@ class Monitor:
             key: self._valid(f"{role}.{key}", values, units.get(key, ""), now_s) for key, values in readings.items()
         }
         if self.units.several:
-            self._look_at_units(role)  # before the interlocks, so that none is judged on a broken thermometer
+            self._look_at_units(role)  # before the interlocks, so that none is judged on a faulty thermometer
         for key, values in valid.items():
             self._interlocks.take(f"{role}.{key}", values)
         self._look_at_interlocks()
@@ -220,7 +219,7 @@ class Monitor:
             self.drop(failure)
 
     def _failure(self, place: str, role: str) -> UnitFailure | None:
-        """Failure of a unit, from the newest values of a device."""
+        """Failure of the unit in a place, from the newest values of a device."""
         unit = self._bench.places[place]
         found: tuple[Kind, str] | None = None
         if role == unit.supply and self.units.alone_at(role) == place:
@@ -258,12 +257,12 @@ class Monitor:
         self.on_unit_failure(failure, disregarded)
 
     def drop_those_at(self, names: Collection[str], kind: Kind, text: str) -> bool:
-        """Drops the units that these readings, of several that were waited for, are for alone; whether others go on."""
+        """Drop the units to which these readings belong alone; return true if others remain."""
         places = {place for name in names if (place := self.units.alone_at(name)) is not None}
         return len(places) == len(names) and self.drop_all(places, kind, text)
 
     def drop_all(self, places: Collection[str], kind: Kind, text: str) -> bool:
-        """Drops several units for what they have in common, unless no other would be left; whether it has."""
+        """Drop several units that failed together, unless no other would remain; return true if they were dropped."""
         if not self.units.left.keys() - set(places):
             return False
         for place in sorted(places):

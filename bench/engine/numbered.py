@@ -10,14 +10,14 @@ from drivers.can.decoded import GapWatch
 
 
 class Numbered:
-    """The devices of a bench whose frames have numbers, by role; their decoders are made when they are needed."""
+    """Devices of a bench that number their frames, by role; their decoders are created on demand."""
 
     def __init__(self, devices: Mapping[str, DeviceEntry]) -> None:
         self.devices = devices
         self._decoders: dict[str, Decoder] = {}
 
     def of(self, role: str) -> Sequence[GapWatch]:
-        """Watches of a device for a new acquisition; none if its driver describes no frames."""
+        """Return the gap detectors of a device for a new acquisition; none if its driver describes no frames."""
         if self.devices[role].description.frames is None:
             return ()
         if role not in self._decoders:

@@ -1,4 +1,4 @@
-"""Turn the axes of a table until the units have the attitude of a step."""
+"""Move the axes of a table until the units have the attitude of a step."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ async def orient(step: Orient, bench: Bench) -> Mapping[str, Any]:
 
 
 async def stop_axes(bench: Bench) -> None:
-    """Brings every axis of the table to rest."""
+    """Stop every axis of the table."""
     for role in bench.file.axes:
         await bench.rig.positioner(role).stop()
 

@@ -1,4 +1,4 @@
-"""Takes in what is measured of the outputs of units, of all devices at the same time, while something else goes on."""
+"""Acquire the outputs of units from all devices simultaneously while something else runs."""
 
 from __future__ import annotations
 
@@ -23,43 +23,43 @@ from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import Meter
 
 
-class Keeper(Protocol):
-    """Who gets what comes, by the role of the device that it comes from."""
+class Sink(Protocol):
+    """Sink of acquired data, by the role of the device that sends it."""
 
     def frames(self, role: str, block: FrameBlock) -> None:
-        """A block of frames."""
+        """Receive a block of frames."""
 
     def readings(self, role: str, readings: Sequence[Valid]) -> None:
-        """Readings of a meter."""
+        """Receive readings of a meter."""
 
 
-async def taken_in(
-    roles: Iterable[str], rig: Rig, keepers: Sequence[Keeper], end: Awaitable[None], block_s: float | None = None
+async def acquire_into(
+    roles: Iterable[str], rig: Rig, sinks: Sequence[Sink], end: Awaitable[None], block_s: float | None = None
 ) -> None:
     """Pass the data of devices to the sinks while `end` is awaited; a device that fails ends the wait.
 
-    Of what sends frames the last block is cut at the end; the reading of a meter that is under way then is the
-    last. Frames come every `block_s`, or as often as what is recorded must be on the disk.
+    The last block of frames is cut at the end; a reading of a meter in progress at that time is the last one. Blocks
+    arrive every `block_s`, or as often as recorded data must be on the disk.
     """
     over = asyncio.Event()
 
     async def all_of_them() -> None:
         async with asyncio.TaskGroup() as group:
             for role in roles:
-                group.create_task(_take_in(role, rig, keepers, over, block_s), name=f"take in {role}")
+                group.create_task(_take_in(role, rig, sinks, over, block_s), name=f"take in {role}")
             await end
             over.set()
 
     await grouped(all_of_them())
 
 
-async def _take_in(role: str, rig: Rig, keepers: Sequence[Keeper], over: asyncio.Event, block_s: float | None) -> None:
+async def _take_in(role: str, rig: Rig, sinks: Sequence[Sink], over: asyncio.Event, block_s: float | None) -> None:
     def keep_frames(block: FrameBlock) -> None:
-        for keeper in keepers:
+        for keeper in sinks:
             keeper.frames(role, block)
 
     def keep_readings(readings: Sequence[Valid]) -> None:
-        for keeper in keepers:
+        for keeper in sinks:
             keeper.readings(role, readings)
 
     if isinstance(rig.devices[role], Meter):
@@ -71,7 +71,7 @@ async def _take_in(role: str, rig: Rig, keepers: Sequence[Keeper], over: asyncio
 async def _take_readings(
     role: str, meter: Meter, keep_readings: Callable[[Sequence[Valid]], None], over: asyncio.Event
 ) -> None:
-    """One reading at a time, so that each is kept as soon as it is there; StepError when one is invalid."""
+    """Read a meter repeatedly and pass on each reading at once; StepError if one is invalid."""
     channel = Channel(role, "", Rule())
     while not over.is_set():
         readings = await meter.measure(1, nplc=None)
@@ -100,7 +100,7 @@ async def _take_frames(
                 task.cancel()
             if open_tasks:
                 await asyncio.wait(open_tasks)
-            # Looked at also where the step was cut at the instant that it failed.
+            # Also checked if the step was cancelled at the instant of the failure.
             problem = None if taking.cancelled() else taking.exception()
         if problem is not None:
             raise problem
@@ -117,17 +117,17 @@ class Watched:
         self._decoders = decoders_of(bench.devices)
 
     def frames(self, role: str, block: FrameBlock) -> None:
-        """Keeps a block, and those before it that are still looked at."""
+        """Keep a block and those before it that are within the last `over_s`."""
         if len(block):
             since_s = float(block.at_s[-1]) - self._over_s
             self._frames[role] = [each for each in self._frames[role] if each.at_s[-1] >= since_s] + [block]
 
     def readings(self, role: str, readings: Sequence[Valid]) -> None:
-        """Keeps readings of a meter."""
+        """Keep readings of a meter."""
         self._readings[role].extend(readings)
 
     def measured(self, place: str) -> Measured | None:
-        """The latest data of the unit in a place, for `over_s` and a little more; None if there are none yet.
+        """Latest data of the unit in a place, for slightly more than `over_s`; None if there are none yet.
 
         Not available for inertial units.
         """

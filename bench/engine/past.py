@@ -1,4 +1,4 @@
-"""The part of its plan that an interrupted run has done, by its journal, and what a resumed one must restore."""
+"""Completed part of the plan of an interrupted run, from its journal, and the conditions to restore."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from bench.sequence.steps.stimulus import Move, Ramp, SetOutput
 if TYPE_CHECKING:
     from bench.engine.crediting import SoakCredit
 
-ATTITUDE = "attitude"  # what a step that orients sets, whatever axes it moves
+ATTITUDE = "attitude"  # set by a step that orients, whichever axes it moves
 
 
 @dataclass
 class Past:
-    """The part of a plan that was done before an interruption.
+    """The part of a plan that was completed before an interruption.
 
-    `over` are the ids of steps and sections that ended or were left out, as the plan has them; `begun` counts how often
-    each step was begun. `decisions` are those of conditions, by the ids of `decision`. `values` are the variables as
-    they were when each step last began, `angles_deg` where each movement went. `dropped` are units that take no further
-    part. `under_way` are the steps that were interrupted, `state` is that of the run without them. `restarted` are
-    groups that are done again from their first step. `credit` is what a soak that is done again may have.
+    `over` are the ids, as in the plan, of steps and sections that ended or were left out; `begun` counts how often each
+    step was begun. `decisions` are those of conditions, by the ids of `decision`. `values` are the variables when each
+    step last began, `angles_deg` the target of each movement. `dropped` are units that take no further part.
+    `under_way` are the steps that were interrupted, `state` is that of the run without them. `restarted` are groups
+    that are repeated from their first step. `credit` is that of a repeated soak.
     """
 
     state: RunState = field(default_factory=RunState)
@@ -45,20 +45,20 @@ class Past:
     credit: SoakCredit | None = None
 
     def passes_over(self, step: str) -> bool:
-        """Whether a step or section is over; only once, because what is asked for again is to be done."""
+        """True if a step or section is completed; only once, because a step requested again is to be executed."""
         if step not in self.over:
             return False
         self.over.remove(step)
         return True
 
     def restart(self, groups: Iterable[str]) -> None:
-        """Mark groups as to be done again from their first step."""
+        """Mark groups as to be repeated from their first step."""
         self.restarted = tuple(groups)
         for group in self.restarted:
             self.forget(group)
 
     def forget(self, inside: str) -> None:
-        """Mark everything inside a node as not done."""
+        """Mark everything inside a node as not completed."""
         beginning = f"{inside}/"
         self.over = {each for each in self.over if not each.startswith(beginning)}
         self.decisions = {key: taken for key, taken in self.decisions.items() if not key.startswith(beginning)}
@@ -96,7 +96,7 @@ def past_of(entries: Iterable[Entry]) -> Past:
 
 
 def _begun_anew(entry: Entry) -> Iterable[str]:
-    """Ids of the nodes that are done once more from their first step after an entry."""
+    """Ids of the nodes that are repeated from their first step after an entry."""
     match entry.kind:
         case "retried":
             return (first_visit(entry.step),)
@@ -109,17 +109,17 @@ def _begun_anew(entry: Entry) -> Iterable[str]:
 
 
 def decision(node: Alternatives | Passes, number: int = 1) -> str:
-    """The id of a decision of a condition; of a loop, that before its pass of a number."""
+    """Id of a decision of a condition; of a loop, of the decision before the pass `number`."""
     return node.id if isinstance(node, Alternatives) else f"{node.id}/pass={number}"
 
 
 def done_of(nodes: Nodes, past: Past) -> Iterator[PlannedStep]:
-    """The steps of nodes that a resumed run passes over, in the order of the plan."""
+    """Steps of nodes that a resumed run passes over, in plan order."""
     return _those_of(nodes, past, past.over)
 
 
 def under_way_of(nodes: Nodes, past: Past) -> Iterator[PlannedStep]:
-    """The steps of nodes that an interruption cut short, but those inside an acquisition, which is made anew."""
+    """Steps of nodes that an interruption cut short, except those inside an acquisition, which is repeated whole."""
     return _those_of(nodes, past, past.under_way)
 
 
@@ -134,7 +134,7 @@ def _those_of(nodes: Nodes, past: Past, ids: Container[str]) -> Iterator[Planned
 
 
 def _gone_into(node: Node, past: Past) -> Iterator[Nodes]:
-    """The nodes inside a node that were begun, and are not to be done again as a whole."""
+    """Nodes inside a node that were begun and are not to be repeated as a whole."""
     match node:
         case Meanwhile() if node.step.id not in past.over and isinstance(node.step.step, Acquire):
             return
@@ -151,7 +151,7 @@ def _gone_into(node: Node, past: Past) -> Iterator[Nodes]:
 
 
 def interrupted_in(nodes: Nodes, past: Past) -> Iterator[Section]:
-    """The groups with a restart point in which a run was interrupted, outermost first."""
+    """Groups with a restart point in which a run was interrupted, outermost first."""
     for node in nodes:
         if isinstance(node, PlannedStep):
             continue
@@ -164,10 +164,10 @@ def interrupted_in(nodes: Nodes, past: Past) -> Iterator[Section]:
 
 
 def to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
-    """The steps that bring a bench that was made safe back to where it was, in their order.
+    """Steps that bring a bench that was made safe back to its previous condition, in order.
 
-    They are the last one of each stimulus, and the waiting that followed it, in full: after an interruption nothing
-    counts as settled but what `Past.credit` proves.
+    They are the last step of each stimulus and the complete wait that followed it: after an interruption nothing counts
+    as settled except by `Past.credit`.
     """
     last: dict[str, str] = {}
     steps = list(done)
@@ -187,7 +187,7 @@ def to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
 
 
 def _stimuli(planned: PlannedStep) -> tuple[str, ...]:
-    """Names of what a step sets for longer than it lasts; empty for any other step."""
+    """Names of the quantities that a step sets beyond its own duration; empty for any other step."""
     step = planned.step
     if isinstance(step, (Move, Ramp, SetOutput)):
         return (step.role,)

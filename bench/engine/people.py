@@ -1,4 +1,4 @@
-"""Questions to people that have entries of their own in the journal, among them what devices ask in a run."""
+"""Questions to people with their own journal entries, including requests of devices during a run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from drivers.quantity.quantities import Quantity
 
 
 async def answered(desk: Desk, journal: Journal, question: Question, give_up_after_s: float, /, **facts: Any) -> Answer:
-    """The answer; that it was asked, and what became of it, is in the journal, with `facts` beside the answer."""
+    """Return the answer; question and outcome are written to the journal, with `facts` beside the answer."""
     journal.write("asked", question.step, text=question.text, expected=question.expected)
     try:
         answer = await desk.ask(question, give_up_after_s)
@@ -43,7 +43,7 @@ class People:
         self._person = _AtADesk(desk, journal, notice)
 
     async def ask(self, errand: Errand) -> Typed:
-        """The answer. Raises NoAnswer if there is none in time, CannotConnect before a run has started."""
+        """Return the answer. Raise NoAnswer if there is none in time, CannotConnect before a run has started."""
         return await self._person.ask(errand)
 
 

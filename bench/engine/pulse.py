@@ -1,4 +1,4 @@
-"""What a run shows its guardian in every beat."""
+"""State of a run sent to its guardian in every heartbeat."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ def _no() -> bool:
 
 @dataclass
 class Pulse:
-    """How often each device was polled, while it is; whether chambers may be held if the process is lost now.
+    """Heartbeat data: poll count of each polled device, and whether chambers may be held if the process is lost now.
 
-    `may_be_held` are the chambers for which the bench file and the guardian allow that. The run fills in the rest.
+    `may_be_held` are the chambers for which the bench file and the guardian permit it. The run sets the other fields.
     """
 
     may_be_held: Collection[str] = ()

@@ -1,4 +1,4 @@
-"""Questions to people: asked by steps, answered over the control socket, on the terminal, or by a script."""
+"""Questions to people: asked by steps, answered over the control socket, on the terminal or by a script."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from drivers.schema.suggest import did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is asked in a step: one of `choices` is the answer, or, without them, what is typed.
+    """A question of a step: the answer is one of `choices` or, without them, free input.
 
-    What a device asks for, its `errand`, has in `step` an id of its own.
+    A request of a device, `errand`, has its own id in `step`.
     """
 
     step: str
@@ -31,7 +31,7 @@ class Question:
     errand: Errand | None = None
 
     def read(self, answer: str) -> Quantity | str:
-        """The value of an answer; InputError states what is expected."""
+        """Parse an answer; the InputError describes the expected form."""
         answer = answer.strip()
         if self.input is None:
             if answer not in self.choices:
@@ -41,7 +41,7 @@ class Question:
 
     @property
     def expected(self) -> str:
-        """What may be answered, in words."""
+        """Description of the permitted answers."""
         if self.input is None:
             return ", ".join(self.choices)
         bounds = [
@@ -71,14 +71,14 @@ def _typed(answer: str, wanted: TypedInput) -> Quantity | str:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """An answer, and who gave it."""
+    """An answer and the name of the person."""
 
     value: Quantity | str
     by: str
 
 
 class Desk:
-    """The open questions. `on_question` is called for each new one, `on_answer` for each answer."""
+    """Open questions. `on_question` is called for each new one, `on_answer` for each answer."""
 
     def __init__(self, on_question: Callable[[Question], None]) -> None:
         self._open: dict[str, tuple[Question, asyncio.Future[Answer]]] = {}
@@ -87,11 +87,11 @@ class Desk:
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Those that are open, the oldest first."""
+        """Open questions, the oldest first."""
         return tuple(question for question, _ in self._open.values())
 
     async def ask(self, question: Question, give_up_after_s: float) -> Answer:
-        """The answer; StepError if there is none in time."""
+        """Ask and return the answer; StepError if there is none in time."""
         future: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         self._open[question.step] = (question, future)
         try:
@@ -107,7 +107,7 @@ class Desk:
             del self._open[question.step]
 
     def answer(self, text: str, by: str, step: str | None = None) -> Question:
-        """Takes an answer to the one open question, or to that of a step; InputError when it is none."""
+        """Accept an answer to the one open question, or to that of a step; InputError if it is not permitted."""
         if step is None and len(self._open) > 1:
             raise InputError(f"several questions are open; name the step with --step: {', '.join(self._open)}")
         if not self._open or (step is not None and step not in self._open):

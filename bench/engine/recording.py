@@ -1,4 +1,4 @@
-"""Steps that acquire: what counters and units send and voltmeters read, recorded as it comes under a label."""
+"""Steps that acquire: data of counters, units and voltmeters, recorded under a label as it arrives."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from bench.engine.context import Bench
 from bench.engine.missed import Watch
-from bench.engine.outputs import Keeper, Watched, taken_in
+from bench.engine.outputs import Sink, Watched, acquire_into
 from bench.errors import StepError
 from bench.metrology.outputs import STABLE_PART_S, Output, mean_of, steadiness
 from bench.quality import Valid
@@ -20,22 +20,22 @@ from bench.store.writer import RunWriter
 from drivers.can.frame_block import FrameBlock
 from drivers.capabilities import RateTable
 
-WATCHED_BLOCK_S = 1.0  # how fresh frames are whose steadiness is looked at
-TURN_LOOK_S = 0.02  # how closely the end of the last turn is looked for
+WATCHED_BLOCK_S = 1.0  # block length of frames while their stability is judged
+TURN_LOOK_S = 0.02  # resolution in time of the end of the last turn
 NOTHING = Output(math.nan, math.nan, ("missing",))
 
 
 async def acquire(step: Acquire, step_id: str, bench: Bench) -> Mapping[str, Any]:
-    """Records for the time or the turns asked, or until the steps inside are done: `during`."""
+    """Record for the requested time or turns, or until the steps of `during` are done."""
     if step.turns is not None and step.of is not None:
         course: dict[str, Any] = {"of": step.of}
         found = await acquire_during(step, step_id, bench, _turned(bench.rig.table(step.of), step.turns, course))
         return {**found, "turned": course}
     if step.until_stable is not None and step.give_up_after_s is not None:
         watched = Watched(bench.file, step.until_stable.over_s)
-        looks = _Looks(step.until_stable, bench, watched)
-        found = await acquire_during(step, step_id, bench, looks.until_stable(step.give_up_after_s), watched)
-        return {**found, "over_s": step.until_stable.over_s, "stable": looks.stable()}
+        stability = _Stability(step.until_stable, bench, watched)
+        found = await acquire_during(step, step_id, bench, stability.until_stable(step.give_up_after_s), watched)
+        return {**found, "over_s": step.until_stable.over_s, "stable": stability.stable()}
     return await acquire_during(step, step_id, bench, asyncio.sleep(step.least_s))
 
 
@@ -45,30 +45,30 @@ async def acquire_during(
     """Record all devices of a role simultaneously while `end` is awaited, which may use the data in `watched`."""
     began_s = asyncio.get_running_loop().time()
     gaps = Watch(bench, step_id)
-    keepers: list[Keeper] = [_Recorded(bench.writer, step_id), gaps]
+    sinks: list[Sink] = [_Recorded(bench.writer, step_id), gaps]
     if watched is not None:
-        keepers.append(watched)
+        sinks.append(watched)
     block_s = WATCHED_BLOCK_S if watched is not None else None
-    await taken_in(bench.file.acquired_from(step.role), bench.rig, keepers, end, block_s)
+    await acquire_into(bench.file.acquired_from(step.role), bench.rig, sinks, end, block_s)
     ended_s = asyncio.get_running_loop().time()
-    await gaps.tell()
+    await gaps.report()
     return {"label": step.label, "begin_s": began_s, "end_s": ended_s}
 
 
 async def output_of(place: str, duration_s: float, step_id: str, bench: Bench) -> Output:
-    """The mean output of the unit in a place over a time; what it is taken from is kept with the step."""
+    """Mean output of the unit in a place over a time; the data it is computed from is stored with the step."""
     watched = Watched(bench.file, math.inf)
     gaps = Watch(bench, step_id)
-    keepers: list[Keeper] = [_Recorded(bench.writer, step_id), gaps, watched]
-    await taken_in((bench.file.measured_by(place),), bench.rig, keepers, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
-    await gaps.tell()
+    sinks: list[Sink] = [_Recorded(bench.writer, step_id), gaps, watched]
+    await acquire_into((bench.file.measured_by(place),), bench.rig, sinks, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
+    await gaps.report()
     found = watched.measured(place)
     return mean_of(found) if found is not None else NOTHING
 
 
 @dataclass(frozen=True, slots=True)
 class _Recorded:
-    """A keeper that writes into the run store, as measured in a step."""
+    """A sink that writes to the run store, under a step."""
 
     writer: RunWriter
     step_id: str
@@ -80,14 +80,14 @@ class _Recorded:
         self.writer.samples(role, self.step_id, readings)
 
 
-class _Looks:
-    """Which units are stable by what was measured last."""
+class _Stability:
+    """Stability of the units, from their newest data."""
 
     def __init__(self, rule: StableOutput, bench: Bench, watched: Watched) -> None:
         self._rule, self._bench, self._watched = rule, bench, watched
 
     async def until_stable(self, give_up_after_s: float) -> None:
-        """Returns when all units that are in are stable, or when that has taken too long."""
+        """Wait until all remaining units are stable, or the time is over."""
         give_up_s = asyncio.get_running_loop().time() + give_up_after_s
         while asyncio.get_running_loop().time() < give_up_s:
             await asyncio.sleep(STABLE_PART_S)
@@ -95,7 +95,7 @@ class _Looks:
                 return
 
     def stable(self) -> list[str]:
-        """The places of the units that are stable."""
+        """Places of the units that are stable."""
         return [place for place in self._bench.monitor.units.left if self._is_stable(place)]
 
     def _is_stable(self, place: str) -> bool:

@@ -1,4 +1,4 @@
-"""What runs to its end even when the task around it is cancelled."""
+"""Work that is completed even if the task around it is cancelled."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _never() -> bool:
 
 
 async def finish(work: Coroutine[Any, Any, T], limit_s: float, unless: Callable[[], bool] = _never) -> T:
-    """Runs `work` to its end, at most `limit_s`, however often the caller is cancelled; then the cancellation goes on.
+    """Complete `work`, within `limit_s`, however often the caller is cancelled; then let the cancellation continue.
 
     A cancellation while `unless` is true ends the work as well. Raises TimeoutError when the limit passes.
     """
@@ -24,7 +24,7 @@ async def finish(work: Coroutine[Any, Any, T], limit_s: float, unless: Callable[
 
 
 async def outlast(task: asyncio.Task[Any], unless: Callable[[], bool] = _never) -> asyncio.CancelledError | None:
-    """Waits for a task to end, however often the caller is cancelled; the last cancellation, which is to be raised.
+    """Wait for a task to end, however often the caller is cancelled; return the last cancellation, to be raised.
 
     A cancellation while `unless` is true is passed on to the task.
     """
@@ -40,9 +40,9 @@ async def outlast(task: asyncio.Task[Any], unless: Callable[[], bool] = _never) 
 
 
 async def grouped(work: Coroutine[Any, Any, None]) -> None:
-    """Awaits what waits for a TaskGroup; raises the first of its errors, but CancelledError when the caller is to end.
+    """Await work that waits for a TaskGroup; raise the first of its errors, but CancelledError if the caller is to end.
 
-    In a task of its own, because a group that ends by an error forgets that it was cancelled from outside as well.
+    The work gets its own task, because a group that ends by an error loses a cancellation from outside.
     """
     try:
         await _unless_cancelled(asyncio.create_task(work), lambda: True)
@@ -54,7 +54,7 @@ async def _unless_cancelled(task: asyncio.Task[T], unless: Callable[[], bool]) -
     """Result or exception of an ended task; a cancellation of the caller takes precedence."""
     if (cancelled := await outlast(task, unless)) is not None:
         if not task.cancelled():
-            task.exception()  # seen; the cancellation is what the caller hears of
+            task.exception()  # exception retrieved; the caller gets the cancellation
         raise cancelled
     return task.result()
 

@@ -1,4 +1,4 @@
-"""What the record of a run proves of a soak: that nothing else was energised, and that the air was in band."""
+"""Evidence on a soak in the record of a run: nothing else was energised, and the air was in band."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from bench.engine.credit import Chamber, NoCredit, Soaked, expect_at, expect_gap
 from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import Event, Series
 
-MOTION = frozenset(
-    {"rate_dps", "amplitude_deg", "target_deg", "attitude"}
-)  # of the intent of a step that moves an axis
+# Keys in the intent of a step that moves an axis.
+MOTION = frozenset({"rate_dps", "amplitude_deg", "target_deg", "attitude"})
 BEGINNINGS = ("run_begins", "run_resumed")
 
 
 class Record(NamedTuple):
     """The record of a run: its journal, and the readings of the chamber, of the air and of the set point (°C).
 
-    `unknown` are ids of steps of which nobody knows what they energise, `members` the devices of a name.
+    `unknown` are ids of steps with unknown effect on power, `members` the devices of a name.
     """
 
     entries: Sequence[Event]
@@ -34,9 +33,9 @@ class Record(NamedTuple):
 
 
 def soaked(record: Record, step: str, chamber: Chamber) -> Soaked:
-    """How the soak `step` went until its run was interrupted; raises NoCredit.
+    """Return the proved period of the soak `step` until its run was interrupted; raise NoCredit.
 
-    It counts from when the air has come within the band: the last of its way there proves nothing.
+    It counts from the first reading within the band; the approach before that proves nothing.
     """
     entries, begun = _of_its_process(record.entries, step)
     _expect_nothing_energised(entries, begun, record)
@@ -62,7 +61,7 @@ def soaked(record: Record, step: str, chamber: Chamber) -> Soaked:
 
 
 def _of_its_process(entries: Sequence[Event], step: str) -> tuple[Sequence[Event], int]:
-    """The entries of the process that began the soak last, and the place among them of its beginning."""
+    """Entries of the process that began the soak last, and the index of that beginning among them."""
     begun = [i for i, each in enumerate(entries) if each.kind == "step_begins" and first_visit(each.step) == step]
     beginnings = [i for i, each in enumerate(entries) if each.kind in BEGINNINGS]
     if not begun or not beginnings or begun[-1] < beginnings[-1]:
@@ -71,7 +70,10 @@ def _of_its_process(entries: Sequence[Event], step: str) -> tuple[Sequence[Event
 
 
 def _expect_nothing_energised(entries: Sequence[Event], begun: int, record: Record) -> None:
-    """A run that has just begun or gone on has nothing energised; what it intends counts as energised at once."""
+    """Raise NoCredit if an output was on.
+
+    A run that has just begun or resumed has nothing energised; an intended output counts as energised at once.
+    """
     on: set[str] = set()
     moving: set[str] = set()
     for index, entry in enumerate(entries):
@@ -93,7 +95,7 @@ def _expect_nothing_energised(entries: Sequence[Event], begun: int, record: Reco
 
 
 def _read_back_off(data: Mapping[str, Any]) -> set[str]:
-    """The supplies and sources of which a step has read back that their output is off."""
+    """Supplies and sources whose output a step has read back as off."""
     outputs = data.get("outputs", {"": data})
     return {str(each.get("role")) for each in outputs.values() if each.get("output") is False}
 
@@ -122,7 +124,7 @@ def _expect_undisturbed(entries: Sequence[Event], begun: int, chamber: Chamber) 
 
 
 def _set_point_c(entries: Sequence[Event], begun: int, chamber: Chamber) -> float:
-    """Where the ramp of this process that led to the soak ended, °C."""
+    """Target (°C) of the ramp of this process that led to the soak."""
     ramps = [
         (index, entry)
         for index, entry in enumerate(entries)

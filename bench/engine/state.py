@@ -1,4 +1,4 @@
-"""State of a run as a fold over its journal: the engine updates it with the entries that it writes.
+"""State of a run as a fold over its journal: the engine updates it with each entry that it writes.
 
 Reading the journal again gives the same state. The values that expressions see are part of it.
 """
@@ -19,19 +19,19 @@ class Entry(Protocol):
 
     @property
     def kind(self) -> str:
-        """What happened."""
+        """Kind of the event."""
 
     @property
     def step(self) -> str:
-        """The step that it happened in; "" outside steps."""
+        """Step in which it occurred; "" outside steps."""
 
     @property
     def data(self) -> Mapping[str, Any]:
-        """What is known of it."""
+        """Data of the event."""
 
 
 class Tared(NamedTuple):
-    """The mean that later measures start from, and the standard uncertainty that its scatter leaves."""
+    """The mean that later measurements subtract, and its standard uncertainty from scatter."""
 
     value: float
     scatter: float
@@ -39,13 +39,12 @@ class Tared(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RunState:
-    """Which steps are under way and how many are done, what was measured, what holds the run, and what went wrong.
+    """State of a run: steps in progress and done, measured values, holds and problems.
 
     `held` are the reasons why no step begins. `left_out` are steps that were skipped, or failed and were passed over.
-    `limits_failed` are measurements outside their limits, and those that could not be decided are `undecided`.
-    `mount` is how the units were last fixed by hand.
-    `dropped` are units that take no further part, by place, and why. `lost` is how many latches or samples did not come
-    in all acquisitions, by DEVICE.CHANNEL.
+    `limits_failed` are measurements outside their limits, and those that could not be decided are `undecided`. `mount`
+    is the present mounting of the units. `dropped` are units that take no further part, by place, and why. `lost` is
+    the number of latches or samples lost in all acquisitions, by DEVICE.CHANNEL.
     """
 
     under_way: tuple[str, ...] = ()
@@ -64,7 +63,7 @@ class RunState:
 
 
 def replayed(entries: Iterable[Entry]) -> RunState:
-    """The state that the entries of a journal lead to."""
+    """State after the entries of a journal."""
     state = RunState()
     for entry in entries:
         state = advanced(state, entry.kind, entry.step, entry.data)
@@ -74,7 +73,7 @@ def replayed(entries: Iterable[Entry]) -> RunState:
 def advanced(  # noqa: C901  one case for each kind
     state: RunState, kind: str, step: str, data: Mapping[str, Any]
 ) -> RunState:
-    """The state after one more entry; other kinds of entries do not change it."""
+    """State after one more entry; kinds of entries without effect on it leave it unchanged."""
     match kind:
         case "step_begins":
             return replace(state, under_way=(*state.under_way, step))

@@ -1,4 +1,4 @@
-"""The step that waits until what units put out no longer drifts, as after power-on."""
+"""Step that waits until the outputs of units no longer drift, for example after power-on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bench.engine.context import Bench
-from bench.engine.outputs import Watched, taken_in
+from bench.engine.outputs import Watched, acquire_into
 from bench.errors import StepError
 from bench.metrology.outputs import steadiness
 from bench.sequence.language.readings import units_at
@@ -27,13 +27,13 @@ async def until_steady(step: WaitUntil, bench: Bench) -> Mapping[str, Any]:
     part_s = step.steady.over_s / STEADY_PARTS
     watched = Watched(bench.file, step.steady.over_s)
     roles = bench.file.acquired_from(step.reading.partition(".")[0])
-    end = _looked(step, step.steady, bench, watched, found)
-    await taken_in(roles, bench.rig, [watched], end, part_s / STEADY_PARTS)
+    end = _wait_for_all(step, step.steady, bench, watched, found)
+    await acquire_into(roles, bench.rig, [watched], end, part_s / STEADY_PARTS)
     return found
 
 
-async def _looked(step: WaitUntil, steady: Steady, bench: Bench, watched: Watched, found: dict[str, Any]) -> None:
-    """Returns when all units are steady, with what `found` takes; drops those that are not in time, or raises."""
+async def _wait_for_all(step: WaitUntil, steady: Steady, bench: Bench, watched: Watched, found: dict[str, Any]) -> None:
+    """Wait until all units are stable, with the data in `found`; drop those that are not in time, or raise."""
     loop = asyncio.get_running_loop()
     began_s, unit = loop.time(), "g" if steady.in_g else customary_unit(steady.change.dimension)
     most = steady.change.to(unit)
@@ -53,7 +53,7 @@ async def _looked(step: WaitUntil, steady: Steady, bench: Bench, watched: Watche
 
 
 def _change(place: str, steady: Steady, bench: Bench, watched: Watched) -> float:
-    """By how much the ends of the line fitted to the output differ; infinite while that is not known."""
+    """Change of the line fitted to the output over the window; infinite while it is unknown."""
     measured = watched.measured(place)
     known = steadiness(measured, steady.over_s, steady.over_s / STEADY_PARTS) if measured is not None else None
     if known is None:
@@ -67,5 +67,5 @@ def _in_words(place: str, change: float, steady: Steady, most: str, unit: str) -
     over = f"over {steady.over_s / 60:g} min"
     if math.isinf(change):
         return f"Too few usable readings of the output of the unit in place {place} {over}."
-    told = f"The output of the unit in place {place} still changed by {change:.3g} {unit} {over}"
-    return f"{told}, allowed are {most} {unit}."
+    problem = f"The output of the unit in place {place} still changed by {change:.3g} {unit} {over}"
+    return f"{problem}, allowed are {most} {unit}."

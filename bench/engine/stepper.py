@@ -1,4 +1,4 @@
-"""Does one step: its entries in the journal, its time limit, and rest for what it has set going when it ends early."""
+"""Execute one step: its journal entries, its time limit, and the stop of its motion if it ends early."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate
 from bench.sequence.steps.verbs import Step
 from drivers.errors import DriverError
 
-Body = Callable[[], Awaitable[None]]  # does the steps that are done meanwhile
+Body = Callable[[], Awaitable[None]]  # executes the inner steps
 
 
 class Watcher(Protocol):
     """Observer of the steps of a run; called in the loop, so it must return quickly."""
 
     def step_begins(self, planned: PlannedStep, index: int) -> None:
-        """A step of the plan, by its place in it, begins."""
+        """A step of the plan begins, at this index."""
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
         """A step is done."""
@@ -48,7 +48,7 @@ class Stopped(BenchError):
 
 
 class StepFailed(StepError):
-    """A step has failed; its code is that of the error that it failed with."""
+    """A step has failed; the code is that of its error."""
 
     def __init__(self, text: str, code: str) -> None:
         super().__init__(text)
@@ -56,14 +56,14 @@ class StepFailed(StepError):
 
 
 class UnitFailed(StepFailed):
-    """A value is outside its limits, and the sequence stops there: the unit is bad, not the bench."""
+    """A value is outside its limits and the sequence stops there: the unit is bad, not the bench."""
 
 
 class Stepper:
     """Executes the steps of a plan, one by one; a failure is raised as StepFailed, with the place of the step.
 
-    Whatever begins also ends in the journal, while that can be written: `step_ended`, `step_failed`, or `step_cut` with
-    who wished it. `indices` are the places of steps in the plan by their ids.
+    Every begun step also ends in the journal while it can be written: `step_ended`, `step_failed`, or `step_cut` with
+    the origin of the request. `indices` are the indices of steps in the plan by their ids.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Stepper:
         self._control, self._watcher, self._indices = control, watcher, indices
 
     async def step(self, planned: PlannedStep, body: Body | None = None) -> bool:
-        """One try at a step, with the steps that are done meanwhile; whether it is to be done again."""
+        """Execute a step once, with the steps inside it; return whether it is to be repeated."""
         step = planned.step
         try:
             step = await self._begin(planned)
@@ -87,8 +87,8 @@ class Stepper:
         except StoreError:
             raise
         except (DriverError, BenchError) as problem:
-            told = {"code": problem.code, "text": str(problem), **self._unknown_after(step)}
-            self._journal.try_to_write("step_failed", planned.id, **told)
+            facts = {"code": problem.code, "text": str(problem), **self._unknown_after(step)}
+            self._journal.try_to_write("step_failed", planned.id, **facts)
             if isinstance(step, (Rotate, Oscillate)):
                 await self._bring_to_rest(step)
             raise self._in_words(planned, problem) from problem
@@ -101,7 +101,7 @@ class Stepper:
         return False
 
     async def _within_its_time(self, step: Step, planned: PlannedStep, body: Body | None) -> Found | Wish:
-        """What the step found, or the wish that it was cut short by; StepError when it takes too long."""
+        """Return the result of the step, or the request that interrupted it; StepError if it takes too long."""
         limit = asyncio.timeout(step.timeout_s)
         under_way = StepUnderWay(step, limit)
         if body is None:
@@ -122,7 +122,7 @@ class Stepper:
                 f"takes longer than its timeout of {step.timeout_s:g} s. Check what it waits for, or increase the "
                 "timeout."
             ) from None
-        except SystemExit as problem:  # of a plug-in; it would end this program, with the bench as it is
+        except SystemExit as problem:  # raised by a plug-in; it would end this program without making the bench safe
             where = traceback.extract_tb(problem.__traceback__)[-1]
             raise StepError(
                 f"{where.filename}:{where.lineno}: wants to end the program ({problem!r}); a plug-in raises an error"
@@ -131,18 +131,18 @@ class Stepper:
             self._control.under_way.pop(planned.id, None)
 
     async def _meanwhile(self, step: Step, planned: PlannedStep, body: Body) -> Found:
-        """A step that lasts as long as those inside it."""
+        """Execute a step that lasts as long as the steps inside it."""
         if isinstance(step, Acquire):
             return await acquire_during(step, planned.id, self._bench, body())
         if isinstance(step, (Rotate, Oscillate)):
             await begin_turning(step, self._bench)
-            self._journal.write("turning", planned.id, **_told(step))
+            self._journal.write("turning", planned.id, **_sustained_rate(step))
             await body()
             await leave(step, self._bench)
         return {}
 
     async def _cut(self, planned: PlannedStep, step: Step, wish: Wish) -> None:
-        """Brings to rest what was cut short."""
+        """Stop what an interrupted step has started."""
         await leave(step, self._bench)
         self._journal.write("step_cut", planned.id, wish=wish, **self._unknown_after(step))
         if wish == "skip":
@@ -159,7 +159,7 @@ class Stepper:
                 return {}
 
     async def _bring_to_rest(self, step: Step) -> None:
-        """What a step has set going ends with it, as far as the device obeys; an abort leaves it to the making safe."""
+        """Stop the motion of a step, as far as the device obeys; after an abort, making safe does this."""
         if self._control.aborting:
             return
         limit_s = self._bench.rig.safe_within_s
@@ -171,7 +171,7 @@ class Stepper:
             self._watcher.notice(f"The motion started by the step has not stopped within {limit_s:g} s.")
 
     async def _begin(self, planned: PlannedStep) -> Step:
-        """The step, ready; its intent is on the disk, with all before it, before anything moves.
+        """Prepare the step; its intent and all entries before it are on the disk before anything moves.
 
         The teardown goes on without a disk. Raises StepError for a step that the bench cannot take.
         """
@@ -201,7 +201,7 @@ class Stepper:
         self._watcher.step_ended(planned, self._indices[planned.id])
 
     def _ready(self, planned: PlannedStep) -> Step:
-        """The step with what was measured, held against the limits of the bench; StepError when it is beyond them."""
+        """The step with measured values inserted; StepError if they exceed the limits of the bench."""
         if planned.waiting is None:
             return planned.step
         owner, _ = self._plan.document.owner(planned.place)
@@ -212,15 +212,15 @@ class Stepper:
         return step
 
     def _in_words(self, planned: PlannedStep, problem: DriverError | BenchError) -> StepFailed:
-        """The error with the place of its step, which an error of a nested step already has."""
+        """The error with the place of its step; an error of a nested step already has it."""
         if isinstance(problem, StepFailed):
             return problem
         text = f"{self._plan.where(planned.place)}: step {planned.id}: {problem}"
         return StepFailed(text, problem.code)
 
 
-def _told(step: Rotate | Oscillate) -> Found:
-    """What the table does fully from now on, until the step ends."""
+def _sustained_rate(step: Rotate | Oscillate) -> Found:
+    """Rate that the table maintains until the step ends."""
     if isinstance(step, Rotate):
         return {"device": step.role, "rate_dps": step.rate_dps}
     return {"device": step.role, "amplitude_deg": step.amplitude_deg, "frequency_hz": step.highest_hz}

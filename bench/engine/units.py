@@ -1,4 +1,4 @@
-"""The remaining units of a run, and how the failure of one of several is distinguished from one of the bench.
+"""The remaining units of a run, and the distinction between a failure of one of several units and one of the bench.
 
 In a run of one unit every problem ends the run, like one of the bench.
 """
@@ -18,14 +18,14 @@ from bench.metrology.orientation import turned_axes
 from drivers.values import Heard
 
 Kind = Literal["thermometer", "temperature", "silent", "draws_too_much", "draws_too_little", "not_settled"]
-SILENT_S = 5.0  # without a frame of its channel, beyond the time for which frames are left together
-STANDING_S = 20.0  # without a pulse
-SURE_INPUT_G = 0.015  # along the input axis: more than bias, misalignment and dead band together could cancel
+SILENT_S = 5.0  # time without a frame of its channel, beyond the interval of blocks
+STANDING_S = 20.0  # time without a pulse
+SURE_INPUT_G = 0.015  # along the input axis: more than bias, misalignment and dead band together can cancel
 
 
 @dataclass(frozen=True, slots=True)
 class UnitFailure:
-    """Why a unit can take no further part. Only a current above its window proves that the unit itself is bad."""
+    """Reason why a unit takes no further part. Only a current above its window proves that the unit itself is bad."""
 
     place: str
     kind: Kind
@@ -33,7 +33,7 @@ class UnitFailure:
 
     @property
     def unit_is_bad(self) -> bool:
-        """Whether the unit has failed, rather than what connects it with the bench."""
+        """True if the unit itself has failed, rather than its connection to the bench."""
         return self.kind == "draws_too_much"
 
 
@@ -50,35 +50,36 @@ class Units:
         self.angles_deg: Mapping[str, float] = {}
         self.mount = bench.fixture.mount()
         self._dropped: dict[str, UnitFailure] = {}
-        self._stood: tuple[tuple[float | None, ...], float] = ((), 0.0)  # the angles at the last look, and since when
+        # angles at the last poll, and the time since which they are constant
+        self._stood: tuple[tuple[float | None, ...], float] = ((), 0.0)
 
     @property
     def several(self) -> bool:
-        """Whether the run began with more than one."""
+        """True if the run began with more than one unit."""
         return len(self.places) > 1
 
     @property
     def left(self) -> dict[str, PlaceEntry]:
-        """Those that are still in."""
+        """Units that remain."""
         return {name: entry for name, entry in self.places.items() if name not in self._dropped}
 
     def take_over(self, dropped: Iterable[UnitFailure], mount: str | None) -> None:
-        """Go on with the units and the mount of the run before its interruption."""
+        """Continue with the units and the mount of the run before its interruption."""
         for failure in dropped:
             self.drop(failure)
         if mount is not None:
             self.mount = self._bench.fixture.mount(mount)
 
     def drop(self, failure: UnitFailure) -> None:
-        """A unit is no longer in."""
+        """Remove a unit from those that remain."""
         self._dropped.setdefault(failure.place, failure)
 
     def at(self, name: str) -> list[str]:
-        """The places, of all that the bench has, that a supply, a source or a thermometer belongs to."""
+        """Places, of all places of the bench, that a supply, a source or a thermometer belongs to."""
         return [place for place, entry in self._bench.places.items() if name in entry.dependencies]
 
     def is_needed(self, name: str) -> bool:
-        """Whether a supply, a source or a reading is for a unit that is still in, or for none in particular."""
+        """True if a supply, a source or a reading belongs to a remaining unit, or to none in particular."""
         places = self.at(name)
         return not places or any(place in self.left for place in places)
 
@@ -87,16 +88,16 @@ class Units:
         return [member for member in self._bench.members(name) if self.is_needed(member)]
 
     def alone_at(self, name: str) -> str | None:
-        """The unit that a supply or a reading is for alone, where there are several in the run."""
+        """The only unit that a supply or a reading belongs to, if the run has several."""
         places = [place for place in self.at(name) if place in self.places]
         return places[0] if self.several and len(places) == 1 else None
 
     def silence(self, place: str, heard: Heard, on_since_s: float, now_s: float, late_s: float) -> str:
         """Evidence that a unit under power has become silent; empty if there is none.
 
-        `late_s` is how late frames may be known. Counts that stand still say so only where the input axis is far enough
-        from level: there any unit pulses. Of a unit whose converter a source feeds they say nothing, and of one
-        that sends codes neither.
+        `late_s` is the possible delay of frames. Constant counts are evidence only where the input axis is far enough
+        from level, because there any unit gives pulses. They are none for a unit whose converter is fed by a source, or
+        for one that sends codes.
         """
         entry = self._bench.places[place]
         channel = entry.telemetry or entry.channel
@@ -109,7 +110,7 @@ class Units:
         return ""
 
     def _standing_since_s(self, now_s: float) -> float:
-        """Since when the table has been at its present angle, as far as polls show."""
+        """Time since which the table has been at its present angle, from polls."""
         angles_deg = tuple(self.angles_deg.get(role) for role in self._bench.axes)
         if angles_deg != self._stood[0]:
             self._stood = (angles_deg, now_s)

@@ -20,7 +20,7 @@ from bench.sequence.steps.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stab
 
 
 async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
-    """Until every reading of the last `hold_s` fulfils the condition; StepError when that takes too long."""
+    """Wait until all readings of the last `hold_s` fulfil the condition; StepError if that takes too long."""
     loop = asyncio.get_running_loop()
     began_s = loop.time()
     unit = monitor.unit_of(step.reading)
@@ -80,7 +80,7 @@ def _condition(step: WaitUntil) -> str:
 async def soak(step: Soak, monitor: Monitor, passed_s: float = 0.0) -> Mapping[str, Any]:
     """Wait for the minimum time, then until the reading is stable; StepError if that takes too long.
 
-    Of the minimum time `passed_s` counts as passed; whether it is stable is judged by readings from now on alone.
+    `passed_s` of the minimum time count as passed; stability is judged by readings from now on alone.
     """
     loop = asyncio.get_running_loop()
     began_s = loop.time()
@@ -108,18 +108,18 @@ async def soak(step: Soak, monitor: Monitor, passed_s: float = 0.0) -> Mapping[s
 
 
 class _Course(NamedTuple):
-    """Max - min (°C) and the fitted slope (°C/h) of a temperature."""
+    """Range (max − min, °C) and fitted slope (°C/h) of a temperature."""
 
     spread_c: float
     slope_c_per_h: float
 
     def is_within(self, stable: Stable) -> bool:
-        """Whether it is stable; not if one of them is not a number."""
+        """True if both are within the criterion; false if one of them is not a number."""
         return self.spread_c <= stable.band_c and abs(self.slope_c_per_h) <= stable.slope_c_per_h
 
 
 def _seen(window: Window | Absent, stable: Stable) -> _Course | str:
-    """How a temperature went over the hold time; what is missing, if valid readings of the step do not cover it."""
+    """Temperature range and slope over the hold time, or the reason why valid readings of the step do not cover it."""
     if not isinstance(window, Window):
         return window.why
     if len(window.at_s) < 3 or not _covers(window, stable.hold_s):

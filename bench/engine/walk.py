@@ -1,4 +1,4 @@
-"""Goes through the nodes of a plan: loops, alternatives, branches, attempts, and what happens when a step fails."""
+"""Traverse the nodes of a plan: loops, alternatives, branches, attempts, and the reaction to failed steps."""
 
 from __future__ import annotations
 
@@ -66,26 +66,26 @@ class Walk:
         self._stepper = Stepper(plan, bench, control, watcher, self._indices)
         self._visits = Counter(past.begun)
         self._last: PlannedStep | None = None
-        self._teardowns: set[asyncio.Task[None]] = set()  # of groups, those that are running
+        self._teardowns: set[asyncio.Task[None]] = set()  # groups that are running
 
     def abort(self) -> None:
-        """No further teardown begins, and running ones of groups end."""
+        """Let no further teardown begin, and end running teardowns of groups."""
         self._control.aborting = True
         for teardown in self._teardowns:
             teardown.cancel("aborted")
 
     @property
     def in_a_teardown(self) -> bool:
-        """Whether the teardown of a group is running."""
+        """True while the teardown of a group runs."""
         return bool(self._teardowns)
 
     async def nodes(self, nodes: Nodes) -> None:
-        """Does nodes one after the other."""
+        """Execute nodes in order."""
         for node in nodes:
             await self._node(node)
 
     async def teardown(self, nodes: Nodes) -> None:
-        """Every node is tried, also after one has failed."""
+        """Execute every node, also after one has failed."""
         for node in nodes:
             try:
                 await self._node(node)
@@ -114,7 +114,7 @@ class Walk:
                 assert_never(node)
 
     def _decided(self, node: Alternatives | Passes, number: int = 1) -> bool:
-        """The value of a condition: as it was decided before an interruption, or as it is now."""
+        """Value of a condition: as decided before an interruption, otherwise evaluated now."""
         name = decision(node, number)
         if (taken := self._past.decisions.pop(name, None)) is not None:
             return taken
@@ -143,7 +143,7 @@ class Walk:
                 )
 
     def _numbered(self, node: Passes, number: int) -> Nodes:
-        """The steps of a pass, with the number of the pass in their ids."""
+        """Steps of a pass, with its number in their ids."""
         body = node.numbered(number)
         for first, again in zip(leaves(node.body), leaves(body), strict=True):
             self._indices[again.id] = self._indices[first.id]
@@ -156,7 +156,7 @@ class Walk:
             nonlocal stopped
             try:
                 await self.nodes(nodes)
-            except Stopped:  # the other branches end the steps that they are at
+            except Stopped:  # the steps that run in the other branches are cancelled
                 stopped = True
 
         async def all_of_them() -> None:
@@ -181,7 +181,7 @@ class Walk:
             await asyncio.sleep(node.delay_s)
 
     async def _section(self, node: Section) -> None:
-        """Its teardown runs however its steps ended, unless the run is aborted."""
+        """Execute a group; its teardown runs however its steps ended, unless the run is aborted."""
         if self._past.passes_over(node.id):
             return
         why: Exception | None = None
@@ -198,9 +198,9 @@ class Walk:
                 await self._undisturbed(node.teardown, why)
 
     async def _undisturbed(self, teardown: Nodes, why: Exception | None) -> None:
-        """A teardown to its end, whatever ends the steps around it meanwhile; only an abort cuts it short.
+        """Complete a teardown, whatever ends the steps around it meanwhile; only an abort interrupts it.
 
-        When it was cancelled, the cancellation goes on after it, and `why` it ran is not lost.
+        A cancellation continues after it, and `why`, the failure before it, is kept.
         """
         task = asyncio.create_task(self.teardown(teardown))
         self._teardowns.add(task)
@@ -213,11 +213,11 @@ class Walk:
         task.result()
 
     async def _leaf(self, planned: PlannedStep, body: Nodes | None = None) -> None:
-        """Does a step, again if the operator wishes; whatever it fails with goes by its `on_failure`."""
+        """Execute a step, repeatedly if the operator requests it; `on_failure` decides about a failure."""
         if self._past.passes_over(planned.id):
             return
         if isinstance(planned.step, Acquire):
-            self._past.forget(planned.id)  # one acquisition, with all that is done meanwhile
+            self._past.forget(planned.id)  # an acquisition with all steps inside it is one unit
         if planned.phase != "teardown":
             await self._restore()
         inside = None if body is None else functools.partial(self.nodes, body)
@@ -230,7 +230,7 @@ class Walk:
             self._last = planned
 
     async def _restore(self) -> None:
-        """Bring the bench back to where an interruption found it, before the first step that is not passed over."""
+        """Restore the condition before the interruption, before the first step that is not passed over."""
         async with self._restoring:
             while self._left_to_restore:
                 planned = self._left_to_restore.pop(0)
@@ -238,7 +238,7 @@ class Walk:
                 await self._stepper.step(self._visited(self._as_it_was(planned)))
 
     def _as_it_was(self, planned: PlannedStep) -> PlannedStep:
-        """A step with the values, and a movement with the target, that it had before the interruption."""
+        """A step with the values and, for a movement, the target that it had before the interruption."""
         owner, _ = self._plan.document.owner(planned.place)
         step = completed(planned, self._past.values[planned.id], owner.path.parent)
         if isinstance(step, Move) and planned.id in self._past.angles_deg:
@@ -248,7 +248,7 @@ class Walk:
         return planned._replace(step=step, waiting=None)
 
     async def _may_begin(self, planned: PlannedStep) -> None:
-        """Point at which a pause, or a stop after the current step, takes effect; in a teardown only an abort."""
+        """Wait while the run is paused, and stop here if that was requested; in a teardown only an abort has effect."""
         if self._control.aborting:
             raise Stopped
         if planned.phase == "teardown":
@@ -284,7 +284,7 @@ class Walk:
         return str(answer.value)
 
     def _visited(self, planned: PlannedStep) -> PlannedStep:
-        """The step under an id of its own, also when it was begun before."""
+        """The step with a unique id, also if it was begun before."""
         self._visits[planned.id] += 1
         visit = self._visits[planned.id]
         if visit == 1:

@@ -1,1 +1,1 @@
-"""Figures, numbers and words as every page uses them."""
+"""Figures, numbers and words common to all pages."""

@@ -1,4 +1,4 @@
-"""Tables of text in columns as wide as their widest cell, for terminals and pipes."""
+"""Tables of text in columns of the width of their widest cell, for terminals and pipes."""
 
 from __future__ import annotations
 

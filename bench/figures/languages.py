@@ -1,8 +1,8 @@
-"""The words of a report in the language of its reader.
+"""Translation of the words of a report to the language of its reader.
 
 A text is written in English where it is used, as `tr("Dwell {number}", number=3)`, and looked up in the catalogue of
-the language, `translations/zh.json`, whose keys are those texts, and then in what methods of plug-ins bring. What no
-catalogue has is shown in English.
+the language, `translations/zh.json`, whose keys are those texts, and then in the catalogues of plug-ins. Texts in no
+catalogue are shown in English.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?![\w])")
 
 @contextmanager
 def language(name: str) -> Iterator[None]:
-    """Inside, texts are in the language of this name, one of `LANGUAGES`."""
+    """Translate texts within the context to the language of this name, one of `LANGUAGES`."""
     before = _language.set(name)
     try:
         yield
@@ -36,14 +36,14 @@ def language(name: str) -> Iterator[None]:
 
 
 def current() -> str:
-    """The name of the language that texts are in."""
+    """Name of the current language."""
     return _language.get()
 
 
 def tr(text: str, /, **values: object) -> str:
-    """A text in the language of the report; `values` stand where it has their names in braces.
+    """A text in the language of the report; `values` replace their names in braces.
 
-    Numbers in a text that is made elsewhere may be any: "degree 3" is found as "degree {0}".
+    A text generated elsewhere may contain any numbers: "degree 3" is found as "degree {0}".
     """
     catalogue = catalogue_of(current())
     if values:
@@ -58,7 +58,7 @@ def tr(text: str, /, **values: object) -> str:
 
 @lru_cache
 def catalogue_of(name: str) -> Mapping[str, str]:
-    """The texts of a language by the English ones; empty for English."""
+    """Translations of a language by the English texts; empty for English."""
     if name == ENGLISH:
         return {}
     found: dict[str, str] = json.loads((TRANSLATIONS / f"{name}.json").read_text(encoding="utf-8"))

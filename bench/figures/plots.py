@@ -1,4 +1,4 @@
-"""What was found of one unit, drawn over temperature."""
+"""Plots of the results of one unit over temperature."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from bench.metrology.results.finding import UnitResult
 Array = NDArray[np.float64]
 
 MARKER_PT = 5.0
-MOST_NUMBERS = 40  # of dwells in one plot; more cannot be read
+MOST_NUMBERS = 40  # dwells with a number in one plot; more are not legible
 RISING: dict[str, Any] = {"marker": "^", "color": "#0b5394"}
 FALLING: dict[str, Any] = {"marker": "v", "color": "#b45309", "markerfacecolor": "white"}
 LINES: tuple[dict[str, Any], ...] = ({"color": "#222222"}, {"color": "#777777", "linestyle": (0, (5, 3))})
@@ -41,22 +41,22 @@ class Plot:
 
 @dataclass(frozen=True)
 class TimeOfRun:
-    """The axis of time of what is drawn over a run from `began_s` to `ended_s` of bench time, alike in all drawings."""
+    """Time axis common to all plots of a run from `began_s` to `ended_s` of bench time."""
 
     began_s: float
     ended_s: float
 
     @property
     def unit(self) -> tuple[str, float]:
-        """What it is in, and how many seconds that has."""
+        """Unit of the axis, and its seconds."""
         return ("h", 3600.0) if self.ended_s - self.began_s > 2 * 3600 else ("min", 60.0)
 
     def at(self, bench_s: Array) -> Array:
-        """Where bench times (n,) are on it."""
+        """Positions of bench times (n,) on the axis."""
         return (bench_s - self.began_s) / self.unit[1]
 
     def finish(self, axes: Axes) -> None:
-        """Names it, and lets it reach over the whole run."""
+        """Label the axis, and set its limits to the whole run."""
         unit, unit_s = self.unit
         axes.set_xlabel(f"{tr('time since the run began')} / {unit}")
         axes.set_xlim(0, (self.ended_s - self.began_s) / unit_s)
@@ -64,9 +64,9 @@ class TimeOfRun:
 
 @dataclass(frozen=True)
 class Points:
-    """One quantity at the dwells in the order of the run, as it is shown; all (n,).
+    """One quantity at the dwells in run order, in displayed units; all (n,).
 
-    `expanded` is the whole expanded uncertainty, `own` that of what is not common to all dwells, k = 2.
+    `expanded` is the whole expanded uncertainty, `own` its part not common to all dwells, k = 2.
     """
 
     dwell: NDArray[np.int64]
@@ -79,7 +79,7 @@ class Points:
 
 @dataclass(frozen=True)
 class Curve:
-    """A model as it is shown: `at` gives its values at temperatures."""
+    """A model in displayed units: `at` returns its values at temperatures."""
 
     degree: int
     dof: int
@@ -88,7 +88,7 @@ class Curve:
 
     @property
     def name(self) -> str:
-        """For a legend."""
+        """Name for a legend."""
         if self.degree == 1:
             return tr("straight line")
         return tr("model of degree {degree}", degree=self.degree)
@@ -96,14 +96,14 @@ class Curve:
 
 @dataclass(frozen=True)
 class Scale:
-    """How numbers become what is shown: (number - zero) · factor, in `unit`."""
+    """Conversion of numbers to displayed ones: (number - zero) · factor, in `unit`."""
 
     factor: float
     unit: str
     zero: float = 0.0
 
     def points(self, unit: UnitResult, quantity: str) -> Points | None:
-        """A quantity at the dwells of a unit; None when there is none."""
+        """A quantity at the dwells of a unit; None if there is none."""
         found = [finding for finding in unit.findings if finding.quantity == quantity and "dwell" in finding.at]
         if not found:
             return None
@@ -118,7 +118,7 @@ class Scale:
         )
 
     def curves(self, unit: UnitResult, quantity: str) -> list[Curve]:
-        """The models of a quantity, the best first."""
+        """Models of a quantity, the best first."""
         return [
             self._curve(model)
             for model in unit.models
@@ -134,7 +134,7 @@ class Scale:
 
 
 def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
-    """The plots of a unit with two dwells or more; `name` begins their ids in the page."""
+    """Plots of a unit with two dwells or more; `name` is the prefix of their ids in the page."""
     as_shown = Scale(*scale_shown("K0", "g"))
     bias = as_shown.points(unit, "K0")
     if bias is None or len(bias.values) < 2:
@@ -156,7 +156,7 @@ def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
 
 
 def _middle(unit: UnitResult, quantity: str) -> tuple[float, str, str]:
-    """What the model says in the middle of the temperatures, where that is, and the unit; without a model, the mean."""
+    """Value of the model at the middle of the temperature range, its place, and the unit; without a model, the mean."""
     for model in unit.models:
         if isinstance(model, TemperatureModel) and model.quantity == quantity:
             return model.coefficients[0], tr(" at {at_c} °C", at_c=f"{model.centre:.1f}"), model.unit
@@ -165,7 +165,7 @@ def _middle(unit: UnitResult, quantity: str) -> tuple[float, str, str]:
 
 
 def _over_temperature(title: str, name: str, label: str, symbol: str, points: Points, curves: Sequence[Curve]) -> Plot:
-    """Points and models, and below what each model leaves of the points."""
+    """Points and models, and below the residuals of each model."""
     fitted = [curve for curve in curves if curve.dof]
     figure = new_figure(4.6 if fitted else 3.0)
     rows = [3, 2] if fitted else [1]
@@ -191,12 +191,12 @@ def _over_temperature(title: str, name: str, label: str, symbol: str, points: Po
 
 
 def temperature_label() -> str:
-    """What stands at an axis of the temperature of a unit."""
+    """Label of an axis of the temperature of a unit."""
     return tr("temperature of the unit / °C")
 
 
 def _of_bars(longest: str) -> str:
-    """What the bars in a figure are."""
+    """Caption of the error bars in a figure."""
     return tr("Bars: expanded uncertainty, 95 %: {longest}.", longest=longest)
 
 
@@ -208,7 +208,7 @@ def _draw_residuals(axes: Axes, points: Points, curve: Curve, symbol: str) -> No
 
 
 def _draw_legs(axes: Axes, points: Points, values: Array, bars: Array) -> None:
-    """The points, those of rising and of falling temperature by their shape."""
+    """Draw the points, with different markers for rising and falling temperature."""
     for leg, style, label in ((True, RISING, tr("rising temperature")), (False, FALLING, tr("falling temperature"))):
         here = points.rising == leg
         if here.any():
@@ -219,7 +219,7 @@ def _draw_legs(axes: Axes, points: Points, values: Array, bars: Array) -> None:
 
 
 def _largest(axes: Axes, expanded: Array, symbol: str) -> str:
-    """What the caption says of bars, which may be too short to be seen."""
+    """Text of a caption on error bars, which may be too short to be seen."""
     low, high = axes.get_ylim()
     longest_pt = 2 * expanded.max() / (high - low) * axes.get_window_extent().height
     seen = "" if longest_pt > MARKER_PT else tr(", no longer than the markers")
@@ -231,7 +231,7 @@ def _two_digits(u: float) -> str:
 
 
 def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
-    """Residuals joined in the order of measurement: what the history of the temperature does."""
+    """Residuals joined in the order of measurement, which shows hysteresis."""
     figure = new_figure(3.2)
     axes = figure.subplots()
     residuals = points.values - model.at(points.temperature_c)
@@ -260,7 +260,7 @@ def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
 
 
 def _side_by_side(unit: UnitResult, name: str, titles: Mapping[str, str]) -> Plot:
-    """Quantities without a model."""
+    """Plots of quantities without a model."""
     figure = new_figure(2.7, top_in=0.48)
     panels = figure.subplots(1, len(titles), squeeze=False)[0]
     bars = []

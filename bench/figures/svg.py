@@ -1,4 +1,4 @@
-"""Figures as SVG that stands inside a page: equal figures give equal bytes, and nothing in them refers to elsewhere."""
+"""Figures as SVG inside a page: equal figures give equal bytes, without external references."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from matplotlib.figure import Figure
 
 from bench.figures.languages import ENGLISH, current, language
 
-# How the files of fonts begin that have the characters of a language, the best first.
+# First letters of the files of fonts that have the characters of a language, the best first.
 FONTS = {"zh": ("notosanscjk", "sourcehansans", "wqy-", "droidsansfallback", "msyh", "simhei", "simsun")}
-WIDTH_IN = 7.1  # between the margins of an A4 page, so that print has the sizes given here
+WIDTH_IN = 7.1  # width between the margins of an A4 page, so that print has the sizes given here
 LEFT_IN = 0.68
 
-# The ground of a label that stands on lines, so that none strikes through it.
+# Background of a label on lines, so that none crosses its text.
 CLEAR: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6}
 STYLE: dict[Any, Any] = {
-    "figure.dpi": 72,  # a dot is a point
-    "svg.fonttype": "none",  # text stays text: in the font of the page, found by a search, read by a screen reader
+    "figure.dpi": 72,  # one dot is one point
+    "svg.fonttype": "none",  # text remains text: in the font of the page, searchable, readable by a screen reader
     "svg.hashsalt": "inertial-test-bench",
     "text.parse_math": False,
     "font.size": 8,
@@ -58,9 +58,9 @@ _IDS = re.compile(r'( id="| href="#|url\(#)')
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Inside, figures are made and rendered in one style, whatever the user's own settings are.
+    """Create and render figures within the context in one style, whatever the user's own settings.
 
-    Where no font has the characters of the language, what is made inside is in English.
+    Without a font for the characters of the language, texts within it are in English.
     """
     font = font_of(current())
     with matplotlib.rc_context(), language(current() if font else ENGLISH):
@@ -72,7 +72,7 @@ def drawing() -> Iterator[None]:
 
 @lru_cache
 def font_of(name: str) -> str | None:
-    """The name of an installed font that has the characters of a language; None without one."""
+    """Name of an installed font that has the characters of a language; None without one."""
     if name == ENGLISH:
         return "DejaVu Sans"
     paths = sorted(map(Path, font_manager.findSystemFonts()), key=lambda path: ("egular" not in path.name, path.name))
@@ -80,7 +80,7 @@ def font_of(name: str) -> str | None:
         for path in paths:
             if path.name.lower().startswith(family):
                 font_manager.fontManager.addfont(path)
-                # It tells each time that the font has one weight only.
+                # matplotlib logs for each lookup that the font has only one weight.
                 logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
                 return font_manager.FontProperties(fname=path).get_name()
     return None
@@ -89,7 +89,7 @@ def font_of(name: str) -> str | None:
 def new_figure(
     height_in: float, *, width_in: float = WIDTH_IN, top_in: float = 0.24, bottom_in: float = 0.42
 ) -> Figure:
-    """An empty figure, as wide as the page unless told, with room for a title above and a label below its axes."""
+    """An empty figure, by default of the width of the page, with room for a title above and a label below its axes."""
     figure = Figure(figsize=(width_in, height_in))
     figure.subplots_adjust(
         left=LEFT_IN / width_in, right=0.985, top=1 - top_in / height_in, bottom=bottom_in / height_in, wspace=0.2
@@ -98,14 +98,14 @@ def new_figure(
 
 
 def as_document(figure: Figure) -> str:
-    """The figure as a document of its own."""
+    """The figure as a separate document."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
     return buffer.getvalue()
 
 
 def rendered(figure: Figure, name: str, description: str) -> Markup:
-    """The figure as an `<svg>` element; `name` keeps its ids apart from those of other figures in the page."""
+    """The figure as an `<svg>` element; `name` makes its ids unique in the page."""
     opening, _, content = as_document(figure).partition("<svg")[2].partition(">")
     content = _IDS.sub(rf"\g<1>{name}-", content.replace("xlink:href=", "href="))
     attributes = _SIZE_AND_NAMESPACES.sub("", opening)

@@ -1,4 +1,4 @@
-"""How durations, instants and sizes of files are shown to people."""
+"""Display of durations, instants and file sizes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bench.figures.languages import tr
 
 
 def duration(seconds: float) -> str:
-    """A duration as people say it: "45 s", "12 min", "32 h 51 min"."""
+    """A duration in usual form: "45 s", "12 min", "32 h 51 min"."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
@@ -17,7 +17,7 @@ def duration(seconds: float) -> str:
 
 
 def instant(text: str | None, zone: str) -> str:
-    """An instant in ISO 8601 as the clock of the laboratory shows it, with its distance from UTC."""
+    """An instant in ISO 8601 by the clock of the laboratory, with its offset from UTC."""
     if text is None:
         return tr("not recorded")
     there = dt.datetime.fromisoformat(text).astimezone(ZoneInfo(zone))
@@ -27,7 +27,7 @@ def instant(text: str | None, zone: str) -> str:
 
 
 def _offset(there: dt.datetime) -> str:
-    """Its distance from UTC: "+08:00"."""
+    """Offset from UTC: "+08:00"."""
     return f"{there:%z}"[:3] + ":" + f"{there:%z}"[3:5]
 
 

@@ -1,4 +1,4 @@
-"""What states, flags, quantities and conditions mean, in the words of the people who read a report."""
+"""Words for states, flags, quantities and conditions in a report."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ ENDINGS = {
     "running": "It was still going on when this report was written.",
 }
 QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
-_NAMES = MethodWords("NAMES", {})  # of parts of a quantity
+_NAMES = MethodWords("NAMES", {})  # parts of a quantity
 REASONS = MethodWords(
     "REASONS",
     {
@@ -45,7 +45,7 @@ REASONS = MethodWords(
 )
 CONDITIONS = MethodWords("CONDITIONS", {})
 """Texts of further conditions of a finding by their keys in `at`; {value} stands for the number."""
-# What sources of uncertainty are of, besides the names of readings.
+# Subjects of sources of uncertainty, besides the names of readings.
 SOURCES = (
     "head", "fixture", "counter", "site", "readings", "samples", "bias", "K1", "power cycles", "points",
     "asymmetry of the converter", "scale factor", "temperature", "asymmetry of the voltmeter", "voltmeter", "telemetry",
@@ -59,7 +59,7 @@ CONTENTS = MethodWords(
         "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
     },
 )
-SAID = (DONE, SCRIPTED)  # words of the program among the answers, and among those who gave them
+SAID = (DONE, SCRIPTED)  # words of the program among the answers, and among the names of who gave them
 _PLACE = re.compile(r"\\\{(\w+)\\\}")
 
 
@@ -69,7 +69,7 @@ def _pattern(text: str) -> re.Pattern[str]:
 
 
 def sentence_of(text: str, sentences: Mapping[str, str]) -> str | None:
-    """The sentence for a text that is made elsewhere, with its names and numbers; None where none is known.
+    """Sentence for a generated text, with its names and numbers; None if none is known.
 
     `sentences` are by texts in which a name in braces stands for anything without a colon.
     """
@@ -82,7 +82,7 @@ def sentence_of(text: str, sentences: Mapping[str, str]) -> str | None:
 
 
 def quantity_in_words(quantity: str) -> str:
-    """A quantity for the head of a table: "K1 per m/s²", "K0: temperature coefficient"."""
+    """Heading of a quantity in a table: "K1 per m/s²", "K0: temperature coefficient"."""
     return tr(": ").join(tr(part) for part in quantity_text(quantity).split(": "))
 
 
@@ -93,19 +93,19 @@ def quantity_text(quantity: str) -> str:
 
 
 def name_of(finding: Finding) -> str:
-    """What a finding is, without its quantity, which stands before it."""
+    """Name of a finding without its quantity, which precedes it."""
     name = finding.name.removeprefix(quantity_text(finding.quantity) + ": ")
     return sentence_of(name, {text: text for text in texts_of("FINDINGS", ())}) or tr(name)
 
 
 def quantity_of(finding: Finding) -> str:
-    """The quantity of a finding for the head of a table; K2 by itself where the asymmetry is not in it."""
+    """Heading of the quantity of a finding in a table; K2 alone if it does not contain the asymmetry."""
     alone = finding.quantity == "K2" and "contains:asymmetry" not in finding.flags
     return finding.quantity if alone else quantity_in_words(finding.quantity)
 
 
 def source_in_words(source: str) -> str:
-    """A source of uncertainty: "head: zero", "src_1g: source: gain"; the name of a reading is nothing to translate."""
+    """Text of a source of uncertainty: "head: zero", "src_1g: source: gain"; names of readings are not translated."""
     what, colon, part = source.partition(": ")
     return (
         f"{tr(what) if what in texts_of('SOURCES', SOURCES) else what}{tr(colon)}{source_in_words(part)}"
@@ -115,33 +115,33 @@ def source_in_words(source: str) -> str:
 
 
 def shared_in_words(shared: str) -> str:
-    """The error that results have in common: "head.time_base" as "head: time base"."""
+    """Text of an error common to several results: "head.time_base" as "head: time base"."""
     what, point, part = shared.partition(".")
     return source_in_words(f"{what}: {part.replace('_', ' ')}") if point else shared
 
 
 def said_in_words(text: str) -> str:
-    """An answer, or who gave it; what people typed stays as they typed it."""
+    """Text of an answer, or of who gave it; text typed by people is unchanged."""
     return tr(text) if text in SAID else text
 
 
 def end_in_words(end: str) -> str:
-    """The end that a unit stands on: "up" or "down" as words."""
+    """Text of the end on which a unit stands, "up" or "down"."""
     return tr("+Z up") if end == "up" else tr("+Z down")
 
 
 def leg_in_words(leg: str) -> str:
-    """Which way the temperature went: "up" or "down" as words."""
+    """Text of the direction of a temperature change, "up" or "down"."""
     return tr("rising") if leg == "up" else tr("falling")
 
 
 def unit_shown(quantity: str, unit: str) -> str:
-    """The unit in which a quantity is shown; `unit` when it is shown as it is."""
+    """Displayed unit of a quantity; `unit` if it is displayed unchanged."""
     return scale_shown(quantity, unit)[1]
 
 
 def limits_in_words(quantity: str, unit: str, limits: Limits) -> str:
-    """Limits in `unit` as they are shown: "-50 to 50", "at most 200", "11300 ± 50"; empty when there are none."""
+    """Text of limits in the displayed unit: "-50 to 50", "at most 200", "11300 ± 50"; empty if there are none."""
     factor, _ = scale_shown(quantity, unit)
     low, high = (None if side is None else f"{side * factor:.12g}" for side in (limits.low, limits.high))
     if limits.target is not None and limits.high is not None:
@@ -154,7 +154,7 @@ def limits_in_words(quantity: str, unit: str, limits: Limits) -> str:
 
 
 def bands_in_words(quantity: str, unit: str, limits: Limits) -> str:
-    """What else limits state: "guard band 2 u", "marginal within 50"; empty when they state only themselves."""
+    """Text of bands of limits: "guard band 2 u", "marginal within 50"; empty if there are none."""
     factor, _ = scale_shown(quantity, unit)
     guard = "" if limits.guard_k is None else tr("guard band {k} u", k=f"{limits.guard_k:g}")
     marginal = (
@@ -164,7 +164,7 @@ def bands_in_words(quantity: str, unit: str, limits: Limits) -> str:
 
 
 def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
-    """The input level that a finding is of, and how it compares."""
+    """Text of the input level of a finding, and of its reference."""
     if "run" in at:
         yield at["run"]
     if "reference" in at:
@@ -173,7 +173,7 @@ def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _dwells_in_words(at: Mapping[str, Any], dwells: Mapping[str, int]) -> Iterator[str]:
-    """Which dwells or cycle a finding is of."""
+    """Text of the dwells or the cycle of a finding."""
     if "dwell" in at:
         yield tr("dwell {number}", number=at["dwell"])
     if "dwells" in at:
@@ -184,7 +184,7 @@ def _dwells_in_words(at: Mapping[str, Any], dwells: Mapping[str, int]) -> Iterat
 
 
 def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
-    """The conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the numbers of the dwells."""
+    """Text of the conditions of a finding: "dwell 5, set point 70 °C, rising"; `dwells` are the dwell numbers."""
     parts = [*_levels_in_words(at), *_dwells_in_words(at, dwells)]
     if "axis" in at:
         parts.insert(0, tr("axis {axis}", axis=at["axis"] + at.get("toward", "")))
@@ -194,7 +194,7 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
         parts.append(tr("centre {at_c} °C", at_c=f"{at['temperature_c']:.1f}"))
     if "direction" in at:
         parts.append(tr(at["direction"]))
-    parts += [told(at[key]) for key, told in (("end", end_in_words), ("leg", leg_in_words)) if key in at]
+    parts += [text_of(at[key]) for key, text_of in (("end", end_in_words), ("leg", leg_in_words)) if key in at]
     if "at_c" in at:
         parts.append(tr("at {at_c} °C", at_c=f"{at['at_c']:.1f}"))
     parts += [tr(text, value=f"{at[key]:.5g}") for key, text in CONDITIONS.items() if key in at]
@@ -202,7 +202,7 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
 
 
 def of_those_within_u(count: int) -> str:
-    """What a headline says of values whose U reaches over a limit."""
+    """Text of a headline on values whose U reaches over a limit."""
     return tr(
         "{count} value within U of the limit" if count == 1 else "{count} values within U of the limit", count=count
     )

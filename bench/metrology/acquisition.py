@@ -1,4 +1,4 @@
-"""What was acquired, raw: counts, encoders, volts and codes of an acquisition, and what the bench did meanwhile."""
+"""Raw data of an acquisition: counts, encoders, voltages and codes, with the state of the bench meanwhile."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ NO_GAPS: Integers = np.empty((0, 2), np.int64)
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """A change of an output: `times` its value and `more` in its unit, a rate in pulse/s where pulses are counted."""
+    """A change of an output: `times` its value plus `more` in its unit, a rate in pulse/s for pulse counts."""
 
     times: float = 1.0
     more: float = 0.0
 
     def of(self, value: float) -> float:
-        """A changed output."""
+        """Apply the change to an output."""
         return self.times * value + self.more
 
     def of_each(self, values: Array) -> Array:
-        """Changed outputs."""
+        """Apply the change to outputs (n,)."""
         return self.times * values + self.more
 
 
@@ -36,13 +36,13 @@ UNCHANGED = Shift()
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """One channel during one acquisition, a row for each latch that came whole; all (N,) and raw.
+    """One channel during one acquisition, a row for each complete latch; all (N,) and raw.
 
     `tick` is the device's clock in `tick_period_s`, `positive` and `negative` are cumulative; they wrap at 2**bits.
-    `sequence` is unwrapped: a step above 1 is a gap. `host_s` is the bench time of arrival, good for finding a latch
-    and for nothing else. `lost` latches did not come whole, `restarts` is how often the counter began anew.
-    `max_rate_pps` is the fastest that the converter can pulse. `gaps` (G, 2) are the numbers of the first and the last
-    of each row of latches that did not come whole. `shift` is by what the rate is taken to be another than was counted.
+    `sequence` is unwrapped: a step above 1 is a gap. `host_s` is the bench time of arrival, suitable only for locating
+    a latch. `lost` is the number of lost or incomplete latches, `restarts` that of restarts of the counter.
+    `max_rate_pps` is the highest pulse rate of the converter. `gaps` (G, 2) are the numbers of the first and the last
+    latch of each gap. `shift` is a change applied to the counted rate.
     """
 
     sequence: Integers
@@ -60,7 +60,7 @@ class Counts:
     shift: Shift = UNCHANGED
 
     def part(self, first: int, last: int) -> Counts:
-        """From row `first` to row `last`, both included; its gaps, and where it began anew, are not told of a part."""
+        """Rows `first` to `last`, both included; gaps and restarts of a part are not known."""
         rows = slice(first, last + 1)
         sequence = self.sequence[rows]
         lost = int(sequence[-1] - sequence[0]) + 1 - len(sequence) if len(sequence) else 0
@@ -72,7 +72,7 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """The encoder of an axis during one acquisition, a row for each latch that came whole; all (N,) and raw.
+    """Encoder of an axis during one acquisition, a row for each complete latch; all (N,) and raw.
 
     `sequence` numbers the latches as those of the counts of the same counter, or as the samples of the `channel` of
     telemetry that they are latched with. `position` is in counts of `resolution_deg`, wraps at 2**position_bits and may
@@ -92,9 +92,9 @@ class Positions:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What a table was told to do while something was acquired, and did fully when that began.
+    """Commanded motion of a table during an acquisition, reached before it began.
 
-    It turned at `rate_dps`, or swung by ± `amplitude_deg` at `frequency_hz`; the other is None.
+    It rotated at `rate_dps`, or oscillated by ± `amplitude_deg` at `frequency_hz`; the other is None.
     """
 
     device: str
@@ -105,7 +105,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """How the units are fixed, in degrees.
+    """Mounting of the units, in degrees.
 
     Raised about the output axis by `angle_deg`, then rolled about the input axis, then clocked about the pendulous one.
     """
@@ -118,7 +118,7 @@ class Mount:
 
 @dataclass(frozen=True, slots=True)
 class Voltages:
-    """What a voltmeter read during one acquisition, (n,) and raw: `values_v` at `at_s` of bench time, their middles."""
+    """Readings of a voltmeter during one acquisition, (n,) and raw: `values_v` at bench times `at_s`, their middles."""
 
     at_s: Array
     values_v: Array
@@ -126,7 +126,7 @@ class Voltages:
 
 @dataclass(frozen=True, slots=True)
 class Currents:
-    """What an ammeter read during one acquisition, (n,): `values_a` at `at_s` of bench time, their middles."""
+    """Readings of an ammeter during one acquisition, (n,): `values_a` at `at_s` of bench time, their mid-times."""
 
     at_s: Array
     values_a: Array
@@ -134,13 +134,13 @@ class Currents:
 
 @dataclass(frozen=True, slots=True)
 class Codes:
-    """What a unit sent of its own output during one acquisition, a row for each sample that came once and valid; (N,).
+    """Output samples sent by a unit during one acquisition, a row for each valid sample, duplicates removed; (N,).
 
-    `values` are codes, or what they are decoded to, in steps of `step`. `sequence`, `tick`, `host_s`, `lost` and `gaps`
-    are as in Counts, by the clock of the unit; `dropped` came twice or late, `invalid` the unit marked itself.
-    `stuck_after` samples with one value are more than its noise lets be; None where nobody says. With `averaged` a
-    sample is the mean over the time from the one before, else the output at its tick. `restarts` is how often the unit
-    was seen to begin anew with lower numbers.
+    `values` are codes, or decoded values, with the quantisation `step`. `sequence`, `tick`, `host_s`, `lost` and `gaps`
+    are as in Counts, by the clock of the unit; `dropped` is the number of repeated or late samples, `invalid` that of
+    samples that the unit marked invalid. More than `stuck_after` equal samples in a row are incompatible with its
+    noise; None if not stated. With `averaged` a sample is the mean over the time from the one before, else the output
+    at its tick. `restarts` is the number of restarts of the unit, recognised by lower numbers.
     """
 
     sequence: Integers
@@ -159,7 +159,7 @@ class Codes:
     gaps: Integers = field(default_factory=lambda: NO_GAPS)
 
     def part(self, first: int) -> Codes:
-        """From row `first` on; what did not come is not known of a part."""
+        """Rows from `first` on; lost samples of a part are not known."""
         rows = slice(first, None)
         return replace(
             self, sequence=self.sequence[rows], tick=self.tick[rows], values=self.values[rows],
@@ -169,24 +169,24 @@ class Codes:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """What is kept of one channel where only its mean is wanted.
+    """Mean of one channel, for methods that need no more.
 
-    The mean output, such as a net rate in pulse/s, over `span_s` of the clock that it was counted by, which the host's
-    clock took for `host_span_s`. A mean of samples is counted by none: both are the host's. `problems` make it
-    unusable. `alone_u` and `step_u` are those of an Output.
+    The mean output, such as a net rate in pulse/s, over `span_s` of the clock of the counter, which is `host_span_s` of
+    the host's clock. For samples both are by the host's clock. `problems` make it unusable. `single_u` and
+    `quantisation_u` are those of an Output.
     """
 
     mean: float
     span_s: float
     host_span_s: float
     problems: tuple[str, ...]
-    alone_u: float = 0.0
-    step_u: float = 0.0
+    single_u: float = 0.0
+    quantisation_u: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Turned:
-    """A rotation meanwhile: of which axis, at which rate it was told, and where it stood when (bench time)."""
+    """A rotation during an acquisition: axis, commanded rate, and its angle at bench times."""
 
     axis: str
     command_dps: float
@@ -198,22 +198,22 @@ class Turned:
 
 @dataclass(frozen=True, slots=True)
 class Acquisition:
-    """One acquisition: its step and the group of steps it belongs to, and what the bench did meanwhile.
+    """One acquisition: its step, its group of steps, its data, and the state of the bench meanwhile.
 
-    `angles_deg` is what each axis of the table read back, outer first, `mount` how the units were fixed; `set_c` is the
-    chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp; `counts` by
-    channel, `voltages` by voltmeter, `currents` by ammeter, `codes` by channel of the telemetry; `temperatures_c` the
-    values of each named reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. Where
-    `input` is "source" the converter is fed by a current source; `sources_a` is what those that are on give, by their
-    roles, `sources_told_a` what they were read back to give where a certificate corrects that. One that was to become
-    stable is read over its last `over_s`; `stable` are the places of the units that did. `turned` is a rotation over
-    whole turns meanwhile. Where only means are wanted `windows` stand in place of `counts`, so that a long run is not
-    in memory all at once. `positions` are those of the encoders that a counter latches, by the devices that drive the
-    axes, `motion` is None where no table turned or swung. `on_since_s` are the supplies that are on, by their roles,
-    each with the bench times between which it was put on. `missed` is what did not come, by device and channel.
-    `came_from` is the side, "below" or "above", from which each axis came to its angle at last, without those of which
-    that is not known; `stand` counts the moves of all axes before, so that it is the same while none has moved.
-    `stretch` counts the interruptions of the run before.
+    `angles_deg` is the read-back of each axis of the table, outer first, `mount` the mounting of the units. `set_c` is
+    the chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp. `counts` by
+    channel, `voltages` by voltmeter, `currents` by ammeter, `codes` by channel of the telemetry. `temperatures_c` are
+    the values of each named reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. If
+    `input` is "source" the converter is fed by a current source; `sources_a` are the currents of those that are on, by
+    their roles, corrected by their certificates, `sources_set_a` their uncorrected read-backs. An acquisition until
+    stability is evaluated over its last `over_s`; `stable` are the places of the units that were stable. `turned` is a
+    rotation over whole turns meanwhile. For methods that need only means, `windows` replace `counts`, so that a long
+    run is not in memory all at once. `positions` are those of the encoders that a counter latches, by the devices that
+    drive the axes; `motion` is None if no table moved. `on_since_s` are the supplies that are on, by their roles, each
+    with the bench times between which it was switched on. `missed` are lost latches and samples, by device and channel.
+    `came_from` is the side, "below" or "above", from which each axis last reached its angle, where known; `stand`
+    counts the preceding moves of all axes: it is the same for acquisitions without a move between them. `stretch`
+    counts the preceding interruptions of the run.
     """
 
     step: str
@@ -233,7 +233,7 @@ class Acquisition:
     windows: Mapping[str, Window] = field(default_factory=dict)
     input: str = "accelerometer"
     sources_a: Mapping[str, float] = field(default_factory=dict)
-    sources_told_a: Mapping[str, float] = field(default_factory=dict)
+    sources_set_a: Mapping[str, float] = field(default_factory=dict)
     currents: Mapping[str, Currents] = field(default_factory=dict)
     over_s: float | None = None
     stable: frozenset[str] | None = None
@@ -248,5 +248,5 @@ class Acquisition:
 
     @property
     def angle_deg(self) -> float:
-        """The angle of the head, which is the outermost axis; 0 without one."""
+        """Angle of the head, which is the outermost axis; 0 without one."""
         return next(iter(self.angles_deg.values()), 0.0)

@@ -1,4 +1,4 @@
-"""What is known of a bench before anything is measured with it, as standard uncertainties."""
+"""Uncertainties of a bench from certificates and surveys, as standard uncertainties."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class AxisRecord:
-    """An axis of the table: where its positive end points while all angles are 0 (east, north, up), and its errors.
+    """An axis of the table: direction of its positive end with all angles at 0 (east, north, up), and its errors.
 
-    `harmonics_u_deg` are those of the cosine and of the sine amplitude of harmonics 1, 2, … of its error,
-    `wobble_u_deg` those of how far it tilts to and fro once a turn. `backlash_u_deg` is that of how much farther it
-    stands when it comes to an angle from above, None where nobody states it.
+    `harmonics_u_deg` are standard uncertainties of the cosine and the sine amplitude of harmonics 1, 2, … of its error,
+    `wobble_u_deg` those of its tilt once a turn. `backlash_u_deg` is that of the difference in angle after an approach
+    from above, None if not stated.
     """
 
     points: Vector = (0.0, -1.0, 0.0)
@@ -28,7 +28,7 @@ class AxisRecord:
 
 @dataclass(frozen=True, slots=True)
 class SourceRecord:
-    """What a certificate says of a current source, or an ammeter, as standard uncertainties.
+    """Certificate of a current source or an ammeter, as standard uncertainties.
 
     Gain (1), offset (A), drift (1/s).
     """
@@ -38,15 +38,15 @@ class SourceRecord:
     drift_u_per_s: float
 
     def u_a(self, current_a: float) -> float:
-        """The standard uncertainty of a current, but for the drift."""
+        """Standard uncertainty of a current, without the drift."""
         return math.hypot(self.gain_u * current_a, self.offset_u_a)
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Change of an error, evenly in time, from the beginning of a run to its end.
+    """Change of an error, linear in time, from the beginning of a run to its end.
 
-    `u` is a standard uncertainty, in °C of a thermometer and in degrees of the level. `is_stated` is whether the
+    `u` is a standard uncertainty, in °C of a thermometer and in degrees of the level. `is_stated` is true if the
     certificate states it.
     """
 
@@ -56,7 +56,7 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class ClockRecord:
-    """What a certificate says of the clock of a node that latches an encoder, as standard uncertainties.
+    """Clock of a node that latches an encoder, as standard uncertainties.
 
     `skew_u_s` is that of the time from the latch of the encoder to that of the pulses, or to the end of the sample.
     """
@@ -68,16 +68,16 @@ class ClockRecord:
 
 @dataclass(frozen=True, slots=True)
 class BenchRecord:
-    """What certificates and surveys say of the bench; every `u` is a standard uncertainty.
+    """Uncertainties of the bench by certificates and surveys; every `u` is a standard uncertainty.
 
-    `axes` are those of the table, outer first; `x` and `z` are where those of the fixture point while all angles are 0.
-    `level_deg` tilts the whole table about south, and changes by `level_drift` within a run. `thermometers_u` gives
-    offset (°C) and gain (on the temperature in °C) by the name of the reading, `thermometer_drifts` how much their
-    errors change within a run, `voltmeters_u` gain (of the reading) and offset (V) by voltmeter, `sources` the current
-    sources and ammeters that have a certificate, by their roles. `orthogonality_u_deg` is of each axis against the one
-    that carries it, in two directions. `host_clock_u` is that of a second of the host, 0 where nobody states it.
-    `encoder_skew_u_s` is that of the time between an encoder's latch and the pulses'. `telemetry` is the clock of what
-    units send, None where no encoder is latched with that.
+    `axes` are those of the table, outer first; `x` and `z` are directions of the fixture with all angles at 0.
+    `level_deg` tilts the whole table about south, and changes by `level_drift` within a run. `thermometers_u` are
+    offset (°C) and gain (relative to the temperature in °C) by the name of the reading, `thermometer_drifts` the change
+    of their errors within a run, `voltmeters_u` gain (relative to the reading) and offset (V) by voltmeter, `sources`
+    the current sources and ammeters with a certificate, by their roles. `orthogonality_u_deg` is that of each axis to
+    the one that carries it, in two directions. `host_clock_u` is the relative uncertainty of the host's clock, 0 if not
+    stated. `encoder_skew_u_s` is that of the time between the latches of encoder and pulses. `telemetry` is the clock
+    of units that send their output, None if no encoder is latched with it.
     """
 
     gravity_mps2: float
@@ -101,25 +101,29 @@ class BenchRecord:
     thermometer_drifts: Mapping[str, Drift] = field(default_factory=dict)
 
     def clock(self, *, sent: bool) -> ClockRecord:
-        """The clock that a table is measured with: that of a unit which has `sent` its output, or the counter's."""
+        """Clock of the measurement of a table: that of a unit which has `sent` its output, or the counter's."""
         if sent and self.telemetry is not None:
             return self.telemetry
         return ClockRecord("counter", self.time_base_u, self.encoder_skew_u_s)
 
     def thermometer_u(self, name: str) -> tuple[float, float]:
-        """Offset (°C) and gain of the thermometer behind a reading; zeros without a certificate."""
+        """Offset (°C) and gain of the thermometer of a reading; zeros without a certificate."""
         return self.thermometers_u.get(name, (0.0, 0.0))
 
     def thermometer_drift(self, name: str) -> Drift:
-        """Drift of the thermometer behind a reading within a run; none without a certificate."""
+        """Drift within a run of the thermometer of a reading; none without a certificate."""
         return self.thermometer_drifts.get(name, Drift())
 
     def temperature_u_c(self, name: str, temperature_c: float) -> float:
-        """The standard uncertainty of a temperature that it shows."""
+        """Standard uncertainty of a temperature reading."""
         offset_c, gain = self.thermometer_u(name)
         return math.hypot(offset_c, gain * temperature_c)
 
+    def axis(self, role: str) -> AxisRecord:
+        """What is stated of an axis; one without errors where nothing is."""
+        return self.axes.get(role, AxisRecord())
+
     @property
     def head(self) -> AxisRecord:
-        """The head, which is the outermost axis; one without errors when there is none."""
+        """The head, which is the outermost axis; one without errors if there is none."""
         return next(iter(self.axes.values()), AxisRecord())

@@ -1,7 +1,7 @@
-"""How well a largest value is known: the scatter of the values moves it, and it is larger than it would be without.
+"""Uncertainty and bias of a largest value of scattering values.
 
-Of many values that scatter the largest is one that the scatter has made larger. How much is found by trial (a Monte
-Carlo after JCGM 101): what the values would be without scatter is estimated, then they are let scatter anew.
+The largest of many scattering values is biased: the scatter has increased it. The bias is found by a Monte Carlo method
+(JCGM 101): the values without scatter are estimated, then scatter is added again.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from bench.metrology.least_squares import SIGMA_PER_MAD, Array
 from bench.metrology.results.finding import CONFIDENCE, Interval
 
 TRIALS = 200
-NEIGHBOURS = 15  # whose mean stands for a value without scatter
+NEIGHBOURS = 15  # values whose mean is an estimate of a value without scatter
 SECOND_DIFFERENCE_SD = np.sqrt(6.0)  # of 1, -2, 1 times values with a standard deviation of 1
-FAR_SIGMAS = 3.0  # from there on it is a jump, or a corner
-GRID_SIGMAS = 8.0  # up to where the distribution of a largest error is worked out: of 1e9 errors none is larger
+FAR_SIGMAS = 3.0  # from this ratio on it is a jump or a corner
+GRID_SIGMAS = 8.0  # upper end of the distribution of a largest error: of 1e9 errors none is larger
 GRID_POINTS = 2000
 SD_KNOWN = 0.05  # relative standard uncertainty of a standard deviation from second differences
-FEWEST = 5  # second differences whose median tells something
+FEWEST = 5  # minimum number of second differences for a median
 
 
 def scatter_sd(records: Sequence[Array], stride: int = 1, gains: Sequence[Array] | None = None) -> float:
-    """The standard deviation of what is not smooth in records of evenly taken values, each (n,); NaN where too short.
+    """Standard deviation of the rough part of records of equidistant values, each (n,); NaN if too short.
 
     From their second differences over `stride` values, without those far beyond the median, so that a few jumps do not
-    count. A stride of 2 passes over what neighbours share, such as a count that one has more and the next has less.
-    Values may scatter by the result times their `gains` (n,) each.
+    count. A stride of 2 avoids errors shared by neighbours, such as a count that one has more and the next has less.
+    The scatter of each value may be the result times its gain in `gains` (n,).
     """
     usual_sd = [np.ones(len(record)) for record in records] if gains is None else gains
     curved = [
@@ -41,16 +41,16 @@ def scatter_sd(records: Sequence[Array], stride: int = 1, gains: Sequence[Array]
     differences = np.abs(np.concatenate([np.zeros(0), *curved]))
     if len(differences) < FEWEST:
         return float("nan")
-    usual = SIGMA_PER_MAD * float(np.median(differences))  # of counts it may be no better than one count
+    usual = SIGMA_PER_MAD * float(np.median(differences))  # of counts, possibly no finer than one count
     calm = differences[differences <= FAR_SIGMAS * usual] if usual else differences
     return float(np.sqrt(np.mean(calm**2)) / SECOND_DIFFERENCE_SD)
 
 
 def largest_u(values: Array, sd: float) -> tuple[float, float]:
-    """Standard uncertainties of the largest |value| of (n,) that scatter by `sd`: by scatter, by being the largest.
+    """Standard uncertainties of the largest |value| of (n,) with standard deviation `sd`: from scatter, from the bias.
 
-    The values without scatter are taken for the means of neighbours, made smaller all alike by what scatter is left in
-    them: nothing where all is scatter, hardly changed where there is none. Equal values give equal results.
+    The values without scatter are estimated by means of neighbours, all reduced by the scatter left in them: to zero if
+    all is scatter, hardly changed if there is none. Equal values give equal results.
     """
     calm = _calm(values, sd)
     draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
@@ -59,7 +59,7 @@ def largest_u(values: Array, sd: float) -> tuple[float, float]:
 
 
 def span_u(values: Array, sd: float) -> tuple[float, float]:
-    """The same of the span of (n,), the largest value less the smallest."""
+    """The same for the span of (n,), the largest value minus the smallest."""
     calm = _calm(values - np.mean(values), sd)
     draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
     found = np.ptp(calm + sd * draws, axis=-1)
@@ -67,11 +67,12 @@ def span_u(values: Array, sd: float) -> tuple[float, float]:
 
 
 def interval_of_largest(values: Array, sd: Array | float) -> Interval:
-    """The range of the largest |value| of (n,) that scatter by `sd`, one or (n,), whatever they are without scatter.
+    """Range of the largest |value| of (n,) with standard deviations `sd`, one or (n,).
 
-    It cannot exceed every |value| by more than the scatter of that one, nor can it be less than the largest by more
-    than the largest scatter of all. Either is so at 97.5 %, which does not depend on whether they scatter independently
-    but for the second: where they do not it is so all the more.
+    It holds whatever the values without scatter are. It cannot exceed every |value| by more than the scatter of that
+    one, nor can it be less than the largest by more than the largest scatter of all. Each holds at 97.5 %; the first
+    for any correlation of the scatter, the second for independent scatter and all the more for positively correlated
+    scatter.
     """
     sds = np.broadcast_to(np.asarray(sd, np.float64), values.shape)
     one_sided = (1 + CONFIDENCE) / 2
@@ -82,7 +83,7 @@ def interval_of_largest(values: Array, sd: Array | float) -> Interval:
 
 @lru_cache(maxsize=64)  # a fine grid each time, and repeated trials ask for the same
 def _largest_scatter(sd: tuple[float, ...], probability: float) -> tuple[float, float]:
-    """Of the largest |error| of independent normal errors: its mean, and what it stays below with a probability."""
+    """Mean of the largest |error| of independent normal errors, and its quantile at a probability."""
     widths, counts = np.unique(sd, return_counts=True)
     largest = float(widths[-1])
     if not largest:
@@ -95,10 +96,10 @@ def _largest_scatter(sd: tuple[float, ...], probability: float) -> tuple[float, 
 
 
 def interval_of_span(values: Array, sd: float) -> Interval:
-    """The range of the span of (n,) that scatter by `sd`, whatever they are without scatter.
+    """Range of the span of (n,) with standard deviations `sd`, whatever the values without scatter.
 
-    Any two differ by no more than they do here and their scatter; the span cannot be less than this one by more than
-    that of as many errors. Either is so at 97.5 %.
+    No two values differ by more than here plus their scatter; the span cannot be less than this one by more than that
+    of as many errors. Each holds at 97.5 %.
     """
     spans = np.ptp(sd * np.random.default_rng(0).standard_normal((TRIALS, len(values))), axis=-1)
     one_sided, span = (1 + CONFIDENCE) / 2, float(np.ptp(values))
@@ -107,11 +108,11 @@ def interval_of_span(values: Array, sd: float) -> Interval:
 
 
 def interval_of_rms(values: Array, sd: float, along_u: float | None = None) -> Interval:
-    """The range of the root mean square of (n,) that scatter by `sd`, whatever they are without scatter.
+    """Range of the root mean square of (n,) with standard deviations `sd`, whatever the values without scatter.
 
-    Scatter adds its own square to the mean square, which varies by as much as n values tell and as `sd` is known. What
-    goes along with the values has the standard uncertainty `along_u` in the root mean square: that of n values that
-    scatter independently, unless another is known.
+    Scatter adds its own square to the mean square, which varies with the number of values and with the uncertainty of
+    `sd`. Errors correlated with the values have the standard uncertainty `along_u` in the root mean square: by default
+    that of n independent values.
     """
     n, square = len(values), float(np.mean(values**2)) - sd**2
     along = 2 * np.sqrt(max(square, 0.0)) * (sd / np.sqrt(n) if along_u is None else along_u)

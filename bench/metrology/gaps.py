@@ -1,4 +1,4 @@
-"""What did not come of what was acquired: rows of latches, or of samples, told by their first and last numbers."""
+"""Gaps of an acquisition: rows of lost latches or samples, by their first and last numbers."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from bench.metrology.missed import Gap, Missed
 from bench.metrology.pulse_counts import mean_rate
 from bench.metrology.sampled_codes import mean_code
 
-EVENT = "gaps"  # of the journal, whose data are those of a Missed, with its device and channel
-MOST_LISTED = 8  # gaps of one channel in one acquisition; all of them can be found again in what was recorded
-NOT_OF_GAPS = frozenset({"dead_band", "stuck_code"})  # what else may be wrong with a mean
+EVENT = "gaps"  # of the journal; its data are those of a Missed, with device and channel
+MOST_LISTED = 8  # gaps listed per channel and acquisition; all can be recovered from the raw data
+NOT_OF_GAPS = frozenset({"dead_band", "stuck_code"})  # other problems of a mean
 
 
 def missed_in(found: Counts | Codes) -> Missed | None:
-    """What did not come of a channel in an acquisition; None when everything did."""
+    """Lost latches or samples of a channel in an acquisition; None if there are none."""
     if not len(found.gaps):
         return None
     what: Literal["latches", "samples"]
@@ -37,13 +37,13 @@ def missed_in(found: Counts | Codes) -> Missed | None:
 
 
 def missed_of(device: str, decoded: Mapping[str, Counts | Codes]) -> dict[tuple[str, str], Missed]:
-    """What did not come of the channels of a device in an acquisition, by device and channel; those that lack any."""
+    """Losses of the channels of a device in an acquisition, by device and channel; only channels with losses."""
     found = {(device, channel): missed_in(each) for channel, each in decoded.items()}
     return {name: missed for name, missed in found.items() if missed is not None}
 
 
 def gaps_of(found: Counts | Codes, at_most: int | None = None) -> tuple[Gap, ...]:
-    """The gaps of a channel in an acquisition, or the first of them."""
+    """Gaps of a channel in an acquisition, or the first of them."""
     gaps = found.gaps[:at_most]
     after = np.searchsorted(found.sequence, gaps[:, 0]).tolist()
     return tuple(
@@ -52,7 +52,7 @@ def gaps_of(found: Counts | Codes, at_most: int | None = None) -> tuple[Gap, ...
 
 
 def _around(found: Counts | Codes, place: int) -> tuple[float | None, float | None, float | None]:
-    """When the row before a place and that at it arrived, and the time between them by the device's clock."""
+    """Arrival times of the rows before and at an index, and the time between them by the device's clock."""
     from_s = float(found.host_s[place - 1]) if place else None
     to_s = float(found.host_s[place]) if place < len(found.host_s) else None
     if from_s is None or to_s is None:
@@ -62,7 +62,7 @@ def _around(found: Counts | Codes, place: int) -> tuple[float | None, float | No
 
 
 def gap_columns(found: Counts | Codes) -> Mapping[str, Integers | Array]:
-    """All gaps of a channel in an acquisition, by the fields of a Gap, each (G,); not-a-number where there is none."""
+    """All gaps of a channel in an acquisition, by the fields of a Gap, each (G,); not-a-number for missing values."""
     around = [(gap.from_s, gap.to_s, gap.device_s) for gap in gaps_of(found)]
     times = np.array(around, np.float64).reshape(-1, 3)
     return {

@@ -1,11 +1,11 @@
-"""How well the line of a run is known by its own readings: what one count is worth, and what scatters beside it.
+"""Uncertainty of the line of a run from its own readings: resolution of the count, and additional scatter.
 
-The errors of counts in neighbouring gates cancel each other, since what one has more the next has less: only the ends
-of the record matter (equations 1.7). Residuals of the gates would make far too much of them. So the part of the count
-is worked out from the latches that gates share. The rest is looked for in slow waves of the gates, nearly as slow as
-the line: there the count leaves next to nothing, and what comes and goes within a minute or two does not tilt a line
-either. A chamber's limit cycle, which the thermometer tells a little later than the converter has it, does reach into
-the slow waves; but it goes with the rate of the temperature, and what does is lag and no scatter.
+The errors of counts in neighbouring gates cancel, since one gate has a count more and the next has it less: only the
+ends of the record matter (equations 1.7). Residuals of the gates would overestimate them by far. Therefore the part of
+the count is computed from the latches that gates share. The rest is estimated from slow waves of the gates, nearly as
+slow as the line: there the count contributes next to nothing, and disturbances of a minute or two do not tilt a line
+either. A chamber's limit cycle, which the thermometer shows slightly later than the converter, does reach into the slow
+waves; but it is proportional to the rate of the temperature, and such a part is lag, not scatter.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from numpy.polynomial import chebyshev
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array, NotDetermined, fit_polynomial
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
-from bench.metrology.sampled_codes import by_level
+from bench.metrology.sampled_codes import quantisation_by_level
 from bench.metrology.temperature_checks import rates_c_per_s
 
-STRETCHES = 24  # of a run, long enough that what the input does within seconds averages out
-SMOOTH_DEGREE = 3  # of the polynomial that gates scatter about
-WAVES_DEGREE = 17  # of the steepest polynomial in time that is still a slow wave
+STRETCHES = 24  # of a run; long enough to average out input variations within seconds
+SMOOTH_DEGREE = 3  # degree of the polynomial for the scatter of gates
+WAVES_DEGREE = 17  # highest degree of a polynomial in time that counts as a slow wave
 LEAST_GATES = 3 * STRETCHES
-LAG_GATES = 5  # whose slope is the rate of the temperature: noise of the thermometer is most of what fewer differ by
-LATCH_COUNTS = RESOLUTION_COUNTS / np.sqrt(2)  # standard deviation of the charge that a latch has not counted yet
+LAG_GATES = 5  # gates for the rate of the temperature: with fewer, noise of the thermometer dominates
+LATCH_COUNTS = RESOLUTION_COUNTS / np.sqrt(2)  # standard deviation of the charge not yet counted at a latch
 SAME_LATCH_S = 1e-3
 
 
@@ -35,11 +35,11 @@ class LineScatter:
     """Standard uncertainties of type A of a line's rate (pulse/s) and slope (pulse/s/°C).
 
     `counting_` is of the count alone, `scatter_` of the rest with `dof` degrees of freedom. `excess_pps` is the
-    standard deviation of a gate that is `gate_s` long, what lags included. `residuals_pps` (m,) are what the means of
-    stretches are away from the line, and `stretch_u_pps` is what they scatter by; none where the run is too short.
-    `drift_h_per_c` and `accelerometer_per_c` are what a line over the converter's temperature gives for time (h) and
-    for the accelerometer's temperature (°C): an input that drifts or follows the chamber changes the slope by so much.
-    `step_u_pps` is what the steps of codes hide from a mean, 0 for volts; None where pulses were counted.
+    standard deviation of a gate that is `gate_s` long, what lags included. `residuals_pps` (m,) are the deviations of
+    the means of stretches from the line, `stretch_u_pps` is their standard deviation; none where the run is too short.
+    `drift_h_per_c` and `accelerometer_per_c` are the slopes over the converter's temperature of time (h) and of the
+    accelerometer's temperature (°C): the sensitivity to an input that drifts or follows the chamber.
+    `quantisation_u_pps` is the quantisation uncertainty of a mean of codes, 0 for volts; None for counted pulses.
     """
 
     counting_rate: float
@@ -53,16 +53,16 @@ class LineScatter:
     stretch_u_pps: float
     drift_h_per_c: float
     accelerometer_per_c: float
-    step_u_pps: float | None = None
+    quantisation_u_pps: float | None = None
 
     def mean_u_pps(self, span_s: float) -> float:
-        """Standard uncertainty of a mean rate over `span_s`, of the count or the steps of codes, and the rest."""
-        alone_pps = RESOLUTION_COUNTS / span_s if self.step_u_pps is None else self.step_u_pps
+        """Standard uncertainty of a mean rate over `span_s`: from counting or quantisation, and from the rest."""
+        alone_pps = RESOLUTION_COUNTS / span_s if self.quantisation_u_pps is None else self.quantisation_u_pps
         return float(np.hypot(alone_pps, self.excess_pps * np.sqrt(self.gate_s / span_s)))
 
 
 def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
-    """What the gates of a run tell of their line; raises NotDetermined with fewer than three gates to a stretch."""
+    """Uncertainty of the line of a run from its gates; NotDetermined with fewer than three gates to a stretch."""
     count = len(gates.seconds)
     if count < LEAST_GATES or not np.ptp(gates.converter_c):
         raise NotDetermined(("scatter",), rank=count, of=LEAST_GATES, condition=np.inf)
@@ -84,21 +84,22 @@ def line_scatter(gates: Gates, reference_c: float) -> LineScatter:
         stretch_u_pps=_stretch_u_pps(smooth, gates),
         drift_h_per_c=float(slope_gain @ gates.time_s) / 3600.0,
         accelerometer_per_c=float(slope_gain @ accelerometer_c),
-        step_u_pps=None if gates.step_u is None else float(np.mean(gates.step_u)),
+        quantisation_u_pps=None if gates.quantisation_u is None else float(np.mean(gates.quantisation_u)),
     )
 
 
 def line_gains(converter_c: Array, reference_c: float) -> tuple[Array, Array]:
-    """What each gate (n,) adds to the slope of a straight line through all, and to its value at the reference."""
+    """Sensitivity of slope and value at the reference, of a straight line through all gates, to each gate (n,)."""
     centre_c = float(np.mean(converter_c))
     slope_gain = (converter_c - centre_c) / np.sum((converter_c - centre_c) ** 2)
     return slope_gain, 1 / len(converter_c) + (reference_c - centre_c) * slope_gain
 
 
 def own_scatter_pps(smooth_pps: Array, gates: Gates) -> float:
-    """As `excess_pps` of departures (n,) from a smooth curve, but without what goes with the rate of the temperature.
+    """Standard deviation as `excess_pps` of deviations (n,) from a smooth curve, without lag.
 
-    The gates at the ends have no such rate, and are left out.
+    Lag is the part proportional to the rate of the temperature. The gates at the ends have no such rate, and are left
+    out.
     """
     rate_c_per_s = rates_c_per_s(gates.time_s, gates.converter_c, LAG_GATES)
     inner = np.arange(len(rate_c_per_s)) + LAG_GATES // 2
@@ -110,21 +111,21 @@ def own_scatter_pps(smooth_pps: Array, gates: Gates) -> float:
 
 
 def unresolved_pps(gains: Array, gates: Gates) -> Array:
-    """What a count leaves uncounted in sums of gates with gains (k, n), or the steps of codes hide: (k, m) by cause.
+    """Uncertainty from counting or quantisation of sums of gates with gains (k, n): (k, m) by cause.
 
-    Gates whose means are on one step err alike.
+    Gates whose means are in one quantisation step have the same error.
     """
-    if gates.step_u is None:
+    if gates.quantisation_u is None:
         return _of_latches(gains, gates)
-    largest = float(np.max(gates.step_u, initial=0.0)) * np.sqrt(12)
+    largest = float(np.max(gates.quantisation_u, initial=0.0)) * np.sqrt(12)
     on_step = np.round(gates.rate_pps / largest) if largest else gates.time_s
-    return np.stack([by_level(gain, gates.step_u, on_step) for gain in gains])
+    return np.stack([quantisation_by_level(gain, gates.quantisation_u, on_step) for gain in gains])
 
 
 def _of_latches(gains: Array, gates: Gates) -> Array:
-    """What the latches leave uncounted in sums of gates with gains (k, n): the standard deviation by latch (k, m).
+    """Counting uncertainty of sums of gates with gains (k, n): the standard deviation by latch (k, m).
 
-    Gates side by side share a latch: what the one has more, the other has less.
+    Adjacent gates share a latch: a count that one has more, the other has less.
     """
     end_s, begin_s = gates.time_s + gates.seconds / 2, gates.time_s - gates.seconds / 2
     apart = np.abs(begin_s[1:] - end_s[:-1]) >= SAME_LATCH_S
@@ -137,12 +138,12 @@ def _of_latches(gains: Array, gates: Gates) -> Array:
 
 
 def excess_pps(residual_pps: Array, gates: Gates) -> float:
-    """The standard deviation of a gate that is not of the count, as far as slow waves of the gates have it.
+    """Standard deviation of a gate beyond the count, as far as slow waves of the gates show it.
 
-    So large that the squares of the waves are together what they should be (Paule and Mandel, J. Res. NBS 87, 377):
-    those in which the count leaves the least tell the most. Nothing where the count alone would scatter as much.
+    Chosen so that the squares of the waves sum to their expectation (Paule and Mandel, J. Res. NBS 87, 377): the waves
+    with the least counting error have the most weight. 0 if the count alone would scatter as much.
     """
-    from scipy.optimize import brentq  # and much with it, which most runs do not need
+    from scipy.optimize import brentq  # imports many modules, which most runs do not need
 
     through = chebyshev.chebvander(np.linspace(-1, 1, len(residual_pps)), WAVES_DEGREE)
     waves = np.linalg.qr(through)[0][:, SMOOTH_DEGREE + 1 :].T
@@ -151,7 +152,8 @@ def excess_pps(residual_pps: Array, gates: Gates) -> float:
     squares = (apart.T @ waves @ residual_pps) ** 2
     if not unresolved.any():
         return float(np.sqrt(np.mean(squares)))
-    counted = np.maximum(counted, np.finfo(np.float64).eps * counted[-1])  # few steps of codes hide nothing of some
+    # few steps of codes, so that some waves have no quantisation error
+    counted = np.maximum(counted, np.finfo(np.float64).eps * counted[-1])
 
     usual = float(np.mean(squares))
 
@@ -162,15 +164,15 @@ def excess_pps(residual_pps: Array, gates: Gates) -> float:
 
 
 def _stretch_u_pps(residual_pps: Array, gates: Gates) -> float:
-    """What the means of stretches scatter by, of which the count is the least, or the steps of codes."""
+    """Standard deviation of the means of stretches; at least that of the count, or of the quantisation."""
     means, stretches_s = _stretches(residual_pps, gates.seconds)
     found = float(np.sum(means**2)) / (STRETCHES - SMOOTH_DEGREE - 1)
-    alone_pps = RESOLUTION_COUNTS / stretches_s if gates.step_u is None else gates.step_u
+    alone_pps = RESOLUTION_COUNTS / stretches_s if gates.quantisation_u is None else gates.quantisation_u
     return float(np.sqrt(max(found, float(np.mean(alone_pps**2)))))
 
 
 def _stretches(residual_pps: Array, seconds: Array) -> tuple[Array, Array]:
-    """The mean of each stretch, and how long it is."""
+    """Mean and duration of each stretch."""
     stretches_s = _sums(seconds)
     return _sums(residual_pps * seconds) / stretches_s, stretches_s
 

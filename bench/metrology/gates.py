@@ -1,4 +1,4 @@
-"""Gates: what lies between consecutive readings of a slow ramp, with its length, output and temperatures."""
+"""Gates: intervals between consecutive readings of a slow ramp, with duration, output and temperatures."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 
 @dataclass(frozen=True, slots=True)
 class Gates:
-    """What lies between two consecutive readings, all arrays (n,).
+    """Intervals between consecutive readings, all arrays (n,).
 
-    Its middle and its length in time, the pulses on either line, and the means of both temperatures. Of volts or codes
-    their integral over it stands in place of the pulses, and `step_u` is what steps of codes hide from each mean: 0 for
-    volts, None where pulses were counted.
+    Mid-time and duration, the pulses on either line, and the means of both temperatures. For volts or codes their
+    integral replaces the pulses, and `quantisation_u` is the quantisation uncertainty of each mean: 0 for volts, None
+    for counted pulses.
     """
 
     time_s: Array
@@ -26,19 +26,19 @@ class Gates:
     negative: Array
     converter_c: Array
     accelerometer_c: Array
-    step_u: Array | None = None
+    quantisation_u: Array | None = None
 
     @property
     def rate_pps(self) -> Array:
-        """Net pulses in a second, or the mean of volts or codes."""
+        """Net pulses per second, or the mean of volts or codes."""
         return (self.positive - self.negative) / self.seconds
 
     def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> Gates:
-        """A part of the gates, by their numbers or by a mask."""
+        """A part of the gates, by index or mask."""
         columns = {column.name: getattr(self, column.name) for column in fields(self)}
         return replace(self, **{name: values[which] for name, values in columns.items() if values is not None})
 
     @property
     def resolution_pps(self) -> Array:
-        """What a mean rate alone does not resolve, for what it is counted with or for the steps of codes."""
-        return RESOLUTION_COUNTS / self.seconds if self.step_u is None else self.step_u
+        """Resolution of a mean rate, by counting or by quantisation of codes."""
+        return RESOLUTION_COUNTS / self.seconds if self.quantisation_u is None else self.quantisation_u

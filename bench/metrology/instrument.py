@@ -1,4 +1,4 @@
-"""What the certificate of whatever measures an output gives to a result."""
+"""Contribution to a result from the certificate of the instrument that measures an output."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.run_data import UnitUnderTest
 
-STEPS = ": steps of the codes"  # what a source of uncertainty ends with, after the channel of the telemetry
+STEPS = ": steps of the codes"  # suffix of a source of uncertainty, after the channel of the telemetry
 
 
 def instrument_u(unit: UnitUnderTest, bench: BenchRecord, scaled: float, together: float) -> Mapping[str, float]:
     """Standard uncertainties by source, with the signs of `scaled` and `together`.
 
-    `scaled` is what the result changes by where all readings grow by as much as they are, `together` where all grow by
-    one. A unit that sends its output has no instrument but itself.
+    `scaled` is the sensitivity of the result to a relative error of all readings, `together` to a common offset. A unit
+    that sends its output is its own instrument.
     """
     if unit.telemetry is not None:
         return {}
@@ -25,5 +25,5 @@ def instrument_u(unit: UnitUnderTest, bench: BenchRecord, scaled: float, togethe
 
 
 def shared_as(source: str) -> str:
-    """The name by which results know that a source is one and the same."""
+    """Identifier by which results recognise one common source."""
     return source.replace(": ", ".").replace(" ", "_")

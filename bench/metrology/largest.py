@@ -1,7 +1,7 @@
-"""The largest of many values along a course, such as the temperatures of a ramp, that scatter about it.
+"""Largest of many scattering values along a curve, such as the temperatures of a ramp.
 
-Neighbours along the course tell what the values would be without scatter. To let them scatter anew about that (a Monte
-Carlo after JCGM 101) shows by how much the largest becomes larger, and by how much it varies.
+Neighbours along the curve give the values without scatter. Adding scatter again (Monte Carlo, JCGM 101) shows the bias
+of the largest value and its standard deviation.
 """
 
 from __future__ import annotations
@@ -18,17 +18,15 @@ from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import Interval
 
 TRIALS = 200
-WINDOW = 25  # neighbours through which a parabola gives a value without scatter
+WINDOW = 25  # neighbours of a parabola for a value without scatter
 DEGREE = 2
-MISFIT_SIGMAS = 5.0  # of the mean square of a window, by which it is too much for scatter alone
-TAILS = (
-    0.25  # of what scatter adds to the largest: errors of counts are no more than one count, others have longer tails
-)
+MISFIT_SIGMAS = 5.0  # of the mean square in a window: limit for scatter alone
+TAILS = 0.25  # relative to the bias of the largest: errors of counts are bounded by one count, others have longer tails
 
 
 @dataclass(frozen=True, slots=True)
 class Largest:
-    """The largest |value|; `lines` and `interval` are of the scatter alone."""
+    """Largest |value|; `lines` and `interval` are from the scatter alone."""
 
     value: float
     lines: tuple[BudgetLine, ...]
@@ -36,10 +34,10 @@ class Largest:
 
 
 def largest_of(records: Sequence[Array], sds: Sequence[Array]) -> Largest:
-    """The largest |value| of records, each (n,) along its course, whose values scatter independently by `sds` (n,).
+    """Largest |value| of records, each (n,) along its curve, with independent standard deviations `sds` (n,).
 
-    What is left of scatter in the course makes the largest of that too large as well, by as much as in the trials. A
-    peak may be sharper than the course: the upper end allows for any value to be the largest by itself.
+    Scatter left in the curve biases its largest value too, by the amount found in the trials. A peak may be sharper
+    than the curve: the upper end allows for any single value to be the largest.
     """
     values, sd = np.concatenate(records), np.concatenate(sds)
     smoothers = [_smoother(*each) for each in zip(records, sds, strict=True)]
@@ -64,17 +62,17 @@ def largest_of(records: Sequence[Array], sds: Sequence[Array]) -> Largest:
 
 
 def _smoothed(values: Array, smoothers: Sequence[Array]) -> Array:
-    """Values (..., n) of all records, each smoothed by its own."""
+    """Values (..., n) of all records, each smoothed by its own matrix."""
     ends = np.cumsum([len(each) for each in smoothers])[:-1]
     parts = zip(np.split(values, ends, axis=-1), smoothers, strict=True)
     return np.concatenate([part @ smoother.T for part, smoother in parts], axis=-1)
 
 
 def _smoother(values: Array, sd: Array) -> Array:
-    """What makes of values (n,) those without their scatter: (n, n).
+    """Smoothing matrix (n, n) of values (n,).
 
-    Each is that of a parabola through the window about it. Where that does not fit as `sd` says, because a jump or a
-    corner is in it, it is that of a window on one side that does.
+    Each value is that of a parabola through the window about it. If its residuals exceed `sd`, because of a jump or a
+    corner, a one-sided window is used.
     """
     count, window = len(values), min(WINDOW, len(values))
     if window <= DEGREE + 1:
@@ -82,7 +80,7 @@ def _smoother(values: Array, sd: Array) -> Array:
     design = np.vander(np.arange(window) / window, DEGREE + 1)
     hat, spare = design @ np.linalg.pinv(design), window - DEGREE - 1
     parts, sds = (sliding_window_view(each, window) for each in (values, sd))
-    with np.errstate(divide="ignore", invalid="ignore"):  # where nothing scatters, nothing is smoothed
+    with np.errstate(divide="ignore", invalid="ignore"):  # without scatter there is no smoothing
         misfit = np.sum(((parts - parts @ hat) / sds) ** 2, axis=-1) / spare
     fits, half = misfit <= 1 + MISFIT_SIGMAS * np.sqrt(2 / spare), (window - 1) // 2
     found = np.zeros((count, count))

@@ -1,7 +1,7 @@
 """The fitting kernel: linear least squares, polynomials, outliers, and the choice of a degree (equations 1.8).
 
-A design matrix is scaled column by column and solved by its singular values. These also tell what the data cannot tell:
-coefficients that are not determined raise NotDetermined, which names them; nothing is ever set to zero quietly.
+A design matrix is scaled column by column and solved by its singular values. These also reveal coefficients that the
+data do not determine: NotDetermined names them; nothing is set to zero silently.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 CONDITION_LIMIT = 1e3
-"""Of a column-scaled design; a tumble has 2.4 to 20, a small-angle tumble with an unknown too many 1e4 and more."""
+"""Of a column-scaled design matrix; a tumble has 2.4 to 20, a small-angle tumble with one unknown too many ≥ 1e4."""
 
 OUTLIER_SIGMAS = 6.0
-SIGMA_PER_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
+SIGMA_PER_MAD = 1.4826  # standard deviation / median absolute deviation of a normal distribution
 EXCESSIVE_OUTLIERS = 0.1
 
 
 class NotDetermined(ValueError):
-    """The data do not determine the coefficients asked for; `names` are those that cannot be told apart.
+    """The data do not determine the requested coefficients; `names` are those that cannot be separated.
 
     Results report it by the flag `ill_conditioned`.
     """
@@ -41,9 +41,9 @@ class NotDetermined(ValueError):
 class LinearFit:
     """Least squares y = design @ coefficients.
 
-    `gain` (p, n) is what one unit of each y adds to each coefficient. `unscaled_covariance` is (XᵀX)⁻¹: times the
-    variance of one y, known from elsewhere, it is the covariance of the coefficients. `residual_sd` is NaN when there
-    are no more readings than coefficients.
+    `gain` (p, n) is the sensitivity of each coefficient to each y. `unscaled_covariance` is (XᵀX)⁻¹: times the variance
+    of one y, known from elsewhere, it is the covariance of the coefficients. `residual_sd` is NaN when there are no
+    more readings than coefficients.
     """
 
     coefficients: Array
@@ -60,7 +60,7 @@ class LinearFit:
 
     @property
     def residual_sd(self) -> float:
-        """Standard deviation of one reading, from the residuals."""
+        """Standard deviation of one reading, from the residuals; NaN without degrees of freedom."""
         return float(np.sqrt(np.sum(self.residuals**2) / self.dof)) if self.dof else np.nan
 
     @property
@@ -72,7 +72,7 @@ class LinearFit:
 def least_squares(
     design: Array, y: Array, *, names: Sequence[str] | None = None, condition_limit: float = CONDITION_LIMIT
 ) -> LinearFit:
-    """Fits `design` (n, p) to `y` (n,); `names` are those of the p coefficients, for the error.
+    """Fit `y` (n,) by the design matrix `design` (n, p); `names` of the p coefficients are for the error.
 
     Raises NotDetermined when the column-scaled design has a rank below p or a condition number above the limit.
     """
@@ -81,30 +81,30 @@ def least_squares(
     left, singular, right = np.linalg.svd(design / scale, full_matrices=False)
     columns = design.shape[1]
     largest = singular.max(initial=0.0)
-    told = singular > np.finfo(np.float64).eps * max(design.shape) * largest
-    rank = int(np.sum(told))
+    determined = singular > np.finfo(np.float64).eps * max(design.shape) * largest
+    rank = int(np.sum(determined))
     condition = float(singular[0] / singular[-1]) if rank == columns else np.inf
     if condition > condition_limit:
-        told &= singular >= largest / condition_limit  # of equals none stands for the others
+        determined &= singular >= largest / condition_limit  # of several equal columns none represents the others
         raise NotDetermined(
-            _undetermined(right[told], names or [f"coefficient {i}" for i in range(columns)]),
+            _undetermined(right[determined], names or [f"coefficient {i}" for i in range(columns)]),
             rank=rank, of=columns, condition=condition,
         )  # fmt: skip
     gain = right.T / singular / scale[:, np.newaxis] @ left.T
     coefficients = gain @ y
-    coefficients += gain @ (y - design @ coefficients)  # takes back most of the rounding of the first
+    coefficients += gain @ (y - design @ coefficients)  # removes most of the rounding error of the first
     return LinearFit(coefficients, gain, y - design @ coefficients, len(y) - columns, rank, condition)
 
 
 def _undetermined(known: Array, names: Sequence[str]) -> list[str]:
-    """The coefficients that have a part outside the directions `known`, the rows of an orthonormal basis."""
+    """Coefficients with a component outside the directions `known`, the rows of an orthonormal basis."""
     part = 1 - np.sum(known**2, axis=0)
     return [name for name, p in zip(names, part, strict=True) if p > 0.01]
 
 
 @dataclass(frozen=True, slots=True)
 class PolynomialFit:
-    """A polynomial in z = (x - centre) / scale, which stays well conditioned where powers of x do not.
+    """A polynomial in z = (x - centre) / scale, well conditioned where powers of x are not.
 
     `coefficients` are those of the powers of z, low order first; `valid` is the range of x that was fitted.
     """
@@ -116,12 +116,12 @@ class PolynomialFit:
 
     @property
     def coefficients(self) -> Array:
-        """Of the powers of z, low order first."""
+        """Coefficients of the powers of z, low order first."""
         return self.fit.coefficients
 
     @property
     def covariance(self) -> Array:
-        """Of `coefficients`."""
+        """Covariance of `coefficients`."""
         return self.fit.covariance
 
     @property
@@ -153,7 +153,7 @@ class PolynomialFit:
 
     @property
     def residuals(self) -> Array:
-        """Y minus the polynomial, in the order of the data."""
+        """Residuals, y minus the polynomial, in the order of the data."""
         return self.fit.residuals
 
     @property
@@ -176,7 +176,7 @@ class PolynomialFit:
         return np.asarray(polynomial.polyval(self._z(x), self.coefficients))
 
     def slope(self, x: Array | float) -> Array:
-        """Its derivative to x at `x`."""
+        """Derivative with respect to x at `x`."""
         return np.asarray(polynomial.polyval(self._z(x), polynomial.polyder(self.coefficients)) / self.scale)
 
     def u_at(self, x: Array | float) -> Array:
@@ -211,10 +211,10 @@ def fit_polynomial(x: Array, y: Array, degree: int) -> PolynomialFit:
 
 
 def choose_degree(x: Array, y: Array, highest: int = 4) -> int:
-    """The degree of 1..`highest` with the smallest corrected Akaike criterion.
+    """Degree of 1..`highest` with the smallest corrected Akaike criterion.
 
-    It compares all degrees at once. A chain of F-tests would stop at degree 1 on a curve whose square term is missing
-    and whose cube is not. Gives 1 where there are too few readings to compare.
+    All degrees are compared at once: a chain of F-tests would stop at degree 1 on a curve without a square term but
+    with a cubic one. 1 if there are too few readings to compare.
     """
     distinct = len(np.unique(x))
     candidates = [d for d in range(1, highest + 1) if d < distinct and d + 3 < len(y)]
@@ -222,7 +222,7 @@ def choose_degree(x: Array, y: Array, highest: int = 4) -> int:
 
 
 def _akaike(model: PolynomialFit, y: Array) -> float:
-    """Akaike's criterion with the correction for small samples; the noise variance is one of the parameters."""
+    """Akaike criterion with the correction for small samples; the noise variance is one of the parameters."""
     n, parameters = len(y), model.degree + 2
     rounding = (16 * np.finfo(np.float64).eps * float(np.max(np.abs(y)))) ** 2
     variance = max(float(np.mean(model.residuals**2)), rounding, np.finfo(np.float64).tiny)
@@ -231,19 +231,19 @@ def _akaike(model: PolynomialFit, y: Array) -> float:
 
 @dataclass(frozen=True, slots=True)
 class GatedFit:
-    """A fit without the outliers; `kept` (n,) marks the readings that were used."""
+    """A fit without the outliers; `kept` (n,) masks the readings that were used."""
 
     fit: LinearFit
     kept: NDArray[np.bool_]
 
     @property
     def dropped(self) -> list[int]:
-        """Which readings were left out."""
+        """Mask of the readings that were left out."""
         return [int(i) for i in np.flatnonzero(~self.kept)]
 
     @property
     def excessive(self) -> bool:
-        """Whether so many were left out that the result is invalid."""
+        """True if so many were left out that the result is invalid."""
         return bool(np.mean(~self.kept) > EXCESSIVE_OUTLIERS)
 
 
@@ -255,16 +255,16 @@ def reject_outliers(
     resolution: Array | float = 0.0,
     harmless: Array | float = 0.0,
 ) -> GatedFit:
-    """Fits, drops readings more than `sigmas` robust standard deviations from the median residual, until none is left.
+    """Fit, and drop readings more than `sigmas` robust standard deviations off the median residual, until none is left.
 
-    Then those that are near after all come back, once. `resolution` is the standard deviation of each y that comes of
-    its being counted: where most readings are the same count, the robust one is 0. `harmless` (p,) times the
-    coefficients is the deviation that does not matter to the result: where the readings have hardly any noise, their
-    residuals are roundings of different sizes, in which the larger ones are no outliers. Raises NotDetermined as
+    Then dropped readings within the band of the final fit are readmitted, once. `resolution` is the standard deviation
+    of each y from counting: if most readings are the same count, the robust one is 0. `harmless` (p,) times the
+    coefficients is a deviation that does not matter for the result: the residuals of readings with hardly any noise are
+    rounding errors of different sizes, of which the larger ones are no outliers. Raises NotDetermined as
     `least_squares` does.
     """
     kept = np.ones(len(y), dtype=np.bool_)
-    back = False  # whether readings that a worse one had pulled away were taken back
+    back = False  # true once readings dropped because of a worse one were readmitted
     while True:
         fit = least_squares(design[kept], y[kept])
         rounding = 64 * np.finfo(np.float64).eps * float(np.max(np.abs(y[kept]), initial=0.0))

@@ -1,4 +1,4 @@
-"""Latches or samples of an acquisition that did not arrive, as a record."""
+"""Record of lost latches or samples of an acquisition."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import Any, Literal, Self
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A row of numbers that did not come, between two that did.
+    """A row of lost numbers between two received ones.
 
-    Numbers are those of the acquisition, unwrapped. `from_s` and `to_s` are the bench times at which what stands around
-    it arrived, None where nothing did; `device_s` is the time between them by the clock that came with them, less the
-    whole rounds of that clock.
+    Numbers are those of the acquisition, unwrapped. `from_s` and `to_s` are the bench times of arrival before and after
+    it, None if there was none; `device_s` is the time between them by the device's clock, modulo its period.
     """
 
     first: int
@@ -25,10 +24,10 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class Missed:
-    """What did not come of one channel during one acquisition: `lost` of so many `expected`, in so many `gaps`.
+    """Losses of one channel during one acquisition: `lost` of `expected`, in `gaps` gaps.
 
-    `listed` are the first of the gaps, at most MOST_LISTED. `unusable` is why the mean over the acquisition is not
-    used; empty where what did not come takes nothing from it but itself.
+    `listed` are the first of the gaps, at most MOST_LISTED. `unusable` is the reason why the mean over the acquisition
+    is not used; empty if the losses do not affect it.
     """
 
     what: Literal["latches", "samples"]
@@ -40,6 +39,6 @@ class Missed:
 
     @classmethod
     def of_json(cls, content: Mapping[str, Any]) -> Self:
-        """From what `dataclasses.asdict` makes of it."""
+        """Read the content of a JSON object written from `dataclasses.asdict`."""
         listed = tuple(Gap(**gap) for gap in content["listed"])
         return cls(**{**content, "listed": listed, "unusable": tuple(content["unusable"])})

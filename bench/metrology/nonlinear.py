@@ -1,7 +1,7 @@
 """Nonlinear least squares by the Gauss-Newton method with an analytic Jacobian (equations 1.8).
 
 Each step is a linear fit by the kernel of `bench.metrology.least_squares`: on a column-scaled design, by its singular
-values. A step that does not make the residuals smaller is shortened.
+values. A step that does not reduce the residuals is shortened.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import numpy as np
 from bench.metrology.least_squares import CONDITION_LIMIT, Array, LinearFit, NotDetermined, least_squares
 
 Model = Callable[[Array], tuple[Array, Array]]
-"""Gives, for parameters (p,), the values (n,) that are compared with the readings, and their Jacobian (n, p)."""
+"""Return, for parameters (p,), the model values (n,) and their Jacobian (n, p)."""
 
 MOST_STEPS = 200
 MOST_HALVINGS = 50
 RELATIVE_STEP = 1e-9
 STEP_PER_U = 1e-6
-ROUNDING = 16 * float(np.finfo(np.float64).eps)  # of a value of the model, relative to the largest reading
+ROUNDING = 16 * float(np.finfo(np.float64).eps)  # rounding of a model value, relative to the largest reading
 ANY_CONDITION = float(np.finfo(np.float64).max)
 
 
 class NotConverged(ValueError):
-    """No solution was found: the model does not suit the readings, or the fit began too far away.
+    """No solution was found: the model does not suit the readings, or the start was too far away.
 
-    `doubt` names the parameters that the readings hardly tell apart where the fit began.
+    `doubt` names the parameters that the readings hardly separate at the start.
     """
 
     def __init__(self, problem: str, doubt: NotDetermined | None = None) -> None:
@@ -40,8 +40,8 @@ class NonlinearFit:
     """Least squares y = model(parameters).
 
     `linear` is the linear fit of the last step, with gain, covariance, rank and condition there. `doubt` names the
-    parameters that the readings hardly tell apart when the condition number is above its limit, where the fit began or
-    where it ended: their values stand, and their uncertainties are large.
+    parameters that the readings hardly separate, because the condition number at the start or the end is above its
+    limit: their values are valid, with large uncertainties.
     """
 
     parameters: Array
@@ -67,7 +67,7 @@ class NonlinearFit:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Parameters, with the residuals and the Jacobian there; `misfit` is infinite where the model is not finite."""
+    """Parameters with their residuals and Jacobian; `misfit` is infinite if the model is not finite."""
 
     parameters: Array
     residuals: Array
@@ -83,12 +83,12 @@ def fit_nonlinear(
     names: Sequence[str] | None = None,
     condition_limit: float = CONDITION_LIMIT,
 ) -> NonlinearFit:
-    """Fits `model` to `y` (n,) from the parameters `start` (p,), whose names are `names`.
+    """Fit `model` to `y` (n,) from the parameters `start` (p,), whose names are `names`.
 
     It ends when no parameter x would change by more than 1e-9 |x| + 1e-6 u(x), or by more than the rounding of the
-    readings accounts for, or when no step can make the residuals smaller by more than that. Raises NotDetermined when
-    on the way the Jacobian has a rank below p, which names the parameters that cannot be told apart; NotConverged when
-    no solution is found.
+    readings accounts for, or when no step can reduce the residuals by more than that. Raises NotDetermined if the
+    Jacobian has a rank below p, with the names of the parameters that cannot be separated; NotConverged if no solution
+    is found.
     """
     names = names or [f"parameter {i}" for i in range(len(start))]
     rounding = ROUNDING * float(np.max(np.abs(y), initial=0.0))
@@ -114,7 +114,7 @@ def fit_nonlinear(
 
 
 def _place(model: Model, y: Array, parameters: Array) -> _Place:
-    with np.errstate(all="ignore"):  # a step may lead to where the model overflows; it is shortened then
+    with np.errstate(all="ignore"):  # a step may lead to an overflow of the model; it is then shortened
         value, jacobian = model(parameters)
         residuals = y - value
         misfit = float(np.linalg.norm(residuals))
@@ -123,13 +123,13 @@ def _place(model: Model, y: Array, parameters: Array) -> _Place:
 
 
 def _nearer(model: Model, y: Array, place: _Place, step: Array) -> _Place | None:
-    """The first of step/2, step/4 .. that makes the residuals smaller."""
+    """First of the parameters after step/2, step/4, … with smaller residuals."""
     places = (_place(model, y, place.parameters + step / 2**halvings) for halvings in range(1, MOST_HALVINGS))
     return next((then for then in places if then.misfit < place.misfit), None)
 
 
 def _gain(place: _Place, step: Array) -> float:
-    """By how much a step would make the norm of the residuals smaller, were the model a straight one."""
+    """Reduction of the norm of the residuals by a step, for a linear model."""
     gained = float(np.sum((place.jacobian @ step) ** 2))
     return gained / (2 * place.misfit) if place.misfit else 0.0
 

@@ -9,7 +9,7 @@ SOMIGLIANA = 0.00193185265241
 ECCENTRICITY_SQUARED = 0.00669437999014
 SEMI_MAJOR_AXIS_M = 6378137.0
 FLATTENING = 1 / 298.257223563
-CENTRIFUGAL_RATIO = 0.00344978650684  # of the centrifugal force at the equator to gravity
+CENTRIFUGAL_RATIO = 0.00344978650684  # ratio of centrifugal force at the equator to gravity
 
 
 def normal_gravity_mps2(latitude_deg: float, height_m: float = 0.0) -> float:

@@ -1,4 +1,4 @@
-"""How a unit lies during an acquisition, as far as the bench knows: nominal angles, mounts and level (equations 8.1).
+"""Orientation of a unit during an acquisition: nominal angles, mounts and level (equations 8.1).
 
 The level frame is east, north, up. In the frame of a unit x is the input axis, y the output axis, z the pendulous axis;
 at rest an axis that points up reads +1 g.
@@ -18,11 +18,11 @@ from bench.metrology.bench_uncertainty import BenchRecord, Vector
 from bench.metrology.run_data import UnitUnderTest
 
 SOUTH = np.array([0.0, -1.0, 0.0])
-IN_PLANE = 1e-6  # of g along the output axis of a unit that is turned in the plane of its input axis
+IN_PLANE = 1e-6  # g along the output axis; a unit rotated in the plane of its input axis has none
 
 
 def unit_axes(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> Array:
-    """The axes of a unit in the level frame, a row each: (3, 3), which turns a level vector into the unit's frame."""
+    """Axes of a unit in the level frame, a row each: (3, 3), which rotates a level vector into the unit's frame."""
     turns = [(axis.points, acquisition.angles_deg.get(role, 0.0)) for role, axis in bench.axes.items()]
     return turned_axes(turns, bench.x, bench.z, acquisition.mount, unit.mount_angle_deg, bench.level_deg)
 
@@ -30,14 +30,14 @@ def unit_axes(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord)
 def turned_axes(
     turns: Iterable[tuple[Vector, float]], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float = 0.0
 ) -> Array:
-    """The same of any table: `turns` are where its axes point and their angles in degrees, outer first.
+    """The same for any table: `turns` are directions and angles (°) of its axes, outer first.
 
-    `x` and `z` are where those of the fixture point while all angles are 0; the unit is raised by `own_deg` in it.
+    `x` and `z` are directions of the fixture with all angles at 0; the unit is raised by `own_deg` in it.
     """
     return _turned_axes(tuple(turns), x, z, mount, own_deg, level_deg).copy()
 
 
-@lru_cache(maxsize=512)  # a table goes to the same angles again and again
+@lru_cache(maxsize=512)  # a table returns to the same angles again and again
 def _turned_axes(
     turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float
 ) -> Array:
@@ -48,12 +48,12 @@ def _turned_axes(
 
 
 def specific_force_g(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> Array:
-    """What gravity is along the input, the output and the pendulous axis of a unit at rest, (3,)."""
+    """Gravity along the input, the output and the pendulous axis of a unit at rest, (3,) in g."""
     return unit_axes(acquisition, unit, bench)[:, 2]
 
 
 def elevation_rad(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> float:
-    """The angle of the input axis above the horizontal, the pendulous axis being at a right angle to it, up to ±π.
+    """Angle of the input axis above the horizontal, the pendulous axis being at a right angle to it, up to ±π.
 
     The output axis is level; ValueError when it is not.
     """
@@ -63,9 +63,9 @@ def elevation_rad(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRec
     return math.atan2(along, pendulous)
 
 
-@lru_cache(maxsize=64)  # a unit lies in few mounts
+@lru_cache(maxsize=64)  # few mounts occur
 def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: float) -> Array:
-    """The axes of a unit in a level fixture while all angles are 0: raised by the mount, rolled, clocked, raised."""
+    """Axes of a unit in a level fixture with all angles at 0: raised by the mount, rolled, clocked, raised."""
     steps = [("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", own_deg)]
     turned = Rotation.identity()
     for axis, angle_deg in steps:

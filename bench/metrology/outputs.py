@@ -1,4 +1,4 @@
-"""The output of a unit over an acquisition, whatever measured it: a pulse rate, or the mean of voltages or codes."""
+"""Output of a unit over an acquisition, by any instrument: a pulse rate, or the mean of voltages or codes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, m
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import FEWEST_CODES, begins_anew, mean_between, mean_code, sampled_at_s, stuck
 
-FEWEST_VOLTAGES = 2  # which a scatter needs
+FEWEST_VOLTAGES = 2  # minimum number for a standard deviation
 NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
 NO_CODES = Codes(
     np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0), 1, 1.0, 1.0, lost=0, dropped=0, invalid=0
 )
-STABLE_PART_S = 10.0  # whose means are compared (equations 3.2)
+STABLE_PART_S = 10.0  # duration of compared means (equations 3.2)
 
 
 Measured = Counts | Voltages | Codes
@@ -29,18 +29,18 @@ Measured = Counts | Voltages | Codes
 class Output:
     """A mean output in its unit; `problems` make it unusable.
 
-    `alone_u` is what it alone tells of its standard uncertainty: the resolution of the count, or the scatter of the
-    voltmeter's readings or of the samples. `step_u` is what the steps of codes hide from their mean.
+    `single_u` is its standard uncertainty by itself: the resolution of the count, or the scatter of the voltmeter's
+    readings or of the samples. `quantisation_u` is the quantisation uncertainty of a mean of codes.
     """
 
     value: float
-    alone_u: float
+    single_u: float
     problems: tuple[str, ...]
-    step_u: float = 0.0
+    quantisation_u: float = 0.0
 
 
 def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Measured:
-    """What was measured of a unit during an acquisition."""
+    """Raw data of a unit during an acquisition."""
     if unit.telemetry is not None:
         return acquisition.codes.get(unit.telemetry, NO_CODES)
     if unit.voltmeter is not None:
@@ -49,10 +49,10 @@ def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Measured:
 
 
 def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:
-    """The output of a unit, in its unit; NaN where nothing was measured.
+    """Mean output of a unit, in its unit; NaN if nothing was measured.
 
-    Problems: those of `mean_rate` and `mean_code`, too_few_voltages, and unstable of one that was to become stable and
-    did not.
+    Problems: those of `mean_rate` and `mean_code`, too_few_voltages, and unstable if the output did not become stable
+    as required.
     """
     found = measured(acquisition, unit)
     output = mean_of(found if acquisition.over_s is None else _last(found, acquisition.over_s))
@@ -62,7 +62,7 @@ def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:
 
 
 def mean_of(found: Measured) -> Output:
-    """The mean of what was measured; problems as in `mean_output`."""
+    """Mean of raw data; problems as in `mean_output`."""
     match found:
         case Counts():
             rate = mean_rate(found)
@@ -71,11 +71,11 @@ def mean_of(found: Measured) -> Output:
             return _mean_voltage(found)
         case Codes():
             mean = mean_code(found)
-            return Output(mean.value, mean.scatter_u, mean.problems, mean.step_u)
+            return Output(mean.value, mean.scatter_u, mean.problems, mean.quantisation_u)
 
 
 def _resolution_pps(rate: Rate) -> float:
-    """What the resolution of the counts leaves of a rate; NaN without a time between latches."""
+    """Resolution of a rate by counting; NaN without a time between latches."""
     return RESOLUTION_COUNTS / rate.span_s if rate.span_s else float("nan")
 
 
@@ -87,10 +87,10 @@ def _mean_voltage(read: Voltages) -> Output:
 
 
 def windows_of(channels: Mapping[str, Counts | Codes], turned: Turned | None = None) -> dict[str, Window]:
-    """The mean of each channel, and how long it is of.
+    """Mean of each channel, and its duration.
 
-    Of a rotation, samples are taken between where the table was seen to stand first and last, by their times. Samples
-    that are all late shift both ends alike: whole turns stay whole.
+    During a rotation, samples are used between the first and the last detected standstill of the table, by their times.
+    A common delay of the samples shifts both ends alike: whole turns remain whole.
     """
     counted = {channel: found for channel, found in channels.items() if isinstance(found, Counts)}
     rates = mean_rates(counted)
@@ -111,11 +111,11 @@ def _sent(codes: Codes, turned: Turned | None) -> Window:
     else:
         mean, at_s = mean_code(codes), sampled_at_s(codes)
         span_s = float(at_s[-1] - at_s[0]) if len(at_s) else 0.0
-    return Window(mean.value, span_s, span_s, mean.problems, mean.scatter_u, mean.step_u)
+    return Window(mean.value, span_s, span_s, mean.problems, mean.scatter_u, mean.quantisation_u)
 
 
 def _last(found: Measured, span_s: float) -> Measured:
-    """What was measured in the last `span_s` of it."""
+    """Raw data of the last `span_s`."""
     at_s = _times(found)
     first = int(np.searchsorted(at_s, at_s[-1] - span_s - 1e-6)) if len(at_s) else 0
     if isinstance(found, Voltages):
@@ -135,15 +135,15 @@ def _times(found: Measured) -> Array:
             return sampled_at_s(found)
 
 
-# Parts of what was measured
+# Parts of raw data
 
 
 def outputs_between(found: Measured, edges_s: Array) -> tuple[Array, Array, Counter[str]]:
-    """Mean outputs between each two consecutive edges: the edges as they are, the outputs, what is wrong with how many.
+    """Mean outputs between consecutive edges: the edges used, the outputs, and the number of each problem.
 
-    An output is NaN where something is wrong; samples of a unit that began anew have no times that could be trusted. A
-    rate goes from the first latch after an edge to the first after the next, so that consecutive rates share a latch
-    and nothing is lost between them; edges without one are left out.
+    An output is NaN if it has a problem; samples of a unit that has restarted have no reliable times. A rate goes from
+    the first latch after an edge to the first after the next, so that consecutive rates share a latch and nothing is
+    lost between them; edges without one are left out.
     """
     if isinstance(found, Voltages):
         output = means_between(found.at_s, found.values_v, edges_s)
@@ -160,7 +160,7 @@ def outputs_between(found: Measured, edges_s: Array) -> tuple[Array, Array, Coun
 
 
 def _means_of_codes(found: Codes, edges_s: Array) -> Array:
-    """Means of samples between edges, of which so many must have come as of a whole acquisition."""
+    """Means of samples between edges; the required share of samples is that of a whole acquisition."""
     if len(found.values) < FEWEST_CODES or begins_anew(found):
         return np.full(max(len(edges_s) - 1, 0), np.nan)
     at_s, usable = sampled_at_s(found), ~stuck(found)
@@ -171,9 +171,9 @@ def _means_of_codes(found: Codes, edges_s: Array) -> Array:
 
 
 def means_between(at_s: Array, values: Array, edges_s: Array) -> Array:
-    """The mean over time of the values between each two consecutive edges; not-a-number where there is none.
+    """Mean over time of the values between consecutive edges; not-a-number if there is none.
 
-    They change in between, so that it matters when a reading was taken.
+    The values change in between, so that the times of the readings matter.
     """
     known = np.isfinite(values)
     at_s, values = at_s[known], values[known]
@@ -187,9 +187,9 @@ def means_between(at_s: Array, values: Array, edges_s: Array) -> Array:
 
 
 def steadiness(found: Measured, over_s: float, part_s: float = STABLE_PART_S) -> tuple[float, float] | None:
-    """Of the last `over_s`: standard deviation of the means of parts, and the slope of a line through them per second.
+    """Standard deviation of the means of parts of the last `over_s`, and the slope per second of a line through them.
 
-    None when not so much was measured yet, or something is wrong with it.
+    None if the data are shorter or have a problem.
     """
     at_s = _times(found)
     count = round(over_s / part_s)

@@ -1,7 +1,7 @@
-"""Numbers that no instrument of a bench gives: other units, exchanged columns (equations 1.1, 1.10).
+"""Implausible data: values in other units, exchanged columns (equations 1.1, 1.10).
 
-The bounds are those of physics and of the apparatus, wide enough for every sensor of the methods; what is beyond them
-is doubted, not corrected.
+The bounds are those of physics and of the apparatus, wide enough for every sensor of the methods; values beyond them
+are reported as doubtful, not corrected.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from bench.metrology.temperature_checks import POSSIBLE_C
 
 LARGEST_OUTPUT_V = 100.0
 SCALES_V_PER_G = (1e-4, 1e3)
-LARGEST_REST_G = 1.5  # of what gravity and a bias make together
+LARGEST_REST_G = 1.5  # upper bound of gravity plus bias
 LARGEST_SLOPE_G_PER_C = 2e-3
 RAMPS_C_PER_MIN = (0.005, 200.0)
-MOST = 0.9  # the share of readings that must be beyond a bound less this is at least a tenth
-GRID_DEG = 0.25  # whose multiples an indexing table is sent to
+MOST = 0.9  # quantile that must be beyond a bound: at least a tenth of the readings
+GRID_DEG = 0.25  # grid of the angles of an indexing table
 MOST_TURNED_DEG = 361.0
 KELVIN = 273.15
 LEAST_FROZEN = 3  # readings
 LEAST_STILL = 20  # samples
-MOST_STILL = 0.25  # of them
-_NEAR = 0.05  # of a factor between two units
+MOST_STILL = 0.25  # of the samples
+_NEAR = 0.05  # relative deviation from a factor between two units
 _FACTORS = (
     (180 / np.pi, "as degrees for radians"),
     (9.80665, "as m/s² for g"),
@@ -41,14 +41,14 @@ _FACTORS = (
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """Reason not to rely on a result: a flag and a note of what was seen. Without a flag it is a remark."""
+    """Reason not to rely on a result: a flag and a note with the evidence. Without a flag it is a remark."""
 
     flag: str
     note: str
 
 
 def slip(ratio: float) -> str:
-    """What a ratio of found to expected looks like, as the tail of a sentence; empty where it looks like nothing."""
+    """Known factor that a ratio of found to expected resembles, as the tail of a sentence; "" if none."""
     size = abs(ratio)
     for factor, words in _FACTORS:
         for each in (factor, 1 / factor):
@@ -58,21 +58,21 @@ def slip(ratio: float) -> str:
 
 
 def beyond(values: Array, largest: float) -> float | None:
-    """The 90th percentile of the magnitude of values (n,), where it is beyond `largest`; NaN is not counted."""
+    """90th percentile of the magnitude of values (n,) if it is above `largest`; NaN is not counted."""
     known = np.abs(values[np.isfinite(values)])
     size = float(np.quantile(known, MOST)) if len(known) else 0.0
     return size if size > largest else None
 
 
 def outputs(column: str, values_v: Array) -> Iterator[Doubt]:
-    """Readings that are no voltages of a sensor."""
+    """Doubt about readings that cannot be voltages of a sensor."""
     size = beyond(values_v, LARGEST_OUTPUT_V)
     if size is not None:
         yield Doubt("implausible_output", f"{column}: readings go to {size:.4g} V; are they in mV or µV?")
 
 
 def frozen(column: str, values: Array) -> Doubt | None:
-    """Doubt about readings (n,) that are one and the same number; None where they are not, or are too few to tell."""
+    """Doubt about readings (n,) that are all equal; None if they differ or are too few."""
     known = values[np.isfinite(values)]
     if len(known) < LEAST_FROZEN or np.ptp(known):
         return None
@@ -80,13 +80,13 @@ def frozen(column: str, values: Array) -> Doubt | None:
 
 
 def stands_still(values: Array) -> bool:
-    """Whether values (n,) in the order of time stay one and the same number for a good part of the time."""
+    """True if values (n,) in time order stay constant for a considerable part of the time."""
     changes = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan) != 0)
     return len(values) >= LEAST_STILL and int(np.max(np.diff(changes))) > MOST_STILL * len(values)
 
 
 def scale(name: str, value: float | None, bounds: tuple[float, float], unit: str) -> Iterator[Doubt]:
-    """A scale factor beyond its bounds."""
+    """Doubt about a scale factor outside its bounds."""
     if value is not None and np.isfinite(value) and not bounds[0] <= abs(value) <= bounds[1]:
         yield Doubt(
             "implausible_scale",
@@ -96,7 +96,7 @@ def scale(name: str, value: float | None, bounds: tuple[float, float], unit: str
 
 
 def on_grid(angles_deg: Array) -> bool:
-    """Whether angles (n,) in degrees are such as a table is sent to: more than one, and all multiples of 0.25°."""
+    """True if angles (n,) in degrees look like set angles: more than one, and all multiples of 0.25°."""
     known = angles_deg[np.isfinite(angles_deg)]
     if len(known) < 2 or not np.ptp(known):
         return False
@@ -104,7 +104,7 @@ def on_grid(angles_deg: Array) -> bool:
 
 
 def angles(column: str, angles_deg: Array) -> Iterator[Doubt]:
-    """Angles of a head that are more than a turn, or whole degrees only if they are radians."""
+    """Doubt about angles of a head that exceed a turn, or are whole degrees only if they are radians."""
     far_deg = beyond(angles_deg, MOST_TURNED_DEG)
     if far_deg is not None:
         yield Doubt("implausible_angle", f"{column}: angles go to {far_deg:.4g}°; are they minutes or seconds of arc?")
@@ -112,7 +112,7 @@ def angles(column: str, angles_deg: Array) -> Iterator[Doubt]:
 
 
 def radians(column: str, angles_deg: Array) -> Iterator[Doubt]:
-    """Angles, or rates, within two turns that are whole degrees only if they are radians."""
+    """Doubt about angles, or rates, within two turns that are whole degrees only if they are radians."""
     known = angles_deg[np.isfinite(angles_deg)]
     if not len(known) or np.max(np.abs(known)) > 4 * np.pi or on_grid(known):
         return
@@ -125,7 +125,7 @@ def radians(column: str, angles_deg: Array) -> Iterator[Doubt]:
 
 
 def kelvin(column: str, temperature_c: Array) -> Iterator[Doubt]:
-    """Temperatures most of which are outside the range of any chamber, in °C."""
+    """Doubt about temperatures most of which are outside the range of any chamber, in °C."""
     known = temperature_c[np.isfinite(temperature_c)]
     if not len(known) or np.mean((known < POSSIBLE_C[0]) | (known > POSSIBLE_C[1])) <= 0.5:
         return
@@ -139,7 +139,7 @@ def kelvin(column: str, temperature_c: Array) -> Iterator[Doubt]:
 
 
 def ramp(time_s: Array, temperature_c: Array) -> Iterator[Doubt]:
-    """A ramp at a rate that no chamber has; readings of one leg in the order of time (n,)."""
+    """Doubt about a ramp at a rate that no chamber reaches; readings of one leg in time order (n,)."""
     if len(time_s) < 3 or not np.ptp(time_s):
         return
     away_s = time_s - np.mean(time_s)

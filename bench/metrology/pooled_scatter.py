@@ -1,4 +1,4 @@
-"""Scatter that is told twice: by what a fit leaves, of which there is often little, and by the readings themselves."""
+"""Scatter by two estimates: residuals of a fit, often with few degrees of freedom, and the readings themselves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from scipy.special import chdtr, fdtr
 
-SIGNIFICANT = 0.95  # of the distribution under which scatters differ by chance
+SIGNIFICANT = 0.95  # quantile below which scatters differ by chance
 
 
 class Scatter(NamedTuple):
@@ -19,7 +19,7 @@ class Scatter(NamedTuple):
 
 
 def pooled(left: Scatter, of_readings: Scatter) -> Scatter | None:
-    """The scatter by both together; None where the fit leaves significantly more than its readings scatter by."""
+    """Scatter by both together; None if the residuals of the fit significantly exceed the scatter of its readings."""
     if not of_readings.dof or not of_readings.sd:
         return None
     if fdtr(left.dof, of_readings.dof, (left.sd / of_readings.sd) ** 2) > SIGNIFICANT:
@@ -28,7 +28,10 @@ def pooled(left: Scatter, of_readings: Scatter) -> Scatter | None:
 
 
 def alike(scatters: Sequence[Scatter]) -> Scatter | None:
-    """One scatter for all that differ as by chance, else None (M. S. Bartlett, Proc. R. Soc. A 160, 268, 1937)."""
+    """Common scatter of all if they differ by chance only, else None (M.
+
+    S. Bartlett, Proc. R. Soc. A 160, 268, 1937).
+    """
     if len(scatters) < 2 or not all(each.sd > 0 and each.dof > 0 for each in scatters):
         return None
     together = _together(scatters)

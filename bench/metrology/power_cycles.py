@@ -1,8 +1,8 @@
-"""Repeatability over power cycles in the budgets of results from both sides of an interruption of their run.
+"""Repeatability over power cycles in the budgets of results that combine data from before and after an interruption.
 
-A unit that was without power in between has another bias and scale factor after it, by as much as is stated of it. The
-run is reduced again with the outputs of one stretch between interruptions shifted by one standard deviation, for each
-stretch and each sensor. By how much a result changes is what that contributes to it: one mechanism for all methods.
+After a power cycle a unit has another bias and scale factor, by its stated repeatability. The run is reduced again with
+the outputs of one stretch between interruptions shifted by one standard deviation, for each stretch and each sensor.
+The change of a result is its contribution: one mechanism for all methods.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from bench.metrology.results.limits import U_UNKNOWN
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 SOURCE = "power cycles: repeatability of the unit"
-DEPENDS = 1e-6  # of the largest change of a result: what is less is rounding
+DEPENDS = 1e-6  # relative to the largest change of a result; smaller changes are rounding
 Reduce = Callable[[RunData, Mapping[str, Any]], Sequence[UnitResult]]
 Shifts = Mapping[str, Shift]
 
 
 @dataclass(frozen=True, slots=True)
 class _Sensor:
-    """A sensor of a unit: what measures its output, by what its bias and scale shift, and its scale factor.
+    """A sensor of a unit: source of its output, shifts of bias and scale, and scale factor.
 
-    `per_input` is in output units per g or °/s, NaN where the run does not determine it and nobody says.
+    `per_input` is in output units per g or °/s, NaN if neither determined by the run nor stated.
     """
 
     measured_by: str
@@ -37,7 +37,7 @@ class _Sensor:
     per_input: float
 
     def shifts(self) -> Iterator[Shift]:
-        """A shift of the bias and one of the scale factor, as far as there is any."""
+        """Shifts of the bias and of the scale factor, as far as stated."""
         if self.bias:
             yield Shift(more=self.bias * self.per_input)
         if self.scale:
@@ -45,7 +45,7 @@ class _Sensor:
 
 
 def reduced(reduce: Reduce, data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """What a method finds, with a line for power cycles where a result combines stretches and the line is stated."""
+    """Reduce a run, with a line for power cycles where a result combines stretches and the repeatability is stated."""
     found = list(reduce(data, settings))
     stretches = sorted({each.stretch for each in (*data.acquisitions, *data.closure)})
     if len(stretches) < 2:
@@ -58,7 +58,7 @@ def _with_lines(
     result: UnitResult, unit: UnitUnderTest, reduce: Reduce, data: RunData, settings: Mapping[str, Any],
     stretches: Sequence[int],
 ) -> UnitResult:  # fmt: skip
-    """The results of a unit, each with its line."""
+    """Results of a unit, each with its line."""
     alone = replace(data, units=(unit,))
     changes: dict[str, dict[int, float]] = {finding.id: {} for finding in result.findings}
     sensors = list(_sensors(unit, result, settings))
@@ -77,9 +77,9 @@ def _with_lines(
 
 
 def _with_line(finding: Finding, changes: Mapping[int, float]) -> Finding:
-    """A finding with its line where it changes with more than one stretch; INVALID where that is not known.
+    """A finding with its line if it depends on more than one stretch; INVALID if the repeatability is not stated.
 
-    A finding from one stretch alone is of the unit as it was then, as in a run that nothing has interrupted.
+    A finding from one stretch alone describes the unit at that time, as in a run without interruptions.
     """
     sizes = changes.values()
     if any(math.isnan(size) for size in sizes):
@@ -92,7 +92,7 @@ def _with_line(finding: Finding, changes: Mapping[int, float]) -> Finding:
 
 
 def _sensors(unit: UnitUnderTest, result: UnitResult, settings: Mapping[str, Any]) -> Iterator[_Sensor]:
-    """The sensors of a unit of which something is stated."""
+    """Sensors of a unit with a stated repeatability."""
     stated = unit.power_cycles
     if stated is None:
         return
@@ -106,7 +106,7 @@ def _sensors(unit: UnitUnderTest, result: UnitResult, settings: Mapping[str, Any
 
 
 def _per_input(unit: UnitUnderTest, result: UnitResult, settings: Mapping[str, Any], quantity: str, axis: str) -> float:
-    """The scale factor of a sensor: as found, else as the sequence or the bench file states it; NaN for none."""
+    """Scale factor of a sensor: as determined, else as stated by the sequence or the bench file; NaN if none."""
     place = f"{unit.place}/{axis}" if axis else unit.place
     found = [
         abs(finding.value)
@@ -122,7 +122,7 @@ def _per_input(unit: UnitUnderTest, result: UnitResult, settings: Mapping[str, A
 
 
 def _shifted(data: RunData, stretch: int, shifts: Shifts) -> RunData:
-    """The data with the outputs of one stretch shifted."""
+    """Data with the outputs of one stretch shifted."""
     acquisitions, closure = (
         tuple(_changed(each, shifts) if each.stretch == stretch else each for each in part)
         for part in (data.acquisitions, data.closure)
@@ -131,7 +131,7 @@ def _shifted(data: RunData, stretch: int, shifts: Shifts) -> RunData:
 
 
 def _changed(acquisition: Acquisition, shifts: Shifts) -> Acquisition:
-    """An acquisition with other outputs."""
+    """An acquisition with changed outputs."""
     return replace(
         acquisition,
         counts={key: _counts(each, shifts.get(key)) for key, each in acquisition.counts.items()},

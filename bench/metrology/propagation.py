@@ -20,7 +20,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A value that follows from inputs, and its derivative to each of them (n,)."""
+    """A value computed from inputs, and its derivative with respect to each of them (n,)."""
 
     value: float
     gain: Array
@@ -41,20 +41,20 @@ class Estimate:
         return Estimate(ratio, (self.gain - ratio * other.gain) / other.value)
 
     def sine(self) -> Estimate:
-        """Of an angle in rad."""
+        """Sine of an angle in rad."""
         return Estimate(float(np.sin(self.value)), self.gain * np.cos(self.value))
 
     def measured(self, covariance: Array) -> Measured:
-        """With its standard uncertainty, from the covariance (n, n) of the inputs."""
+        """The value with its standard uncertainty, from the covariance (n, n) of the inputs."""
         return Measured(self.value, float(np.sqrt(np.maximum(self.gain @ covariance @ self.gain, 0))))
 
 
 def inputs(values: Array) -> list[Estimate]:
-    """The inputs (n,) themselves, to begin a formula with."""
+    """Inputs (n,) as estimates, the start of a formula."""
     return [Estimate(float(value), gain) for value, gain in zip(values, np.eye(len(values)), strict=True)]
 
 
 def weighted(weights: Array, estimates: Sequence[Estimate]) -> Estimate:
-    """The sum of estimates (n,), each times its weight."""
+    """Weighted sum of estimates (n,)."""
     value = weights @ np.array([estimate.value for estimate in estimates])
     return Estimate(float(value), np.asarray(weights @ np.array([estimate.gain for estimate in estimates])))

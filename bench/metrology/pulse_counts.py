@@ -1,7 +1,7 @@
-"""From cumulative counts to a mean pulse rate (equations 1.7).
+"""Mean pulse rate from cumulative counts (equations 1.7).
 
-A mean comes from the first and the last cumulative reading and the device's own clock at both; what lies between only
-decides whether it may be used.
+A mean comes from the first and the last cumulative reading and the device's own clock at both; the readings in between
+only decide on its validity.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 from bench.metrology.acquisition import UNCHANGED, Array, Counts, Integers
 
 RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between two unsynchronised edges
-LEAST_SHARE = 0.5  # of the latches must have come
+LEAST_SHARE = 0.5  # share of latches that must have arrived
 RATE_MARGIN = 1.05
-CLOCK_SLACK = 0.5  # of the usual time between two latches
-STANDSTILL_PERIODS = 5.0  # of the mean rate without a pulse: the converter's dead band
+CLOCK_SLACK = 0.5  # deviation relative to the usual time between two latches
+STANDSTILL_PERIODS = 5.0  # mean pulse periods without a pulse: dead band of the converter
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Rate:
 
 @dataclass(frozen=True, slots=True)
 class _Clock:
-    """The times between the latches, by the device's own clock, and whether they go with the latch numbers."""
+    """Times between the latches by the device's own clock, and their agreement with the latch numbers."""
 
     tick: Integers
     sequence: Integers
@@ -43,11 +43,11 @@ class _Clock:
 
 
 def mean_rate(counts: Counts) -> Rate:
-    """The net rate between the first and the last latch; NaN when there are not two.
+    """Net rate between the first and the last latch; NaN with fewer than two.
 
-    Problems: too_few_latches, counter_restarted, irregular_clock (device time and latch numbers do not go together, as
-    after a restart that no boot counter tells), ambiguous_gap (a counter may have gone round unseen), impossible_rate
-    (more pulses than the converter can give, as after a reset), dead_band (no pulse for five times the mean period).
+    Problems: too_few_latches, counter_restarted, irregular_clock (device time and latch numbers disagree, as after a
+    restart without a boot counter), ambiguous_gap (a counter may have wrapped unnoticed), impossible_rate (more pulses
+    than the converter can give, as after a reset), dead_band (no pulse for five times the mean period).
     """
     if len(counts.tick) < 2:
         return Rate(float("nan"), 0.0, ("too_few_latches",))
@@ -55,7 +55,7 @@ def mean_rate(counts: Counts) -> Rate:
 
 
 def _clock_of(counts: Counts) -> _Clock:
-    """That of at least two latches."""
+    """Clock of at least two latches."""
     seconds: Array = np.asarray(steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
     return _Clock(
         counts.tick, counts.sequence, seconds, float(seconds.sum()), float(seconds.min()), float(seconds.max()),
@@ -86,9 +86,9 @@ def _rate(counts: Counts, clock: _Clock) -> Rate:
 
 
 def mean_rates(channels: Mapping[str, Counts]) -> dict[str, Rate]:
-    """The net rate of each channel, as `mean_rate` gives it.
+    """Net rate of each channel, as by `mean_rate`.
 
-    Channels of one counter have one clock, which is looked at once where none has lost a latch.
+    Channels of one counter have one clock, which is checked once if none has lost a latch.
     """
     rates: dict[str, Rate] = {}
     clock: _Clock | None = None
@@ -105,16 +105,16 @@ def mean_rates(channels: Mapping[str, Counts]) -> dict[str, Rate]:
 def steps_of(cumulative: Integers, bits: int) -> Integers:
     """Differences of a counter that wraps."""
     steps = cumulative[1:] - cumulative[:-1]
-    if bits < 64:  # which wrap by themselves, and are below 0 where they go half round
+    if bits < 64:  # these types wrap by themselves; a difference of half the range or more is negative
         steps &= (1 << bits) - 1
     return steps
 
 
 def shifted_counts(counts: Counts, time_s: Array) -> tuple[Integers, Integers]:
-    """Positive and negative counts as they would be with the shift of the channel, in whole pulses that wrap.
+    """Positive and negative counts with the shift of the channel applied, in whole pulses that wrap.
 
-    `time_s` (n,) are the times of the latches. The shift goes to the pulses of the sign that the net rate has with it,
-    so that no counter runs backwards.
+    `time_s` (n,) are the times of the latches. The shift is added to the pulses of the sign of the shifted net rate, so
+    that no counter decreases.
     """
     if counts.shift == UNCHANGED or len(time_s) < 2:
         return counts.positive, counts.negative
@@ -128,23 +128,23 @@ def shifted_counts(counts: Counts, time_s: Array) -> tuple[Integers, Integers]:
 
 
 def is_irregular(latch_s: Array) -> bool:
-    """Whether some of the times between latches are far from the usual, or none passes."""
-    if latch_s.max() - latch_s.min() < CLOCK_SLACK * latch_s.min():  # none can be, and this is quickly seen
+    """True if some times between latches are far from the usual, or none passes."""
+    if latch_s.max() - latch_s.min() < CLOCK_SLACK * latch_s.min():  # quick check that none can be irregular
         return False
     usual_s = np.median(latch_s)
     return bool((np.abs(latch_s - usual_s) >= CLOCK_SLACK * usual_s).any())
 
 
 def _possible(steps: Integers, most_pps: float, clock: _Clock) -> bool:
-    """Whether a converter can have fired so many pulses between the latches; none below 0."""
-    pulses = steps.view(np.uint64)  # in which those below 0 are very many
-    if pulses.max() <= most_pps * clock.shortest_s + 1:  # as a rule, and this is quickly seen
+    """True if a converter can have given so many pulses between the latches, none of them negative."""
+    pulses = steps.view(np.uint64)  # as unsigned numbers, negative steps are very large
+    if pulses.max() <= most_pps * clock.shortest_s + 1:  # the usual case, quickly checked
         return True
     return not (pulses > most_pps * clock.seconds + 1).any()
 
 
 def _fires_often(pulses: Integers, latches: float) -> bool:
-    """Whether it is quickly seen that no row of so many latches is without a pulse: none is in any half of one."""
+    """True if every row of so many latches contains pulses, quickly checked on halves of such rows."""
     part = int(min(latches, len(pulses)) // 2)
     if part < 1:
         return False
@@ -153,12 +153,12 @@ def _fires_often(pulses: Integers, latches: float) -> bool:
 
 
 def _stands_still(clock: _Clock, pulses: Integers, rate_pps: float) -> bool:
-    """Whether no pulse came for much longer than the mean rate lets expect, and for at least three latches."""
+    """True if no pulse arrived for much longer than the mean rate suggests, and for at least three latches."""
     moves = rate_pps != 0 and clock.longest_s > 0
     if pulses.all() or _fires_often(pulses, STANDSTILL_PERIODS / rate_pps / clock.longest_s if moves else 0.0):
         return False
     fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
-    begins, ends = fired[:-1] + 1, fired[1:]  # of the times without a pulse, most of which last nothing
+    begins, ends = fired[:-1] + 1, fired[1:]  # of the intervals without a pulse, most of which are empty
     at_s = np.concatenate(([0.0], np.cumsum(clock.seconds)))
     silent_s = at_s[ends] - at_s[begins]
     longest = int(np.argmax(silent_s))

@@ -1,15 +1,15 @@
-"""Slope over temperature of what a unit does without its hysteresis.
+"""Slope of a unit's quantity over temperature, without hysteresis.
 
-A thermometer that is off by the same in a whole run shifts the temperatures of all dwells alike. Hysteresis follows
-changes of temperature since the last reversals, not the temperature itself: the shift moves its loops along, and at
-each dwell it is what it was. What the error of the thermometer does to a value follows from the slope of all else.
-A polynomial through rising and falling dwells bends with the loops, most at its ends.
+A constant error of a thermometer in a run shifts the temperatures of all dwells alike. Hysteresis depends on changes of
+temperature since the last reversals, not on the temperature itself: its loops shift with it, and at each dwell it is
+unchanged. The effect of the thermometer error on a value therefore follows from the slope without hysteresis. A
+polynomial through rising and falling dwells bends with the loops, most at its ends.
 
-Both are told apart by the dwells after a reversal. Hysteresis is that of play operators with thresholds evenly spread
-up to a largest one, between two reversals a parabola (Lord Rayleigh, Phil. Mag. 23, 225, 1887) that ends where the
-largest play is taken up. The largest threshold is not known: the slopes with each are averaged, weighted by their
-likelihood. What the unit went through before the run is not known either, and is forgotten at a reversal as far as
-plays have been taken up by then: dwells before the first reversal are left out.
+The dwells after a reversal separate the two. Hysteresis is modelled by play operators with thresholds evenly
+distributed up to a largest one: between two reversals a parabola (Lord Rayleigh, Phil. Mag. 23, 225, 1887) that ends
+where the largest play is taken up. The largest threshold is unknown: the slopes for each are averaged, weighted by
+their likelihood. The history of the unit before the run is unknown too, and is erased at a reversal as far as plays
+have been taken up by then: dwells before the first reversal are left out.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from numpy.polynomial import polynomial
 
 from bench.metrology.least_squares import Array, NotDetermined, PolynomialFit, least_squares
 
-LARGEST = 12  # largest thresholds that are tried, up to half of what the temperatures span
-THRESHOLDS = 100  # up to each of them
-ROUNDING = 16 * np.finfo(np.float64).eps  # of the largest value
-STANDS_C = 1.0  # a smaller change of temperature between two dwells is no reversal
+LARGEST = 12  # number of largest thresholds tried, up to half the temperature range
+THRESHOLDS = 100  # number of thresholds up to each of them
+ROUNDING = 16 * np.finfo(np.float64).eps  # relative to the largest value
+STANDS_C = 1.0  # a smaller temperature change between two dwells is not a reversal
 
 
 def reversible_slope(at_c: Array, values: Array, u: float, model: PolynomialFit) -> Array:
-    """Slope (n,) per °C at dwells (n,) in the order of time, hysteresis left out.
+    """Slope (n,) per °C at dwells (n,) in time order, without hysteresis.
 
-    `u` is what one value scatters by. The slope is that of the model where the dwells from the first reversal on are
-    not more than the coefficients of the model and of the hysteresis, or do not determine these.
+    `u` is the standard deviation of one value. The slope is that of the model if the dwells from the first reversal on
+    are not more than the coefficients of model and hysteresis, or do not determine these.
     """
     since = slice(_first_reversal(at_c), None)
     powers = polynomial.polyvander((at_c - model.centre) / model.scale, model.degree)
@@ -45,7 +45,7 @@ def reversible_slope(at_c: Array, values: Array, u: float, model: PolynomialFit)
         except NotDetermined:
             return model.slope(at_c)
         bends.append(polynomial.polyder(fit.coefficients[:-1]))
-        # Of residuals with an unknown standard deviation, which is not less than the scatter.
+        # Likelihood of residuals with unknown standard deviation, at least the scatter.
         log_likelihoods.append(-dwells / 2 * np.log(dwells * least_u**2 + float(np.sum(fit.residuals**2))))
     weights = np.exp(np.array(log_likelihoods) - max(log_likelihoods))
     bend = weights @ np.array(bends) / weights.sum()
@@ -53,7 +53,7 @@ def reversible_slope(at_c: Array, values: Array, u: float, model: PolynomialFit)
 
 
 def hysteresis_c(at_c: Array, largest_c: float) -> Array:
-    """By how much plays with thresholds up to the largest are behind temperatures (n,) on average, 0 at the first."""
+    """Mean lag of plays with thresholds up to the largest behind temperatures (n,), 0 at the first."""
     threshold_c = largest_c * (np.arange(THRESHOLDS) + 0.5) / THRESHOLDS
     follows_c, found_c = np.full(THRESHOLDS, at_c[0]), np.empty(len(at_c))
     for number, now_c in enumerate(at_c):
@@ -63,7 +63,7 @@ def hysteresis_c(at_c: Array, largest_c: float) -> Array:
 
 
 def _first_reversal(at_c: Array) -> int:
-    """The number of the dwell at which the temperatures first turn; their count where they do not."""
+    """Index of the dwell at which the temperatures first reverse; the number of dwells if they do not."""
     change_c = np.diff(at_c)
     moves = np.flatnonzero(np.abs(change_c) > STANDS_C)
     turns = moves[1:][np.diff(np.sign(change_c[moves])) != 0]

@@ -1,4 +1,4 @@
-"""What a method gets of a run: acquisitions, the units that they are of, and what is known of the bench."""
+"""Input of a method: acquisitions of a run, their units, and the uncertainties of the bench."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bench.metrology.results.finding import Subject
 
 @dataclass(frozen=True, slots=True)
 class ReleasedCalibration:
-    """How the output of each channel of a unit becomes a value, by names; 1 g in it is `gravity_mps2`, NaN if untold.
+    """Conversion of the outputs of a unit to values, by channel; 1 g in it is `gravity_mps2`, NaN if not stated.
 
     `gravity_u_mps2` is its standard uncertainty.
     """
@@ -28,9 +28,9 @@ class ReleasedCalibration:
 
 @dataclass(frozen=True, slots=True)
 class PowerCycles:
-    """Standard deviations of what a unit has after each power-on: biases in g and °/s, scale factors relative.
+    """Repeatability over power cycles, standard deviations: biases in g and °/s, scale factors relative.
 
-    None where nobody says.
+    None if not stated.
     """
 
     bias_g: float | None = None
@@ -41,16 +41,16 @@ class PowerCycles:
 
 @dataclass(frozen=True, slots=True)
 class UnitUnderTest:
-    """One unit in its place; its output are the pulses on a `channel`, or the volts that a `voltmeter` reads.
+    """One unit in its place; its output is pulses on a `channel`, or the voltage read by a `voltmeter`.
 
-    Or it is what the unit sends itself on a channel of the `telemetry`, in `sent_unit`. `until_s` is the bench time at
-    which it was dropped from the run. `nominal_per_g` is what its output is made to change by for 1 g, in
-    `output_unit`; None where nobody says. `converter` is the reading of the thermometer at its converter and `source`
-    the current source that can feed that, `ammeter` what is in its cable, "" for none; `scale_a_per_g` is its nominal
-    K1. An inertial unit has `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `channel_units` are what
-    those are in that it sends. `arm_m` is where the bench file says that it is from the axis that turns it, with its
-    standard uncertainty. `supply` is what powers it, "" for none; `released` is the calibration that was given to the
-    run for it. `power_cycles` is its repeatability over power cycles.
+    Or it is the output that the unit sends itself on a channel of the `telemetry`, in `sent_unit`. `until_s` is the
+    bench time at which it was dropped from the run. `nominal_per_g` is its nominal change of output for 1 g, in
+    `output_unit`; None if not stated. `converter` is the reading of the thermometer at its converter and `source` the
+    current source that can feed the converter, `ammeter` the ammeter in its cable, "" for none; `scale_a_per_g` is its
+    nominal K1. An inertial unit has `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `channel_units` are
+    the units of the outputs that it sends. `arm_m` is its position relative to the axis of rotation by the bench file,
+    with its standard uncertainty. `supply` is the supply that powers it, "" for none; `released` is the released
+    calibration given to the run. `power_cycles` is its repeatability over power cycles.
     """
 
     place: str
@@ -83,12 +83,12 @@ class UnitUnderTest:
 
     @property
     def is_counted(self) -> bool:
-        """Whether a counter counts its pulses."""
+        """True if a counter counts its pulses."""
         return self.voltmeter is None and self.telemetry is None
 
     @property
     def output_unit(self) -> str:
-        """What its output is in; of an inertial unit that of its accelerometers."""
+        """Unit of its output; of an inertial unit, that of its accelerometers."""
         if self.channels:
             return self.unit_of("acc_x")
         if self.telemetry is not None:
@@ -97,20 +97,20 @@ class UnitUnderTest:
 
     @property
     def gyro_output_unit(self) -> str:
-        """The same of the gyros of an inertial unit; of any other it is that of its output."""
+        """The same for the gyros of an inertial unit; for any other, that of its output."""
         return self.unit_of("gyro_x") if self.channels else self.output_unit
 
     def unit_of(self, channel: str) -> str:
-        """What a channel of an inertial unit is in, by its name from acc_x to gyro_z."""
+        """Unit of a channel of an inertial unit, by its name from acc_x to gyro_z."""
         return self.channel_units.get(channel, "pulse/s")
 
 
 @dataclass(frozen=True, slots=True)
 class RunData:
-    """The acquisitions under one label, in the order of the run, and what is needed to reduce them.
+    """Acquisitions under one label, in run order, and the data needed to reduce them.
 
-    `closure` are those that tell what has changed over the run. `span_s` is the bench time from the beginning of the
-    run to the end of what it recorded, zeros where nobody says.
+    `closure` are those of the stability check, start against end. `span_s` is the bench time from the beginning of the
+    run to the end of its records, zeros if unknown.
     """
 
     label: str
@@ -121,13 +121,13 @@ class RunData:
     span_s: tuple[float, float] = (0.0, 0.0)
 
     def subject(self, unit: UnitUnderTest) -> Subject:
-        """Whom findings of a unit are of."""
+        """Subject of the findings of a unit."""
         return Subject(self.label, unit.place, unit.serial)
 
     def run_share(self, at_s: Array) -> Array:
-        """Where bench times (n,) are in the run: from -½ at its beginning to ½ at its end.
+        """Position of bench times (n,) in the run: from -½ at its beginning to ½ at its end.
 
-        Where nobody says how long it was, its acquisitions do.
+        If its duration is unknown, that of its acquisitions is used.
         """
         began_s, ended_s = self.span_s
         if ended_s <= began_s:
@@ -136,14 +136,14 @@ class RunData:
         return np.asarray((at_s - began_s) / (ended_s - began_s) - 0.5)
 
     def groups(self) -> dict[str, list[Acquisition]]:
-        """The acquisitions by the groups of steps that they belong to, both in the order of the run."""
+        """Acquisitions by their groups of steps, both in run order."""
         found: dict[str, list[Acquisition]] = {}
         for acquisition in self.acquisitions:
             found.setdefault(acquisition.group, []).append(acquisition)
         return found
 
     def by_length(self) -> Iterator[RunData]:
-        """The units that were in to the end together, then each that was dropped with what had ended before."""
+        """Units that remained to the end together, then each dropped one with the acquisitions before its drop."""
         stayed = tuple(unit for unit in self.units if math.isinf(unit.until_s))
         if stayed:
             yield replace(self, units=stayed)

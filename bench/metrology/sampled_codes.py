@@ -1,4 +1,4 @@
-"""From the samples that a unit sends of its own output to a mean: when they were taken, and what their steps hide."""
+"""Mean of the samples that a unit sends of its own output: sampling times and quantisation uncertainty."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from bench.metrology.acquisition import Array, Codes
 from bench.metrology.pulse_counts import LEAST_SHARE, is_irregular, steps_of
 
-FEWEST_CODES = 2  # which a scatter needs
-DITHERED_STEPS = 0.55  # scatter from which on it is no toggling between two codes, which has at most 0.5
+FEWEST_CODES = 2  # minimum number for a standard deviation
+DITHERED_STEPS = 0.55  # standard deviation in steps above which it is no toggling between two codes, at most 0.5
 HARMONICS = 5
 HARMONICS_OF_SWINGS = 20
 LARGEST_J1 = 0.582
@@ -19,22 +19,22 @@ LARGEST_J1 = 0.582
 
 @dataclass(frozen=True, slots=True)
 class MeanCode:
-    """A mean of samples with the standard uncertainty that their scatter gives it.
+    """Mean of samples with the standard uncertainty from their scatter.
 
-    `step_u` is what their steps hide from any mean; `problems` make it unusable.
+    `quantisation_u` is the quantisation uncertainty of any mean; `problems` make it unusable.
     """
 
     value: float
     scatter_u: float
-    step_u: float
+    quantisation_u: float
     problems: tuple[str, ...]
 
 
 def mean_code(codes: Codes) -> MeanCode:
-    """The mean of the samples; NaN when there are not two.
+    """Mean of the samples; NaN with fewer than two.
 
-    Problems: too_few_codes, irregular_clock (device time and numbers do not go together, as when the unit has begun
-    anew), stuck_code (one value again and again).
+    Problems: too_few_codes, irregular_clock (device time and numbers disagree, as after a restart of the unit),
+    stuck_code (the same value for too long).
     """
     if len(codes.values) < FEWEST_CODES:
         return MeanCode(float("nan"), float("nan"), float("nan"), ("too_few_codes",))
@@ -51,11 +51,11 @@ def mean_code(codes: Codes) -> MeanCode:
 
 
 def mean_between(codes: Codes, from_s: float, to_s: float) -> MeanCode:
-    """The mean over a time in which the output may go up and down once or more, as over whole turns; problems as above.
+    """Mean over a time in which the output may oscillate once or more, as over whole turns; problems as above.
 
-    A sample may be the mean since the one before, so that those count which began after `from_s`. Each counts for the
-    time since the one before; what is left over at both ends counts with the nearest, so that whole turns stay whole.
-    Their scatter is told by how neighbours differ, in which what goes slowly up and down is not.
+    A sample may be the mean since the one before, so that those count which began after `from_s`. Each is weighted with
+    the time since the one before; the remainder at both ends is assigned to the nearest, so that whole turns remain
+    whole. The scatter is computed from differences of neighbours, which do not contain slow oscillations.
     """
     whole = mean_code(codes)
     at_s = sampled_at_s(codes)
@@ -71,7 +71,7 @@ def mean_between(codes: Codes, from_s: float, to_s: float) -> MeanCode:
 
 
 def begins_anew(codes: Codes) -> bool:
-    """Whether the unit's clock and the numbers of its samples do not go together, or these have gone back."""
+    """True if clock and sample numbers of the unit disagree, or have gone back."""
     if codes.restarts:
         return True
     if len(codes.tick) < 2:
@@ -80,10 +80,10 @@ def begins_anew(codes: Codes) -> bool:
 
 
 def sampled_at_s(codes: Codes) -> Array:
-    """When each sample was taken, in bench time (N,).
+    """Sampling times in bench time (N,).
 
-    That is the unit's clock, brought onto the host's by the straight line through the arrivals: a frame may be late,
-    and both clocks err. Where the unit began anew the arrivals are all there is.
+    The unit's clock is converted to the host's by the straight line through the arrivals: a frame may be late, and both
+    clocks have errors. If the unit restarted, only the arrival times are available.
     """
     if len(codes.tick) < 2 or begins_anew(codes):
         return codes.host_s
@@ -91,7 +91,7 @@ def sampled_at_s(codes: Codes) -> Array:
 
 
 def on_the_host_clock(device_s: Array, host_s: Array) -> Array:
-    """Times of a device's clock (n,) by the straight line through the arrivals (n,) of what it said then."""
+    """Times of a device's clock (n,) converted by the straight line through the arrival times (n,)."""
     since_s = host_s - host_s[0]
     away_s = device_s - device_s.mean()
     slope = float(away_s @ since_s / (away_s @ away_s))
@@ -99,7 +99,7 @@ def on_the_host_clock(device_s: Array, host_s: Array) -> Array:
 
 
 def stuck(codes: Codes) -> NDArray[np.bool_]:
-    """Which samples are of a row of one value that is longer than the unit's noise ever lets be, (N,) of bool."""
+    """Mask (N,) of samples in a row of equal values longer than the unit's noise permits."""
     if codes.stuck_after is None or not len(codes.values):
         return np.zeros(len(codes.values), dtype=bool)
     begins = np.flatnonzero(np.diff(codes.values, prepend=np.nan) != 0)
@@ -108,25 +108,25 @@ def stuck(codes: Codes) -> NDArray[np.bool_]:
 
 
 def hidden_by_steps(sd: float, step: float) -> float:
-    """The standard uncertainty that steps of codes give to a mean of samples that scatter by `sd`.
+    """Quantisation uncertainty of a mean of samples with standard deviation `sd`.
 
-    Noise carries a signal across the steps: with a standard deviation s of noise and steps q the mean of rounded
-    samples errs by the harmonics k of a sawtooth, each of amplitude q/(π k) exp(-2 π² k² s²/q²). What scatters no more
-    than toggling between two codes does may be hidden by the whole step, q/√12.
+    Noise linearises the quantisation: with a standard deviation s of noise and steps q the mean of rounded samples has
+    an error with the harmonics k of a sawtooth, each of amplitude q/(π k) exp(-2 π² k² s²/q²). If the scatter is no
+    more than toggling between two codes, the error may be that of the whole step, q/√12.
     """
     if sd < DITHERED_STEPS * step:
         return step / float(np.sqrt(12))
-    noise2 = (sd / step) ** 2 - 1 / 12  # the rounding scatters too
+    noise2 = (sd / step) ** 2 - 1 / 12  # rounding contributes to the scatter
     k = np.arange(1, HARMONICS + 1)
     return step * float(np.sqrt(np.sum((np.exp(-2 * np.pi**2 * k**2 * noise2) / (np.pi * k)) ** 2 / 2)))
 
 
 def hidden_from_a_swing(amplitude: Array, sd: float, step: float) -> Array:
-    """The standard uncertainties (m,) that steps of codes give to sines of these amplitudes in samples.
+    """Quantisation uncertainties (m,) of sinusoidal amplitudes in samples.
 
-    As in `hidden_by_steps`, whose sawtooth a swing goes through: of its harmonic k it brings 2 J1(2π k A/q) to its own
-    frequency, at most and on average 1/√(π z) for J1(z). `sd` is that of the samples beside the sine. Without noise
-    that is about 0.02 of a step for a sine of 30 steps.
+    As in `hidden_by_steps`; an oscillation passes through the sawtooth: its harmonic k contributes 2 J1(2π k A/q) at
+    the frequency of the oscillation, at most and on average 1/√(π z) for J1(z). `sd` is that of the samples without the
+    sine. Without noise that is about 0.02 of a step for a sine of 30 steps.
     """
     if not step:
         return np.zeros_like(amplitude)
@@ -137,18 +137,18 @@ def hidden_from_a_swing(amplitude: Array, sd: float, step: float) -> Array:
     return np.asarray(np.sqrt(np.sum(2 * sawtooth**2 * bessel2, axis=1)))
 
 
-def by_position(gain: Array, step_u: Array, angle_rad: Array) -> Array:
-    """What steps hide from a result that depends on readings by `gain` (n,), one value for each angle.
+def quantisation_by_angle(gain: Array, quantisation_u: Array, angle_rad: Array) -> Array:
+    """Quantisation uncertainty of a result with sensitivities `gain` (n,) to readings, one error for each angle.
 
-    Readings at one angle fall onto one step, and err alike.
+    Readings at one angle fall into one step, and have the same error.
     """
-    return by_level(gain, step_u, np.asarray(np.round(np.degrees(angle_rad), 1), np.float64))
+    return quantisation_by_level(gain, quantisation_u, np.asarray(np.round(np.degrees(angle_rad), 1), np.float64))
 
 
-def by_level(gain: Array, step_u: Array, level: Array) -> Array:
-    """The same of readings at levels (n,) of what is measured."""
+def quantisation_by_level(gain: Array, quantisation_u: Array, level: Array) -> Array:
+    """The same for readings at levels (n,) of the measured quantity."""
     _, place = np.unique(level, return_inverse=True)
-    return np.asarray(np.bincount(place, weights=gain * step_u), np.float64)
+    return np.asarray(np.bincount(place, weights=gain * quantisation_u), np.float64)
 
 
 def _device_steps_s(codes: Codes) -> Array:

@@ -1,4 +1,4 @@
-"""What a working thermometer cannot say: an open sensor, a jump (equations 1.10)."""
+"""Implausible readings of thermometers: an open sensor, a jump (equations 1.10)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ JUMP_C = 5.0
 
 
 def broken_at_rest(temperature_c: Array) -> NDArray[np.bool_]:
-    """Which readings (n,) of one soaked dwell, in any order, are impossible or far from the median of all."""
+    """Mask of readings (n,) of one soaked dwell, in any order, that are impossible or far from the median of all."""
     impossible = beyond_possible(temperature_c)
     if impossible.all():
         return impossible
@@ -21,10 +21,10 @@ def broken_at_rest(temperature_c: Array) -> NDArray[np.bool_]:
 
 
 def broken_on_a_ramp(time_s: Array, temperature_c: Array) -> NDArray[np.bool_]:
-    """Which readings (n,), in the order of time, are impossible or do not belong to the course of the temperature.
+    """Mask of readings (n,), in time order, that are impossible or do not belong to the temperature curve.
 
-    Between jumps the readings are stretches. The course is that chain of stretches which holds most readings, each of
-    them beginning where the one before it ended, give or take a jump and what the temperature usually goes meanwhile.
+    Jumps divide the readings into stretches. The curve is the chain of stretches with the most readings in which each
+    begins where the one before it ended, within a jump and the usual change meanwhile.
     """
     broken = beyond_possible(temperature_c)
     possible = np.flatnonzero(~broken)
@@ -52,12 +52,12 @@ def broken_on_a_ramp(time_s: Array, temperature_c: Array) -> NDArray[np.bool_]:
 
 
 def beyond_possible(temperature_c: Array) -> NDArray[np.bool_]:
-    """Which readings (n,) are beyond anything that a chamber reaches; NaN is not among them."""
+    """Mask of readings (n,) beyond the range of any chamber; NaN is not among them."""
     return (temperature_c < POSSIBLE_C[0]) | (temperature_c > POSSIBLE_C[1])
 
 
 def rates_c_per_s(time_s: Array, temperature_c: Array, samples: int, every: int = 1) -> Array:
-    """The slopes of lines through so many consecutive samples of (n,): (n - samples + 1,), or every so manieth."""
+    """Slopes of lines through consecutive `samples` of (n,): (n - samples + 1,), or every `every`-th."""
     time_s, temperature_c = (sliding_window_view(column, samples)[::every] for column in (time_s, temperature_c))
     time_s = time_s - time_s.mean(axis=-1, keepdims=True)
     return np.asarray(np.sum(time_s * temperature_c, axis=-1) / np.sum(time_s**2, axis=-1))

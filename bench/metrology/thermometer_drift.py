@@ -1,9 +1,9 @@
-"""What a thermometer whose error changes within a run does to differences between its times (equations 6.2).
+"""Effect of a thermometer error that changes within a run on differences over time (equations 6.2).
 
-The error is taken to change evenly from the beginning of the run to its end. At bench time t it is D s(t), with s from
--½ to ½ and one D for the whole run, of which a certificate states the standard uncertainty. What depends on
-temperatures of several times by c(t) per °C is uncertain by |Σ c(t) s(t)| u(D). A drift that is the same at all these
-times is an offset, and has the line of that.
+The error is assumed to change linearly from the beginning of the run to its end. At bench time t it is D s(t), with s
+from -½ to ½ and one D for the whole run, of which a certificate states the standard uncertainty. A result that depends
+on temperatures of several times by c(t) per °C has the uncertainty |Σ c(t) s(t)| u(D). A part that is constant over
+these times is an offset, and is in that line.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NOT_STATED = "not stated, a fifth of its offset"
 
 
 def source_of(what: str, drift: Drift) -> str:
-    """The name of the line that a drift within the run has in a budget."""
+    """Name of the budget line of a drift within the run."""
     return f"{what}: {DRIFT}" if drift.is_stated else f"{what}: {DRIFT}, {NOT_STATED}"
 
 
@@ -42,5 +42,5 @@ class DriftInRun:
         return self.data.run_share(at_s) * self._known.u
 
     def line(self, u: float | np.floating) -> BudgetLine:
-        """The line of a budget to which the drift gives `u`."""
+        """Budget line with the contribution `u` of the drift."""
         return BudgetLine(source_of(self.reading, self._known), "B", abs(float(u)), None, f"{self.reading}.drift")

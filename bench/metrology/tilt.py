@@ -1,7 +1,7 @@
 """Accelerometers as tilt meters (equations 6.4): one up to ±90°, two at right angles over the full circle.
 
-Uncertainties are to first order (JCGM 100, 5.1). A misalignment of the input axis on what is tilted adds to the tilt
-as it is, and is not among them.
+Uncertainties are to first order (JCGM 100, 5.1). A misalignment of the input axis on the tilted object adds to the
+tilt, and is not included.
 """
 
 from __future__ import annotations
@@ -34,14 +34,13 @@ def compare_tilt(
 ) -> TiltComparison:
     """Tilt = asin((U - K0) / K1) of samples (n,) with K0 nominal, and with K0 = bias_v[0] + bias_v[1] T.
 
-    A sample with something missing is left out, one with a temperature that no working thermometer says, and one beyond
-    ±90° in either way; the last raises the flag `out_of_range`. Of fewer than two temperatures there is no span worth
-    the name: `too_few_temperatures`.
+    Samples with missing values, with an implausible temperature, or beyond ±90° are left out; the last raises the flag
+    `out_of_range`. With fewer than two temperatures there is no span: `too_few_temperatures`.
     """
     present = np.isfinite(temperature_c) & np.isfinite(output_v)
     broken = present & beyond_possible(temperature_c)
-    told = present & ~broken
-    temperature_c, output_v = temperature_c[told], output_v[told]
+    usable = present & ~broken
+    temperature_c, output_v = temperature_c[usable], output_v[usable]
     raw = (output_v - nominal_bias_v) / scale_v_per_g
     compensated = (output_v - bias_v[0] - bias_v[1] * temperature_c) / scale_v_per_g
     possible = (np.abs(raw) <= 1) & (np.abs(compensated) <= 1)
@@ -66,13 +65,13 @@ def compare_tilt(
 
 @np.errstate(invalid="ignore")
 def indicated_deg(force_g: Array) -> Array:
-    """The tilt (n,) that an accelerometer indicates by its specific force; NaN beyond ±90°."""
+    """Tilt (n,) indicated by an accelerometer from its specific force; NaN beyond ±90°."""
     return np.asarray(np.degrees(np.arcsin(force_g)))
 
 
 @dataclass(frozen=True, slots=True)
 class TiltAxis:
-    """One accelerometer as it was calibrated: its output is `bias_v` + `scale_v_per_g` x specific force in g.
+    """One calibrated accelerometer: its output is `bias_v` + `scale_v_per_g` × specific force in g.
 
     The others are standard uncertainties, independent of each other and of those of another accelerometer;
     `u_output_v` is that of one sample of the output.
@@ -89,7 +88,7 @@ class TiltAxis:
         return np.asarray((output_v - self.bias_v) / self.scale_v_per_g)
 
     def u_force_g(self, output_v: Array) -> Array:
-        """Its standard uncertainty (n,)."""
+        """Standard uncertainty of the specific force (n,)."""
         from_scale_v = self.force_g(output_v) * self.u_scale_v_per_g
         u_v = np.sqrt(self.u_output_v**2 + self.u_bias_v**2 + from_scale_v**2)
         return np.asarray(u_v / abs(self.scale_v_per_g))
@@ -107,7 +106,8 @@ class Tilt:
 def tilt_of_one(axis: TiltAxis, output_v: Array) -> Tilt:
     """Tilt θ = asin a of one accelerometer, with u(θ) = u(a) / cos θ; NaN beyond ±90°.
 
-    The uncertainty grows towards ±90°, where one axis tells little; within a few u(a)^½ rad of it, it is too large.
+    The uncertainty grows towards ±90°, where one axis has little sensitivity; within a few u(a)^½ rad of it, it is too
+    large.
     """
     tilt_rad = np.arcsin(axis.force_g(output_v))
     return Tilt(np.degrees(tilt_rad), np.degrees(axis.u_force_g(output_v) / np.cos(tilt_rad)))
@@ -117,11 +117,12 @@ def tilt_of_one(axis: TiltAxis, output_v: Array) -> Tilt:
 def tilt_of_two(
     along: TiltAxis, across: TiltAxis, along_v: Array, across_v: Array, *, skew_rad: float = 0.0, u_skew_rad: float
 ) -> Tilt:
-    """Tilt of the input axis `along`, from -180° to 180°, by itself and by one `across` that is up when it is level.
+    """Tilt of the input axis `along`, from -180° to 180°, with a second accelerometer `across`.
 
-    Both lie in the plane of the tilt, `across` at 90° + ε from `along`, ε the `skew_rad`: they sense a = g sin θ and
-    b = g cos(θ + ε), so that tan θ = a cos ε / (b + a sin ε). The size of g has no part in the quotient, nor has a tilt
-    of the plane. The uncertainty follows from the derivatives of a cos(θ + ε) = b sin θ.
+    `across` is up when `along` is level. Both lie in the plane of the tilt, `across` at 90° + ε from `along`, ε the
+    `skew_rad`: they sense a = g sin θ and b = g cos(θ + ε), so that tan θ = a cos ε / (b + a sin ε). The quotient
+    depends neither on the size of g nor on a tilt of the plane. The uncertainty follows from the derivatives of a cos(θ
+    + ε) = b sin θ.
     """
     a, b = along.force_g(along_v), across.force_g(across_v)
     sine, cosine = a * np.cos(skew_rad), b + a * np.sin(skew_rad)

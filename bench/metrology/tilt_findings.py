@@ -1,8 +1,8 @@
-"""What a bias that drifts makes of an accelerometer as a tilt meter, and what compensation leaves (equations 6.4).
+"""Tilt error of an accelerometer with a drifting bias, with and without compensation (equations 6.4).
 
 Held level it indicates asin((U - K0) / K1), with a constant K0, or with the model of K0 over temperature: the static
-one of a tumble, the dynamic one of a ramp, for a use that sees fast changes. The span of what it indicates is what a
-user sees of the bias.
+one of a tumble, the dynamic one of a ramp, for uses with fast changes. The span of the indicated tilt is the effect of
+the bias for the user.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class TiltOrigin:
-    """Where the tilt comes from; `sd_g` is how one bias scatters, with `dof`.
+    """Source of the tilt; `sd_g` is the standard deviation of one bias, with `dof`.
 
-    `scale_u` is the relative uncertainty of K1, `contained` names what the compensated span contains, "" for nothing.
+    `scale_u` is the relative uncertainty of K1, `contained` names confounded terms of the compensated span, "" for
+    none.
     """
 
     subject: Subject
@@ -43,7 +44,7 @@ class TiltOrigin:
 
 
 def tilt_findings(bias_g: Array, modelled_g: Array, origin: TiltOrigin) -> Iterator[Finding]:
-    """The spans from biases (n,) at many temperatures, and what their model says there; none of less than two."""
+    """Spans from biases (n,) at many temperatures, and from the model there; none for fewer than two."""
     if len(bias_g) < 2:
         return
     for quantity, left_g in (

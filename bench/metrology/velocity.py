@@ -1,4 +1,4 @@
-"""From counts to velocity: the integral of a channel's specific force, compensated for temperature (equations 2.5).
+"""Velocity from counts: the integral of a channel's specific force, compensated for temperature (equations 2.5).
 
 At a specific force a the channel gives D = D_ref (1 + α ΔT) + β ΔT with D_ref = K1 (a + K0) and ΔT = T - Tref. The two
 drifts are those of item 7, and each alone is one of the shared models: α = κ, β = 0 on the basis "normalised"; α = 0,
@@ -18,7 +18,7 @@ from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 
 @dataclass(frozen=True, slots=True)
 class ChannelModel:
-    """An accelerometer channel over temperature, by its calibration at `reference_c` and its drift from there.
+    """An accelerometer channel over temperature: its calibration at `reference_c` and its drift from there.
 
     `covariance` (4, 4) is that of `scale_pps_per_g` (K1), `bias_g` (K0), `scale_drift_per_c` (α) and
     `offset_drift_pps_per_c` (β), in this order.
@@ -32,7 +32,7 @@ class ChannelModel:
     covariance: Array
 
     def without_drift(self) -> ChannelModel:
-        """The channel as it is without compensation: at all temperatures as it was calibrated at one."""
+        """The channel without compensation: at all temperatures as calibrated at one."""
         kept = np.diag([1.0, 1.0, 0.0, 0.0])
         covariance = kept @ self.covariance @ kept
         return replace(self, scale_drift_per_c=0.0, offset_drift_pps_per_c=0.0, covariance=covariance)
@@ -43,7 +43,7 @@ class VelocityRecord:
     """Counts and temperatures of one run in the order of time, on one clock, without gaps or missing numbers.
 
     `net_pulses` (n,) are cumulative, positive less negative, at `time_s` (n,) of the counter; wraps are undone.
-    `temperature_c` (m,) of the converter at `temperature_time_s` (m,) is straight between readings and constant beyond.
+    `temperature_c` (m,) of the converter at `temperature_time_s` (m,) is linear between readings and constant beyond.
     """
 
     time_s: Array
@@ -56,7 +56,7 @@ class VelocityRecord:
 class Velocity:
     """Velocity (n,) in m/s since the first of the times (n,), and the mean specific force in g between them (n - 1,).
 
-    `u_model_mps` (n,) comes of the model: one error all along, which grows with time. `u_count_mps` (n,) comes of the
+    `u_model_mps` (n,) is from the model: one error throughout, growing with time. `u_count_mps` (n,) is from the
     fractions of a pulse at the first time and at this one: it does not grow. The sensor's noise is in neither.
     """
 
@@ -73,9 +73,9 @@ class Velocity:
 
 
 def integrate(record: VelocityRecord, model: ChannelModel, gravity_mps2: float) -> Velocity:
-    """The compensated velocity of one run.
+    """Integrate one run to the compensated velocity.
 
-    Between two counts the pulses are taken to be evenly spread, as far as the temperature's change there matters.
+    The pulses between two counts are assumed evenly distributed, which matters only for the temperature change there.
     """
     elapsed_s = record.time_s - record.time_s[0]
     k1, beta = model.scale_pps_per_g, model.offset_drift_pps_per_c
@@ -101,7 +101,7 @@ def integrate(record: VelocityRecord, model: ChannelModel, gravity_mps2: float) 
 
 @dataclass(frozen=True, slots=True)
 class VelocityError:
-    """The largest error of velocity in a run, with its sign, its standard uncertainty, and when it was."""
+    """Largest error of velocity in a run, with its sign, its standard uncertainty, and its time."""
 
     error_mps: float
     u_mps: float
@@ -110,7 +110,7 @@ class VelocityError:
 
 @dataclass(frozen=True, slots=True)
 class VelocityComparison:
-    """What compensation does to the velocity of one run: its largest error without and with it."""
+    """Effect of compensation on the velocity of one run: largest error without and with it."""
 
     raw: VelocityError
     compensated: VelocityError
@@ -119,7 +119,7 @@ class VelocityComparison:
 def compare_velocity(
     record: VelocityRecord, model: ChannelModel, *, force_g: float, gravity_mps2: float
 ) -> VelocityComparison:
-    """Integrates a run under a constant, known specific force with and without the model's drift."""
+    """Integrate a run under a constant, known specific force with and without the model's drift."""
 
     def error(used: ChannelModel) -> VelocityError:
         found = integrate(record, used, gravity_mps2)
@@ -141,7 +141,7 @@ class _DriftIntegrals:
 
 
 def _drift_integrals(record: VelocityRecord, model: ChannelModel) -> _DriftIntegrals:
-    """By Simpson's rule on each piece of the straight temperature; its error is of the order (α ΔT)⁴, a rounding."""
+    """Integrals by Simpson's rule on each linear piece of the temperature; the error is of the order (α ΔT)⁴."""
     inner = (record.temperature_time_s > record.time_s[0]) & (record.temperature_time_s < record.time_s[-1])
     corners_s = np.union1d(record.time_s, record.temperature_time_s[inner])
     away_c = np.interp(corners_s, record.temperature_time_s, record.temperature_c) - model.reference_c
@@ -162,6 +162,6 @@ def _drift_integrals(record: VelocityRecord, model: ChannelModel) -> _DriftInteg
 
 
 def _counted(record: VelocityRecord, integral: Array) -> Array:
-    """The pulses up to each time, those of an interval times the mean there of what `integral` is the integral of."""
+    """Pulses up to each time, those of an interval times the mean there of the integrand of `integral`."""
     mean = np.diff(integral) / np.diff(record.time_s)
     return np.concatenate(([0.0], np.cumsum(np.diff(record.net_pulses) * mean)))

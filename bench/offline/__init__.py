@@ -1,1 +1,1 @@
-"""Recorded data from elsewhere: case.json and CSV records in, results out."""
+"""Off-line reduction of recorded data: case.json and CSV records in, results out."""

@@ -1,4 +1,4 @@
-"""Calibration files: what a run has found of a unit, for a program that uses the unit (`bench compensate` is one)."""
+"""Calibration files: results of a run on a unit, for programs that use the unit (such as `bench compensate`)."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ Known = Compensation | ResponseCompensation
 def calibration_files(
     units: Sequence[UnitResult], manifest: Mapping[str, Any], bench: BenchFile
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """A file for each unit that a method has found compensations for: its name and its content.
+    """Name and content of a file for each unit with compensations.
 
-    1 g in it is the local gravity of the bench, which it tells.
+    1 g in it is the local gravity of the bench, which it states.
     """
     gravity = bench.site.gravity
     for place in dict.fromkeys(unit.place for unit in units):
@@ -69,7 +69,7 @@ def calibration_files(
 
 
 def _digest_of(content: Mapping[str, Any]) -> str:
-    """The digest of what else is in a file, however that is indented and in whatever order."""
+    """Digest of all other content of a file, independent of indentation and order."""
     text = json.dumps({key: value for key, value in content.items() if key != DIGEST}, sort_keys=True)
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
@@ -84,7 +84,7 @@ class _Polynomial(Tolerant):
 
     @model_validator(mode="after")
     def _is_one_curve(self) -> Self:
-        """The same curve is in the file twice; who edits one of them has not measured it."""
+        """Check that both forms of a curve in the file agree; an edited one was not measured."""
         if not self.powers_of_t:
             return self
         at_c = np.linspace(self.centre - self.scale, self.centre + self.scale, 1 + len(self.coefficients))
@@ -121,7 +121,7 @@ class _Constant(Tolerant):
 
 
 def _kind(raw: Any) -> str:
-    """Which curve it is, by what only this one has."""
+    """Kind of a curve, by a key that only this kind has."""
     keys = {"coefficients": "polynomial", "knots_c": "knots"} if isinstance(raw, dict) else {}
     return next((kind for key, kind in keys.items() if key in raw), "constant")
 
@@ -175,7 +175,7 @@ class _Channel(Tolerant):
 
 
 class CalibrationFile(Tolerant):
-    """A calibration file as it was read, without what stands in it for people."""
+    """A calibration file as read, without its entries for people."""
 
     schema_: Literal["itb-calibration/1"] = Field(alias="schema")
     uut: str
@@ -188,33 +188,33 @@ class CalibrationFile(Tolerant):
 
     @property
     def warnings(self) -> list[str]:
-        """What whoever uses it must know."""
+        """Warnings for the user of the calibration."""
         found = ["it comes from a simulated run and describes no real unit"] if self.simulated else []
         return found if self.verdict in ("", "PASS") else [*found, f"the unit's verdict in that run is {self.verdict}"]
 
     @property
     def valid_c(self) -> tuple[float, float]:
-        """The temperatures that all its channels are known at."""
+        """Temperature range in which all its channels are known."""
         ends = [each.valid_c for each in self.over_temperature().values() if each.valid_c is not None]
         return max((low for low, _ in ends), default=-math.inf), min((high for _, high in ends), default=math.inf)
 
     def released(self) -> ReleasedCalibration:
-        """For the reduction of a run in which the unit is checked by it."""
+        """Released calibration for a run that verifies the unit by it."""
         return ReleasedCalibration(self.over_temperature(), self.gravity_mps2, self.u_gravity_mps2)
 
     def over_temperature(self) -> dict[str, Compensation]:
-        """Those that know a value by the temperature, and not by the frequency."""
+        """Compensations over temperature, not over frequency."""
         return {name: known for name, known in self.compensations().items() if isinstance(known, Compensation)}
 
     def compensations(self) -> dict[str, Known]:
-        """How the output of each channel becomes a value."""
+        """Compensation of each channel."""
         return {channel.channel: channel.compensation() for channel in self.channels}
 
 
 def read_calibration(path: Path) -> CalibrationFile:
-    """The calibration in a file; InputError names every problem with its place, also where it is an edited copy.
+    """Read the calibration in a file; InputError names every problem with its place, also for an edited copy.
 
-    StoreError where a run has written it that is sealed, and it has changed since.
+    StoreError if it belongs to a sealed run and has changed since.
     """
     if (path.parent / SEAL).exists():
         written = read_seal(path.parent).files.get(path.name)
@@ -230,11 +230,11 @@ def read_calibration(path: Path) -> CalibrationFile:
 
 
 def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str:
-    """A CSV file with the columns `T_C`, `output` and, of several channels, `channel`, with two columns more.
+    """Add two columns to a CSV file with the columns `T_C`, `output` and, for several channels, `channel`.
 
-    `value` is blank where something is missing, `extrapolated` is 1 beyond what the calibration is known at. A
-    response needs the column `f_Hz` in place of `T_C`; outputs are amplitudes then, and a column `phase_deg` gets
-    another one, `value_phase_deg`. Rows and columns stay as they are. Raises InputError.
+    `value` is blank for missing data, `extrapolated` is 1 beyond the range of the calibration. A response needs the
+    column `f_Hz` in place of `T_C`; outputs are amplitudes then, and a column `phase_deg` gets another one,
+    `value_phase_deg`. Rows and columns are otherwise unchanged. Raises InputError.
     """
     known = calibration.compensations()
     of_response = [each for each in known.values() if isinstance(each, ResponseCompensation)]
@@ -258,7 +258,7 @@ def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str
 
 
 def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """The value of each row, its phase, and whether it is extrapolated."""
+    """Value and phase of each row, and whether it is extrapolated."""
     output = table.numbers(OUTPUT)
     temperature_c, frequency_hz, phase_deg = (
         table.numbers(name) if name in table.columns else np.full(len(output), np.nan)

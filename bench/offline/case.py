@@ -23,20 +23,20 @@ from drivers.installed import loaded
 
 @lru_cache(maxsize=1)
 def reductions() -> Mapping[tuple[str, str], Reduction]:
-    """The reductions of recorded cases that the installed methods bring, by method and sub-method."""
+    """Reductions of recorded cases of the installed methods, by method and sub-method."""
     targets = dict.fromkeys(method.offline for method in known_methods().values() if method.offline)
     return {title: reduction for target in targets for title, reduction in loaded(target).items()}
 
 
 def reduction_of(method: str, sub: str) -> Reduction | None:
-    """The reduction of such cases, if there is one; a method of one reduction has no sub-method."""
+    """Reduction of such cases, if there is one; a method with a single reduction has no sub-method."""
     return reductions().get((method, sub)) or reductions().get((method, ""))
 
 
 def reduce_case(path: Path) -> dict[str, Any]:
-    """Reduces the case file at `path`; gives the content of `result.json`.
+    """Reduce the case file at `path`; return the content of `result.json`.
 
-    Raises InputError, which names the file and the place in it, when the case cannot be read or reduced.
+    Raises InputError, with the file and the place in it, if the case cannot be read or reduced.
     """
     case = read_case(path)
     method, sub = case.content.method, case.content.sub
@@ -46,7 +46,7 @@ def reduce_case(path: Path) -> dict[str, Any]:
         raise InputError(f"{case.name}: there is no reduction for {method!r} {sub!r}; known: {known}")
     case.check_records(reduction.records)
     try:
-        with np.errstate(all="ignore"):  # of readings that are no readings; what becomes of them is null
+        with np.errstate(all="ignore"):  # readings that are not plausible numbers; the results from them are null
             result = reduction.reduce(case)
     except NotDetermined as problem:
         files = ", ".join(record.name for record in case.content.records.values())
@@ -57,7 +57,7 @@ def reduce_case(path: Path) -> dict[str, Any]:
 
 
 def _json(value: Any) -> Any:
-    """Plain JSON types: arrays and tuples become lists, what is not a finite number becomes null."""
+    """Convert to plain JSON types: arrays and tuples become lists, numbers that are not finite become null."""
     if isinstance(value, dict):
         return {key: _json(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):

@@ -1,4 +1,4 @@
-"""A case file and its records, as every off-line reduction sees them; the formats are those of equations 9."""
+"""Case file and records, common to all off-line reductions; the formats are those of equations 9."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ SettingsT = TypeVar("SettingsT", bound=BaseModel)
 
 
 def not_zero(value: float) -> float:
-    """The value itself. Raises ValueError when it is 0, for pydantic to report."""
+    """Return the value. Raises ValueError if it is 0, for pydantic to report."""
     if value == 0:
         raise ValueError("is 0; a scale factor is not")
     return value
 
 
 def without_nulls(content: Any) -> Any:
-    """A mapping without the keys that are null: what is null is not given. Anything else as it is."""
+    """A mapping without the keys that are null, which count as not given. Anything else is returned unchanged."""
     return {key: value for key, value in content.items() if value is not None} if isinstance(content, dict) else content
 
 
 def without_truths(content: Any) -> Any:
-    """The same. Raises an error for pydantic to report where a value of a mapping is true or false: no setting is."""
+    """Return a mapping. Raises an error for pydantic to report if a value is true or false: no setting is."""
     for key, value in content.items() if isinstance(content, dict) else ():
         if isinstance(value, bool):
             raise telling(f"{key}: is {in_words(value)}, expected a number or a word")
@@ -45,7 +45,7 @@ def without_truths(content: Any) -> Any:
 
 
 def unknown_keys(model: type[BaseModel], content: Any) -> list[str]:
-    """The keys of a mapping that `model` does not know."""
+    """Keys of a mapping that `model` does not have."""
     known = keys_of(model)
     return [str(key) for key in content if key not in known] if isinstance(content, dict) else []
 
@@ -53,11 +53,11 @@ def unknown_keys(model: type[BaseModel], content: Any) -> list[str]:
 Scale = Annotated[float, AfterValidator(not_zero)]
 Limit = Annotated[float, Field(ge=0)]
 LocalGravity = Annotated[float, Field(ge=9.7, le=9.9)]
-"""In m/s², on the ground anywhere on Earth."""
+"""Plausible range of gravity on the ground, m/s²."""
 
 
 class Tolerant(BaseModel):
-    """Keys that are not known are for somebody else and passed over; null is as if not given."""
+    """Model that ignores unknown keys; null counts as not given."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
@@ -68,7 +68,7 @@ class Tolerant(BaseModel):
 
 
 class Settings(StrictModel):
-    """Settings of a reduction: all of them are known, and none is true or false; null is as if not given."""
+    """Settings of a reduction: no unknown keys, none true or false; null counts as not given."""
 
     model_config = ConfigDict(allow_inf_nan=False)
 
@@ -79,7 +79,7 @@ class Settings(StrictModel):
 
 
 class Described(Tolerant):
-    """Keys beside the known ones describe something to people; one that is nearly a known one is a slip."""
+    """Model whose additional keys are descriptions for people; one similar to a known key is a typing error."""
 
     beside: ClassVar[tuple[str, ...]] = DESCRIPTIONS
 
@@ -95,14 +95,14 @@ class Described(Tolerant):
 
 
 class Site(Described):
-    """Where the record was taken."""
+    """Site of the record."""
 
     latitude_deg: float | None = Field(None, alias="lat_deg", ge=-90, le=90)
     height_m: float | None = Field(None, alias="h_m", ge=-1000, le=10000)
 
 
 class CaseFile(Described):
-    """What stands in `case.json`; the records are files in its folder or below."""
+    """Content of `case.json`; the records are files in its folder or below."""
 
     format: Literal["itb-case/1"] = Field(alias="schema")
     method: str
@@ -114,36 +114,36 @@ class CaseFile(Described):
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A case file that was read, and its name for error messages; `notes` say what of it was passed over."""
+    """A case file that was read, and its name for error messages; `notes` list ignored keys."""
 
     name: str
     content: CaseFile
     notes: tuple[str, ...] = ()
 
     def settings(self, model: type[SettingsT]) -> SettingsT:
-        """The settings as `model` describes them. Raises InputError, which names each bad one."""
+        """Settings validated by `model`. Raises InputError, which names each invalid one."""
         return validated(model, self.content.settings, f"{self.name}: settings.")
 
     @property
     def site(self) -> Site:
-        """Where the record was taken. Raises InputError, which names each bad value."""
+        """Site of the record. Raises InputError, which names each invalid value."""
         return validated(Site, self.content.site, f"{self.name}: site.")
 
     def has(self, record: str) -> bool:
-        """Whether the case names a record."""
+        """True if the case names a record."""
         return record in self.content.records
 
     def record(self, name: str, columns: str, optional: str = "") -> Table:
-        """The comma-separated `columns` of a record; one of the `optional` is blank when the file lacks it.
+        """Table of the comma-separated `columns` of a record; one of the `optional` is blank if the file lacks it.
 
-        Raises InputError when the record is missing or cannot be read.
+        Raises InputError if the record is missing or cannot be read.
         """
         if not self.has(name):
             raise InputError(f"{self.name}: records: '{name}' is missing; {self._title()} needs it")
         return read_table(self.content.records[name], columns.split(","), optional.split(",") if optional else ())
 
     def check_records(self, known: Collection[str]) -> None:
-        """Raises InputError where the case names a record that its reduction does not read."""
+        """Raise InputError if the case names a record that its reduction does not read."""
         for name in self.content.records:
             if name not in known:
                 raise InputError(f"{self.name}: records.{name[:40]}: is not known{did_you_mean(name, known)}")
@@ -154,9 +154,9 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Reduction:
-    """How cases of one kind are reduced; `records` are all that they may name.
+    """Reduction of one kind of cases; `records` are all that they may name.
 
-    A result whose `parts` are empty has nothing; flags that the expression `lacking` finds, beside those of
+    A result is empty if its `parts` are. Flags that match the expression `lacking`, beside those of
     `bench.offline.outcome`, make it incomplete.
     """
 
@@ -170,7 +170,7 @@ Reductions = Mapping[tuple[str, str], Reduction]
 
 
 def read_case(path: Path) -> Case:
-    """Reads a case file; its records are looked for, not read. Raises InputError, with the place."""
+    """Read a case file and check that its records exist. Raises InputError, with the place."""
     content = read_json(path, CASE_LIMIT_BYTES)
     found = validated(CaseFile, content, f"{path.name}: ", folder=path.parent)
     validated(Site, found.site, f"{path.name}: site.")
@@ -180,7 +180,7 @@ def read_case(path: Path) -> Case:
 
 
 def read_json(path: Path, limit_bytes: int) -> Any:
-    """The content of a JSON file. Raises InputError, with the place."""
+    """Read a JSON file. Raises InputError, with the place."""
     text = read_text(path, limit_bytes)
     if not text.strip():
         raise InputError(f"{path.name}: is empty")
@@ -197,7 +197,7 @@ def read_json(path: Path, limit_bytes: int) -> Any:
 
 
 class _KeyTwiceError(Exception):
-    """Of JSON, which would keep the last one."""
+    """A key occurs twice; JSON would keep the last one."""
 
 
 def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -209,9 +209,9 @@ def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def validated(model: type[SettingsT], content: Any, where: str, folder: Path | None = None) -> SettingsT:
-    """`content` as `model` describes it, at the place `where`: a file, a colon, and keys within it that end in a point.
+    """Validate `content` by `model`, at the place `where`: a file, a colon, and keys within it that end in a point.
 
-    Raises InputError that names the file and every bad place.
+    Raises InputError with the file and every invalid place.
     """
     try:
         return model.model_validate(content, context={"folder": folder})

@@ -1,4 +1,4 @@
-"""A record of a case: one CSV file with a header line, comma separated, blank where something is missing."""
+"""A record of a case: a CSV file with a header line, comma separated, blank for missing values."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from drivers.schema.suggest import nearest
 
 MINUS_SIGNS = str.maketrans(dict.fromkeys("\u2212\u2013\u2014\uff0d", "-"))  # and dashes
 UNIT_BEHIND = re.compile(r"([+-]?[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?)\s*[A-Za-z°º\u2103µμΩ%/'\"]+")
-SHOWN = 100  # characters of a header
+SHOWN = 100  # characters of a header in a message
 SIZE_LIMIT_BYTES = 256 * 2**20
 TRUTHS = {"1": True, "1.0": True, "true": True, "0": False, "0.0": False, "false": False, "": False}
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """The columns of one file as text; `text` is the whole of it, to find the line of a bad cell.
+    """Columns of one file as text; `text` is the whole file, to find the line of an invalid cell.
 
-    `rows` are the numbers of its rows in the file, where some are left out.
+    `rows` are the numbers of its rows in the file, if some are left out.
     """
 
     file: str
@@ -38,7 +38,7 @@ class Table:
     rows: tuple[int, ...] | None = None
 
     def without_copies(self) -> tuple[Table, int]:
-        """The table without rows that are equal to an earlier one in every column that is read, and their number.
+        """The table without rows equal to an earlier one in every column that is read, and their number.
 
         A row of blanks is no copy.
         """
@@ -50,7 +50,7 @@ class Table:
         return Table(self.file, columns, self.text, tuple(kept)), left_out
 
     def numbers(self, column: str) -> NDArray[np.float64]:
-        """A column (n,) of numbers; NaN where there is none. Raises InputError at what is not a number."""
+        """A column (n,) of numbers; NaN for blanks. Raises InputError for any other text."""
         try:
             return np.array([_number(text) for text in self.columns[column]], dtype=np.float64)
         except ValueError:
@@ -58,7 +58,7 @@ class Table:
             self._refuse(column, row, "a number")
 
     def whole_numbers(self, column: str) -> NDArray[np.float64]:
-        """A column (n,) of whole numbers, as floats; NaN where there is none."""
+        """A column (n,) of whole numbers, as floats; NaN for blanks."""
         values = self.numbers(column)
         broken = np.flatnonzero(np.isfinite(values) & (values != np.round(values)))
         if len(broken):
@@ -66,7 +66,7 @@ class Table:
         return values
 
     def words(self, column: str, known: Sequence[str]) -> NDArray[np.str_]:
-        """A column (n,) of `known` words; empty where there is none."""
+        """A column (n,) of `known` words; empty for blanks."""
         words = [text.strip().lower() for text in self.columns[column]]
         for row in np.flatnonzero(~np.isin(words, [*known, ""])):
             self._refuse(column, int(row), " or ".join(known))
@@ -81,7 +81,7 @@ class Table:
         return np.array([TRUTHS[word] for word in words], dtype=np.bool_)
 
     def lines(self, rows: NDArray[np.int_], most: int = 5) -> str:
-        """The lines of the file on which `rows` (n,) stand, in words: "line 7", "lines 3, 5, 9 and 12 more"."""
+        """Text of the lines of the file that hold `rows` (n,): "line 7", "lines 3, 5, 9 and 12 more"."""
         named = ", ".join(str(self._line(int(row))) for row in rows[:most])
         more = f" and {len(rows) - most} more" if len(rows) > most else ""
         return f"line{'s' if len(rows) > 1 else ''} {named}{more}"
@@ -98,11 +98,10 @@ class Table:
 
 
 def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> Table:
-    """Reads `columns` of a CSV file in UTF-8; other columns and blank lines, also above the header, are passed over.
+    """Read `columns` of a CSV file in UTF-8; other columns and blank lines, also above the header, are ignored.
 
-    A line of blank cells, one for each column, is a row.
-    A column of `optional` that the file lacks is blank. Raises InputError, with the line, when the file is too large,
-    not UTF-8, not a table or lacks another column.
+    A line of blank cells, one for each column, is a row. A column of `optional` that the file lacks is blank. Raises
+    InputError, with the line, if the file is too large, not UTF-8, not a table or lacks another column.
     """
     text = read_text(path, SIZE_LIMIT_BYTES)
     reader = _reader(text)
@@ -125,9 +124,9 @@ def read_table(path: Path, columns: Sequence[str], optional: Sequence[str] = ())
 
 
 def _problem_of_header(header: Sequence[str], needed: Sequence[str], absent: Collection[str]) -> str:
-    """What is wrong with a header line, for a person; empty where it has each column that is `needed` once.
+    """Problem of a header line; empty if it has each column that is `needed` once.
 
-    An `absent` column is optional; one that differs only in its capitals is a slip.
+    An `absent` column is optional; one that differs only in its capitals is a typing error.
     """
     wanted = ", ".join(needed)
     if not header:
@@ -147,7 +146,7 @@ def _problem_of_header(header: Sequence[str], needed: Sequence[str], absent: Col
 
 
 def _advice(text: str) -> str:
-    """What to write instead of a text that is no number, with what a spreadsheet or a person makes of one."""
+    """Advice on a text that is not a number, as written by a spreadsheet or a person."""
     if comma := re.fullmatch(r"([+-]?[0-9]*),([0-9]+)", text):
         return f"write {comma[1]}.{comma[2]}"
     plain = text.translate(MINUS_SIGNS).lstrip("'")
@@ -159,7 +158,7 @@ def _advice(text: str) -> str:
 
 
 def read_text(path: Path, limit_bytes: int) -> str:
-    """The text of a file in UTF-8, with or without a byte order mark. Raises InputError."""
+    """Text of a file in UTF-8, with or without a byte order mark. Raises InputError."""
     try:
         data = read_bounded(path, limit_bytes)
     except UnfitFileError as problem:
@@ -175,17 +174,17 @@ def read_text(path: Path, limit_bytes: int) -> str:
         raise InputError(f"{path.name}: line {line}: not UTF-8; save the file in that encoding") from None
 
 
-def _reader(text: str) -> Any:  # the standard library does not name the type
+def _reader(text: str) -> Any:  # the standard library does not export the type
     return csv.reader(io.StringIO(text, newline=""), strict=True)
 
 
 def _header(reader: Any) -> list[str]:
-    """The first line that is not blank; empty without one."""
+    """First line that is not blank; empty without one."""
     return next((cells for cells in reader if not _is_blank(cells)), [])
 
 
 def _line_of_row(text: str, row: int) -> int:
-    """The line on which a row ends; rows are counted from 0 behind the header, without empty ones."""
+    """Line on which a row ends; rows are counted from 0 after the header, without blank ones."""
     reader = _reader(text)
     width = len(_header(reader))
     filled = (reader.line_num for cells in reader if len(cells) == width or not _is_blank(cells))
@@ -193,7 +192,7 @@ def _line_of_row(text: str, row: int) -> int:
 
 
 def _check_separator(header: Sequence[str], columns: Sequence[str], file: str) -> None:
-    """Raises InputError where the header is of a table with another separator."""
+    """Raise InputError if the header has another separator."""
     for separator, name in ((";", "semicolons"), ("\t", "tabs")):
         split = [cell.strip() for cells in header for cell in cells.split(separator)]
         if len(split) > len(header) and sum(column in split for column in columns) > 1:
@@ -208,7 +207,7 @@ def _is_blank(cells: Sequence[str]) -> bool:
 
 
 def _number(text: str) -> float:
-    """Raises ValueError; an underscore between digits is a slip of the pen here, not Python."""
+    """Parse a number. Raises ValueError, also for an underscore between digits, which Python accepts."""
     if "_" in text:
         raise ValueError(text)
     return float(text.strip() or "nan")

@@ -1,4 +1,4 @@
-"""What makes the result of a case doubtful: data that no bench of the method gives (equations 1.10)."""
+"""Doubts about the result of a case: implausible data (equations 1.10)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ SIGNS_OR_ROWS = ": see the signs of the output, and whether rows are displaced"
 
 
 def with_doubts(result: dict[str, Any], doubts: Iterable[Doubt]) -> dict[str, Any]:
-    """The result with the flags and the notes of the doubts; a doubtful result has no verdict."""
-    with np.errstate(all="ignore"):  # of readings that are no readings
+    """Add flags and notes of the doubts to a result; a doubtful result has no verdict."""
+    with np.errstate(all="ignore"):  # readings that are not plausible numbers
         found = list(doubts)
     flags = [flag for flag in dict.fromkeys(doubt.flag for doubt in found) if flag]
     changed: dict[str, Any] = {

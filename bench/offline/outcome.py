@@ -1,4 +1,4 @@
-"""What a reduced case amounts to: whether it was judged, and whether all that it asks for was found."""
+"""Outcome of a reduced case: its verdict, and its completeness."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from bench.offline.case import reduction_of
 Outcome = Literal["REDUCED", "PASS", "FAIL", "INCOMPLETE"]
 
 LACKING = r"(^|[: ])invalid$|too_few_|_missing$|^implausible_|^(columns|legs)_exchanged$"
-"""Flags of a part that could not be used, or of a result that is not to be relied on; a reduction may add others."""
+"""Flags of a part that could not be used, or of a result that is not reliable; a reduction may add others."""
 
 
 def outcome(result: Mapping[str, Any]) -> Outcome:
-    """PASS or FAIL where the case has limits, REDUCED where it has none; INCOMPLETE where something is not known.
+    """PASS or FAIL of a case with limits, REDUCED without any; INCOMPLETE if something is unknown.
 
-    What fails has failed even where something else is not known, unless the whole is doubtful.
+    A failure counts even if something else is unknown, unless the whole is doubtful.
     """
     judged = {"pass": True, "fail": False}.get(result["verdict"]) if "verdict" in result else result.get("passed")
     if judged is False:
@@ -29,7 +29,7 @@ def outcome(result: Mapping[str, Any]) -> Outcome:
 
 
 def lacking(result: Mapping[str, Any]) -> list[str]:
-    """The flags of what could not be found; "nothing" where there is no part at all, or none that is known."""
+    """Flags of missing results; "nothing" if there is no part at all, or none is known."""
     reduction = reduction_of(result["method"], result["sub"])
     own, names = (reduction.lacking, reduction.parts) if reduction is not None else ("", ())
     found = [flag for flag in result["flags"] if re.search("|".join(filter(None, (LACKING, own))), flag)]

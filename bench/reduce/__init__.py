@@ -1,1 +1,1 @@
-"""From a stored run to results: acquisitions, certificates, evaluation, verification."""
+"""Reduction of a stored run to results: acquisitions, certificates, evaluation, verification."""

@@ -1,4 +1,4 @@
-"""From a stored run to what a method reduces: the journal says what was done, frames and samples what was measured."""
+"""Acquisitions of a stored run for the methods: conditions from the journal, data from frames and samples."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from bench.store.decoder import Decoder, decoders_of
 from bench.store.reader import Event, RunReader, Series
 from drivers.can.frame_block import FrameBlock
 
-STOOD = "stood"  # what the record says of an axis that did not need to move
+STOOD = "stood"  # record of an axis that did not need to move
 AS_READ = Corrections({}, {}, {}, {}, {})
 
 
 def run_data(
     reader: RunReader, bench: BenchFile, serials: Mapping[str, str], label: str, *, windows: bool = False
 ) -> RunData:
-    """The acquisitions under a label, of the units in their places; StoreError when the run does not hold them.
+    """Acquisitions under a label, of the units in their places; StoreError if the run does not hold them.
 
-    With `windows` they hold the mean rates of their counts and not the counts.
+    With `windows` they hold the mean rates instead of the counts.
     """
     dropped_s = {event.data["place"]: event.at_s for event in reader.events("unit_dropped")}
     units = tuple(_unit(place, serial, bench, dropped_s.get(place, math.inf)) for place, serial in serials.items())
@@ -50,9 +50,9 @@ def acquisitions(
     *,
     windows: bool = False,
 ) -> Iterator[Acquisition]:
-    """The acquisitions under a label with these named readings, one after the other; StoreError.
+    """Acquisitions under a label with these named readings, in order; raises StoreError.
 
-    As they were read, but for the corrections given, and with `windows` in place of counts.
+    Raw data except for the given corrections; `windows` replace counts.
     """
     sent = _Sent(decoders_of(bench.devices, reader.folder), corrections, windows)
     temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
@@ -64,7 +64,7 @@ def acquisitions(
         acquired = replace(
             _acquisition(event, dwell, state, temperatures),
             angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
-            sources_a={role: corrections.current_a(role, told_a) for role, told_a in state.sources_a.items()},
+            sources_a={role: corrections.current_a(role, read_a) for role, read_a in state.sources_a.items()},
             voltages={role: corrections.voltages(role, Voltages(*each)) for role, each in read.items()},
             currents={role: corrections.measured(role, each) for role, each in through.items()},
         )
@@ -74,9 +74,9 @@ def acquisitions(
 
 @dataclass(frozen=True)
 class _Sent:
-    """What frames tell, corrected: counts, positions of encoders, codes, and what did not come of them.
+    """Corrected data of frames: counts, positions of encoders, codes, and losses.
 
-    With `windows` the means of counts and codes, and not these themselves.
+    With `windows`, means instead of counts and codes.
     """
 
     decoders: Mapping[str, Decoder]
@@ -84,7 +84,7 @@ class _Sent:
     windows: bool
 
     def during(self, acquisition: Acquisition, frames: Mapping[str, FrameBlock]) -> Acquisition:
-        """An acquisition with what its frames tell."""
+        """An acquisition with the data of its frames."""
         counts: dict[str, Counts] = {}
         positions: dict[str, Positions] = {}
         codes: dict[str, Codes] = {}
@@ -134,8 +134,8 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
 
 
 @dataclass(frozen=True)
-class _InForce:
-    """What the bench stood at while something was acquired."""
+class _BenchState:
+    """State of the bench during an acquisition."""
 
     angles_deg: Mapping[str, float]
     mount: Mount
@@ -149,8 +149,8 @@ class _InForce:
     stand: int = 0
     stretch: int = 0
 
-    def after(self, event: Event, bench: BenchFile, begun_s: float) -> _InForce:
-        """What it stands at when a step has ended that began at `begun_s`."""
+    def after(self, event: Event, bench: BenchFile, begun_s: float) -> _BenchState:
+        """State after a step that began at `begun_s`."""
         data, now = event.data, self
         if "angle_deg" in data:
             device = data.get("device", next(iter(bench.axes), ""))
@@ -163,8 +163,8 @@ class _InForce:
         now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
         return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
 
-    def moved(self, angles_deg: Mapping[str, float], sides: Mapping[str, str | None]) -> _InForce:
-        """After axes have gone to angles; from where one without a side came is not known."""
+    def moved(self, angles_deg: Mapping[str, float], sides: Mapping[str, str | None]) -> _BenchState:
+        """State after a move of axes; the side of approach of an axis not in `sides` is unknown."""
         moved = {role: sides.get(role) for role in angles_deg if sides.get(role) != STOOD}
         came_from = {role: side for role, side in {**self.came_from, **moved}.items() if side is not None}
         return replace(
@@ -172,12 +172,12 @@ class _InForce:
             stand=self.stand + bool(moved),
         )  # fmt: skip
 
-    def interrupted(self) -> _InForce:
-        """What it stands at when the run goes on after an interruption: everything was off in between."""
+    def interrupted(self) -> _BenchState:
+        """State when the run goes on after an interruption: everything was off in between."""
         return replace(self, input="accelerometer", sources_a={}, on_since_s={}, stretch=self.stretch + 1)
 
-    def without(self, roles: set[str]) -> _InForce:
-        """What it stands at when nobody knows where axes stand, or what the chamber has been told."""
+    def without(self, roles: set[str]) -> _BenchState:
+        """State with unknown angles of axes, or an unknown set point of the chamber."""
         angles_deg = {role: math.nan if role in roles else angle for role, angle in self.angles_deg.items()}
         came_from = {role: side for role, side in self.came_from.items() if role not in roles}
         return replace(
@@ -187,14 +187,14 @@ class _InForce:
 
     @property
     def is_known(self) -> bool:
-        """Whether it is known where all axes stand."""
+        """True if the angles of all axes are known."""
         return not any(math.isnan(angle) for angle in self.angles_deg.values())
 
 
 def _supplies_on(
     before_s: Mapping[str, tuple[float, float]], data: Mapping[str, Any], now_s: tuple[float, float]
 ) -> Mapping[str, tuple[float, float]]:
-    """The supplies that are on when an output, or several, have been set, and since when."""
+    """Supplies that are on after outputs have been set, with the times since when."""
     after_s = dict(before_s)
     for found in data.get("outputs", {data.get("role"): data}).values():
         if found.get("output"):
@@ -206,7 +206,7 @@ def _supplies_on(
 
 
 def _sources_on(before_a: Mapping[str, float], data: Mapping[str, Any]) -> Mapping[str, float]:
-    """The current sources that are on when an output, or several, have been set."""
+    """Current sources that are on after outputs have been set."""
     after_a = dict(before_a)
     for found in data.get("outputs", {data.get("role"): data}).values():
         if "output" in found and found.get("voltage_v") is None:
@@ -221,15 +221,15 @@ def _mount(bench: BenchFile, name: str | None = None) -> Mount:
     return Mount(name or next(iter(bench.fixture.mounts), ""), mount.angle, mount.roll, mount.clock)
 
 
-def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, _InForce]]:
-    """Finished acquisitions under a label, each with its dwell and with what was in force.
+def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple[Event, str, _BenchState]]:
+    """Finished acquisitions under a label, each with its dwell and the state of the bench.
 
-    Of a step that was done again only the last time counts. None after a move that did not get to its end: what was
-    acquired there was acquired at an angle that nobody knows.
+    Of a repeated step only the last execution counts. Acquisitions after an incomplete move are left out: their angle
+    is unknown.
     """
-    state = _InForce(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
+    state = _BenchState(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
     dwells = DwellNames()
-    found: dict[str, tuple[Event, str, _InForce]] = {}
+    found: dict[str, tuple[Event, str, _BenchState]] = {}
     begun: dict[str, tuple[float, float]] = {}
     turning: dict[str, Motion] = {}
     for event in reader.events("step_begins", "turning", "step_ended", "step_failed", "step_cut", "run_resumed"):
@@ -255,13 +255,13 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
         if event.data.get("label") == label and state.is_known:
             step = first_visit(event.step)
             found.pop(step, None)
-            motion = next((told for outer, told in turning.items() if step.startswith(f"{outer}/")), None)
+            motion = next((each for outer, each in turning.items() if step.startswith(f"{outer}/")), None)
             found[step] = (event, dwells.of(step), replace(state, set_from_c=begun_c, motion=motion))
     yield from found.values()
 
 
 def _turned(event: Event, motion: Motion | None) -> Turned | None:
-    """The rotation whose whole turns an acquisition lasted; None for any other."""
+    """Rotation over whole turns that an acquisition covered; None for any other."""
     course = event.data.get("turned")
     if course is None or motion is None or motion.rate_dps is None:
         return None
@@ -269,8 +269,8 @@ def _turned(event: Event, motion: Motion | None) -> Turned | None:
     return Turned(axis=str(course["of"]), command_dps=motion.rate_dps, **ends)
 
 
-def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mapping[str, Series]) -> Acquisition:
-    """An acquisition without what was counted or read of its output."""
+def _acquisition(event: Event, dwell: str, state: _BenchState, temperatures: Mapping[str, Series]) -> Acquisition:
+    """An acquisition without its output data."""
     begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
     meanwhile = {name: series.between(begin_s, end_s) for name, series in temperatures.items()}
     return Acquisition(
@@ -286,7 +286,7 @@ def _acquisition(event: Event, dwell: str, state: _InForce, temperatures: Mappin
         turned=_turned(event, state.motion),
         input=state.input,
         sources_a=state.sources_a,
-        sources_told_a=state.sources_a,
+        sources_set_a=state.sources_a,
         counts={},
         motion=state.motion,
         on_since_s=state.on_since_s,

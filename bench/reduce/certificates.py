@@ -1,4 +1,4 @@
-"""From a bench file to what a reduction knows of the bench: what its certificates and surveys say."""
+"""Uncertainties of a bench for the reduction, from the certificates and surveys in the bench file."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from drivers.can.sent_frames import WITH_THE_COUNTS
 
 ARCSEC_DEG = 1 / 3600
 HOUR_S = 3600.0
-DRIFT_SHARE = 0.2  # of the offset's uncertainty, that a thermometer without a stated drift may change by in a run
+DRIFT_SHARE = 0.2  # of the offset's uncertainty: assumed drift in a run of a thermometer without a stated one
 
 
 def bench_record(bench: BenchFile) -> BenchRecord:
-    """What the certificates and surveys of a bench file say, as standard uncertainties u = U / k."""
+    """Certificates and surveys of a bench file as standard uncertainties u = U / k."""
     counter = next((_uncertainties(bench, role) for role in bench.with_capability("pulse_counter")), {})
     gravity, level = bench.site.gravity, bench.fixture.level
     azimuth, square = bench.fixture.azimuth, bench.fixture.orthogonality
@@ -57,12 +57,12 @@ def bench_record(bench: BenchFile) -> BenchRecord:
 
 
 def _drift(stated: float | None, offset: float, k: float, in_unit: float = 1.0) -> Drift:
-    """As the certificate states it, else a share of the constant error (docs/decisions/0060)."""
+    """Drift by the certificate, else a share of the constant error (docs/decisions/0060)."""
     return Drift((DRIFT_SHARE * offset if stated is None else stated) / k * in_unit, stated is not None)
 
 
 def _latching(bench: BenchFile) -> Iterator[ClockRecord]:
-    """The clocks of what units send, where the encoder of a table is latched with that."""
+    """Clocks of units that send their output, where the encoder of a table is latched with it."""
     for role, entry in bench.devices.items():
         if any(encoder.channel != WITH_THE_COUNTS for encoder in entry.encoders.values()):
             u = _uncertainties(bench, role)
@@ -70,7 +70,7 @@ def _latching(bench: BenchFile) -> Iterator[ClockRecord]:
 
 
 def _sources(bench: BenchFile) -> Iterator[tuple[str, SourceRecord]]:
-    """The current sources and ammeters that have a certificate."""
+    """Current sources and ammeters that have a certificate."""
     for role in bench.with_capability("current_source", "ammeter"):
         if bench.devices[role].calibration is not None:
             u = _uncertainties(bench, role)
@@ -90,7 +90,7 @@ def _axis(bench: BenchFile, role: str, points: Vector) -> AxisRecord:
 
 
 def _uncertainties(bench: BenchFile, role: str) -> dict[str, Any]:
-    """The calibrated uncertainties of a device, each divided by its k; none without a certificate."""
+    """Calibrated uncertainties of a device, each divided by its k; none without a certificate."""
     calibration = bench.devices[role].calibration
     if calibration is None:
         return {}

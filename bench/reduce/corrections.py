@@ -1,7 +1,7 @@
-"""The corrections of certificates: where readings become what they should have been, one place for each quantity.
+"""Corrections of readings by certificates, in one place for each quantity.
 
-What is stored stays as it was read, and so is what soaks, waits, interlocks and single measurements go by: only the
-reduction of a run corrects. Tables have straight lines between their rows, and the end values beyond them.
+Stored data remain uncorrected, and soaks, waits, interlocks and single measurements use uncorrected readings: only the
+reduction of a run corrects. Tables are linear between their rows, and constant beyond them.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ MA_PER_A, NA_PER_MA = 1e3, 1e6
 
 @dataclass(frozen=True)
 class Table:
-    """What to `add` to readings `at` which, both in one unit, (n,)."""
+    """Correction table: values to `add` at readings `at`, both in one unit, (n,)."""
 
     at: Array
     add: Array
 
     def corrected(self, values: Array) -> Array:
-        """Readings with what must be added to them."""
+        """Readings with the correction added."""
         return values + np.interp(values, self.at, self.add)
 
     def within_its_turn(self, angle_deg: Array) -> Array:
-        """Angles by whole turns nearer, so that they lie in the turn that begins with the first row."""
+        """Angles shifted by whole turns into the turn that begins with the first row."""
         return np.asarray(self.at[0] + (angle_deg - self.at[0]) % TURN_DEG)
 
 
 @dataclass(frozen=True)
 class Corrections:
-    """Those of a bench, by the names of thermometers' readings and the roles of devices; only what is not nothing."""
+    """Corrections of a bench, by the names of thermometers' readings and the roles of devices; only non-zero ones."""
 
     thermometers: Mapping[str, Table]
     axes: Mapping[str, Table]
@@ -56,12 +56,12 @@ class Corrections:
     currents: Mapping[str, Table]
 
     def temperatures(self, series: Series) -> Series:
-        """A named reading, corrected where it is that of a thermometer with a table."""
+        """A named reading, corrected if it is that of a thermometer with a table."""
         table = self.thermometers.get(series.name)
         return series if table is None else replace(series, values=table.corrected(series.values))
 
     def angle_deg(self, role: str, read_deg: float) -> float:
-        """An angle of an axis."""
+        """Corrected angle of an axis."""
         table = self.axes.get(role)
         if table is None:
             return read_deg
@@ -69,29 +69,29 @@ class Corrections:
         return read_deg + float(np.interp(within, table.at, table.add))
 
     def counts(self, role: str, counts: Counts) -> Counts:
-        """The counts of a counter, whose clock is told how long its ticks are."""
+        """Counts of a counter with the corrected period of its clock."""
         return replace(counts, tick_period_s=counts.tick_period_s * (1 + self.clocks.get(role, 0.0)))
 
     def voltages(self, role: str, read: Voltages) -> Voltages:
-        """The readings of a voltmeter."""
+        """Corrected readings of a voltmeter."""
         known = self.voltmeters.get(role)
         if known is None:
             return read
         return replace(read, values_v=read.values_v * (1 + known.gain) + known.offset)
 
-    def current_a(self, role: str, told_a: float) -> float:
-        """What a current source gives that tells so much."""
+    def current_a(self, role: str, read_a: float) -> float:
+        """Corrected current of a source with this read-back."""
         table = self.currents.get(role)
-        return told_a if table is None else float(table.corrected(np.array(told_a)))
+        return read_a if table is None else float(table.corrected(np.array(read_a)))
 
     def measured(self, role: str, read: Currents) -> Currents:
-        """The readings of an ammeter."""
+        """Corrected readings of an ammeter."""
         table = self.currents.get(role)
         return read if table is None else replace(read, values_a=table.corrected(read.values_a))
 
 
 def corrections_of(bench: BenchFile) -> Corrections:
-    """What the certificates of a bench file add."""
+    """Corrections by the certificates of a bench file."""
     stated = {role: entry.calibration.corrections for role, entry in bench.devices.items() if entry.calibration}
     return Corrections(
         thermometers={
@@ -119,8 +119,8 @@ def _table(rows: list[tuple[float, float]]) -> Table:
     return Table(at, add)
 
 
-def told(bench: BenchFile, data: list[RunData]) -> Iterator[str]:
-    """A line for each instrument whose readings are corrected, and whether its table covers what `data` hold."""
+def correction_lines(bench: BenchFile, data: list[RunData]) -> Iterator[str]:
+    """A line for each corrected instrument, with a warning if its table does not cover the readings in `data`."""
     known = corrections_of(bench)
     for name, table in known.thermometers.items():
         read = [each.temperatures_c[name] for part in data for each in part.acquisitions if name in each.temperatures_c]
@@ -130,20 +130,18 @@ def told(bench: BenchFile, data: list[RunData]) -> Iterator[str]:
         beyond = _beyond(table, [table.within_its_turn(np.array(angles))], "°")
         yield _line(role, bench.devices[role].calibration, _rows(table, ARCSEC_PER_DEG, "arcsec", "°"), beyond)
     for role, table in known.currents.items():
-        told_a = [
-            each.sources_told_a[role] for part in data for each in part.acquisitions if role in each.sources_told_a
-        ]
-        told_a += [
+        read_a = [each.sources_set_a[role] for part in data for each in part.acquisitions if role in each.sources_set_a]
+        read_a += [
             value
             for part in data
             for each in part.acquisitions
             if role in each.currents
             for value in each.currents[role].values_a.tolist()
         ]
-        if told_a:
-            told_ma = Table(table.at * MA_PER_A, table.add * MA_PER_A)
-            beyond = _beyond(told_ma, [np.array(told_a) * MA_PER_A], "mA")
-            yield _line(role, bench.devices[role].calibration, _rows(told_ma, NA_PER_MA, "nA", "mA"), beyond)
+        if read_a:
+            table_ma = Table(table.at * MA_PER_A, table.add * MA_PER_A)
+            beyond = _beyond(table_ma, [np.array(read_a) * MA_PER_A], "mA")
+            yield _line(role, bench.devices[role].calibration, _rows(table_ma, NA_PER_MA, "nA", "mA"), beyond)
     for role, relative in known.clocks.items():
         if relative:
             yield _line(role, bench.devices[role].calibration, f"{relative * 1e6:+g} ppm")
@@ -162,7 +160,7 @@ def _rows(table: Table, factor: float, unit: str, at_unit: str) -> str:
 
 
 def _beyond(table: Table, read: list[Array], unit: str) -> str:
-    """What is to be told of readings outside of a table."""
+    """Warning about readings outside a table."""
     values = np.concatenate([np.zeros(0), *read])
     low, high = float(table.at[0]), float(table.at[-1])
     values = values[np.isfinite(values)]

@@ -1,4 +1,4 @@
-"""From a stored run to `results.json`: the methods its sequence asks for, judged by its limits."""
+"""Evaluation of a stored run to `results.json`: reduction by the methods of its sequence, verdicts by its limits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.metrology.unlike_nominal import compared_with_nominal
 from bench.reduce.gaps import MissedIn
-from bench.reduce.journal import OnTheWay, verdicts_of
+from bench.reduce.journal import JournalRecords, verdicts_of
 from bench.sequence.document.model import ResultEntry, SequenceFile
 from bench.sequence.method import known_methods
 from bench.sequence.steps.limits import limits_in
@@ -34,27 +34,27 @@ _ENDED: Mapping[str, Verdict] = {
 
 @dataclass(frozen=True)
 class Results:
-    """Everything found in a run, and the verdict on it.
+    """All results of a run, and its verdict.
 
-    `corrections` tells by which certificates readings were corrected, `past_due` which were not valid any more, by
-    device or reading, and when they were due. `missed` is what did not come over the wires.
+    `corrections` lists the certificates that corrected readings, `past_due` the expired ones by device or reading, with
+    their due dates. `missed` are lost frames.
     """
 
     title: str
     verdict: Verdict
     units: tuple[UnitResult, ...]
-    on_the_way: OnTheWay = field(default_factory=OnTheWay)
+    journal_records: JournalRecords = field(default_factory=JournalRecords)
     corrections: tuple[str, ...] = ()
     past_due: Mapping[str, dt.date] = field(default_factory=dict)
     missed: tuple[MissedIn, ...] = ()
 
     @property
     def within_u(self) -> int:
-        """How many values have a limit within their U: with as good a right they could be on its other side."""
+        """Number of values with a limit within their U, whose true value may be on the other side of it."""
         return sum(finding.within_u for unit in self.units for finding in unit.findings)
 
     def to_json(self) -> dict[str, Any]:
-        """The content of `results.json`; `missed` only where something did not come."""
+        """Content of `results.json`; `missed` only if frames were lost."""
         return {
             "schema": SCHEMA,
             "title": self.title,
@@ -64,15 +64,17 @@ class Results:
             "models": [model.to_json() for unit in self.units for model in unit.models],
             "corrections": list(self.corrections),
             "past_due": {name: str(due) for name, due in self.past_due.items()},
-            **self.on_the_way.to_json(),
+            **self.journal_records.to_json(),
             **({"missed": [each.to_json() for each in self.missed]} if self.missed else {}),
         }
 
 
-def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str, found_on_the_way: OnTheWay) -> Results:
-    """The results of a run that ended in `state`; what it holds is reduced even when it did not get to its end.
+def evaluate(
+    sequence: SequenceFile, data: Callable[[str], RunData], state: str, from_journal: JournalRecords
+) -> Results:
+    """Evaluate a run that ended in `state`; its data are reduced even if it did not complete.
 
-    `data` gives the acquisitions under a label.
+    `data` returns the acquisitions under a label.
     """
     units: list[UnitResult] = []
     for entry in sequence.results:
@@ -86,13 +88,13 @@ def evaluate(sequence: SequenceFile, data: Callable[[str], RunData], state: str,
         for part in acquired.by_length():
             found |= {unit.place: unit for unit in reduced(reduce, part, settings)}
         for unit in acquired.units:
-            dropped = found_on_the_way.dropped.get(unit.place)
+            dropped = from_journal.dropped.get(unit.place)
             found_of_unit = found[unit.place]
             findings = compared_with_nominal(found_of_unit.findings, unit)
             result = dataclasses.replace(found_of_unit, findings=findings, dropped=dropped)
             units.append(_judged(result, entry, method.units(unit.output_unit, unit.gyro_output_unit)))
-    verdict = _verdict(units, sequence, state, found_on_the_way)
-    return Results(sequence.title, verdict, tuple(units), found_on_the_way)
+    verdict = _verdict(units, sequence, state, from_journal)
+    return Results(sequence.title, verdict, tuple(units), from_journal)
 
 
 def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str]) -> UnitResult:
@@ -111,18 +113,20 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
     )
 
 
-def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on_the_way: OnTheWay) -> Verdict:
-    """A run that left something out is incomplete, whatever the rest of it says, as a unit is (equations 1.10).
+def _verdict(
+    units: Sequence[UnitResult], sequence: SequenceFile, state: str, journal_records: JournalRecords
+) -> Verdict:
+    """INCOMPLETE if the run left something out, whatever its other results, as for a unit (equations 1.10).
 
-    So is one whose results combine data from both sides of an interruption, unless their budgets contain it.
+    Also if its results combine data from before and after an interruption, unless their budgets contain it.
 
-    One in which nothing has a limit passes nothing: NOT JUDGED.
+    NOT JUDGED if nothing has a limit.
     """
     ended = _ENDED.get(state)
     if ended is not None and ended != "INCOMPLETE":
         return ended
-    verdicts = {unit.verdict for unit in units} | verdicts_of(on_the_way.measurements)
-    apart = on_the_way.left_out or any(each.unstated for each in on_the_way.interruptions)
+    verdicts = {unit.verdict for unit in units} | verdicts_of(journal_records.measurements)
+    apart = journal_records.left_out or any(each.unstated for each in journal_records.interruptions)
     if ended or apart or verdicts & {"INCOMPLETE", "INVALID"} or (sequence.results and not units):
         return "INCOMPLETE"
     if "FAIL" in verdicts:
@@ -131,9 +135,9 @@ def _verdict(units: Sequence[UnitResult], sequence: SequenceFile, state: str, on
 
 
 def _unit(unit: UnitResult) -> dict[str, Any]:
-    """A unit by one method; `dropped` only where it was."""
-    told = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
-    return told if unit.dropped is None else {**told, "dropped": dataclasses.asdict(unit.dropped)}
+    """JSON content of a unit by one method; `dropped` only if it was."""
+    content = {"place": unit.place, "uut": unit.uut, "verdict": unit.verdict, "flags": list(unit.flags)}
+    return content if unit.dropped is None else {**content, "dropped": dataclasses.asdict(unit.dropped)}
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

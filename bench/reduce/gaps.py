@@ -1,4 +1,4 @@
-"""What did not come over the wires in a run: a line for each channel, and tables of acquisitions and of gaps."""
+"""Lost frames of a run: a line for each channel, and tables of acquisitions and of gaps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bench.store.reader import RunReader
 
 @dataclass(frozen=True, slots=True)
 class MissedIn:
-    """What did not come of a channel of a device during an acquisition."""
+    """Losses of a channel of a device during an acquisition."""
 
     step: str
     device: str
@@ -25,22 +25,22 @@ class MissedIn:
     missed: Missed
 
     def to_json(self) -> dict[str, Any]:
-        """As in the journal of the run."""
+        """JSON content as in the journal of the run."""
         return {
             "step": self.step, "device": self.device, "channel": self.channel, **dataclasses.asdict(self.missed),
         }  # fmt: skip
 
     @classmethod
     def of_event(cls, step: str, data: Mapping[str, Any]) -> Self:
-        """From an entry of the journal."""
+        """Losses from an entry of the journal."""
         content = dict(data)
         return cls(step, content.pop("device"), content.pop("channel"), Missed.of_json(content))
 
     def in_words(self) -> str:
-        """For `bench reduce`, which speaks English."""
-        told = f"{self.step}: {self.device} {self.channel}: {self.missed.lost} of {self.missed.expected}"
+        """One line in English, for `bench reduce`."""
+        text = f"{self.step}: {self.device} {self.channel}: {self.missed.lost} of {self.missed.expected}"
         gaps = f"{self.missed.gaps} gap{'s' * (self.missed.gaps > 1)}"
-        return f"{told} {self.missed.what} lost, in {gaps}{_not_used(self.missed.unusable)}"
+        return f"{text} {self.missed.what} lost, in {gaps}{_not_used(self.missed.unusable)}"
 
 
 def _not_used(why: Sequence[str]) -> str:
@@ -50,10 +50,10 @@ def _not_used(why: Sequence[str]) -> str:
 def missed_in_run(
     reader: RunReader, bench: BenchFile, places: Iterable[str], data: Sequence[RunData]
 ) -> tuple[MissedIn, ...]:
-    """What did not come of the units in these places.
+    """Losses of the units in these places.
 
-    Of acquisitions in `data` by what was recorded; of others, which no method reduces, by what the journal says, of a
-    step that was done again the last time.
+    For acquisitions in `data` from the recorded frames; for others, which no method reduces, from the journal, of the
+    last execution of a step.
     """
     entries = [bench.places[place] for place in places]
     used = {

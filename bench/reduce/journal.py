@@ -1,4 +1,4 @@
-"""What a run measured, asked and left out on its way, apart from what its methods reduce."""
+"""Contents of a run's journal for its results: measurements, answers, left-out steps, interruptions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Verdict = Literal["PASS", "FAIL", "INVALID"]
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One value that a `measure` step took, in `unit`; `u` is its standard uncertainty where that is known."""
+    """One value of a `measure` step, in `unit`; `u` is its standard uncertainty if known."""
 
     step: str
     reading: str
@@ -33,7 +33,7 @@ class Measurement:
 
     @property
     def shown(self) -> str:
-        """The value with its expanded uncertainty, in digits that mean something."""
+        """The value with its expanded uncertainty, to significant digits."""
         if self.u is None or self.u == 0:
             return f"{self.value:.6g}"
         digits = decimals(COVERAGE * self.u)
@@ -41,7 +41,7 @@ class Measurement:
 
     @property
     def limits_shown(self) -> str:
-        """Its limits in words; empty without them."""
+        """Text of its limits; empty without them."""
         if self.limits is None:
             return ""
         low, high = (None if (limit := self.limits.get(side)) is None else f"{limit:.6g}" for side in ("min", "max"))
@@ -55,7 +55,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """A question, its answer, who gave it, and how long after the start of the run."""
+    """A question, its answer, the person, and the time after the start of the run."""
 
     step: str
     question: str
@@ -74,7 +74,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class SoakCredited:
-    """How much of a soak counted as passed when it was done again, of `at_least_s`; `why` where none of it did."""
+    """Credited part of a soak that was repeated, of `at_least_s`; `why` if there was no credit."""
 
     step: str
     credit_s: float
@@ -83,7 +83,7 @@ class SoakCredited:
 
     @property
     def in_words(self) -> str:
-        """For a report."""
+        """Text for a report."""
         if self.why:
             return tr("No credit for the soak {step}: {why}.", step=self.step, why=self.why)
         return tr(
@@ -96,10 +96,10 @@ class SoakCredited:
 class Interruption:
     """The loss of the process of a run, and its resumption.
 
-    `after_s` is since the start of the run, `again` are the steps that were under way, `restarted` the groups that were
-    done again from their first step. `is_between` is whether what was acquired before and after it is reduced together,
-    `unstated` then the places of units whose repeatability over power cycles the bench file does not state, and
-    `of_history` whether the run has a course of temperatures, which it cut. `soaks` are those whose credit was decided.
+    `after_s` is since the start of the run, `again` are the steps in progress, `restarted` the groups repeated from
+    their first step. `is_between` is true if data from before and after it are reduced together, `unstated` are then
+    the places of units without a stated repeatability over power cycles, and `of_history` is true if it interrupted a
+    temperature profile. `soaks` are those whose credit was decided.
     """
 
     after_s: float
@@ -113,7 +113,7 @@ class Interruption:
 
     @property
     def in_words(self) -> str:
-        """For the first page of a report."""
+        """Text for the first page of a report."""
         text = tr(
             "Interrupted {time} after the start, made safe, and resumed {outage} later.",
             time=duration(self.after_s), outage=duration(self.outage_s),
@@ -142,9 +142,9 @@ class Interruption:
 
 @dataclass(frozen=True, slots=True)
 class Superseded:
-    """An attempt at an acquisition that a later one stands in for; it began `after_s` after the start of the run.
+    """An earlier attempt at an acquisition, superseded by a later one; it began `after_s` after the start of the run.
 
-    `ended` is whether it came to its end, as where its group was done again, or an operator repeated it.
+    `ended` is true if it completed, as when its group or an operator repeated it.
     """
 
     step: str
@@ -154,7 +154,7 @@ class Superseded:
 
     @property
     def in_words(self) -> str:
-        """For a report."""
+        """Text for a report."""
         return tr(
             "Superseded: attempt {number} of step {step}, begun {time} after the start. Its data are kept in the "
             "record and not used.",
@@ -163,8 +163,8 @@ class Superseded:
 
 
 @dataclass(frozen=True, slots=True)
-class OnTheWay:
-    """Everything of a run that stands in its journal and not in its frames; of a step done again the last time.
+class JournalRecords:
+    """Contents of the journal of a run that are not in its frames; of repeated steps the last execution.
 
     `dropped` are units that did not take part to the end, by place.
     """
@@ -177,7 +177,7 @@ class OnTheWay:
     superseded: tuple[Superseded, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """Its part of `results.json`; `interruptions` and `superseded` only where there were some."""
+        """Part of `results.json`; `interruptions` and `superseded` only if there are any."""
         sometimes: dict[str, tuple[Interruption | Superseded, ...]] = {
             "interruptions": self.interruptions, "superseded": self.superseded,
         }  # fmt: skip
@@ -195,10 +195,10 @@ class OnTheWay:
         }  # fmt: skip
 
 
-def on_the_way(reader: RunReader, unstated: Sequence[str] = ()) -> OnTheWay:
-    """What the journal of a run holds.
+def journal_records(reader: RunReader, unstated: Sequence[str] = ()) -> JournalRecords:
+    """Contents of the journal of a run.
 
-    `unstated` are the places of units whose repeatability over power cycles nobody states.
+    `unstated` are the places of units without a stated repeatability over power cycles.
     """
     measurements: dict[str, Measurement] = {}
     answers: list[Answered] = []
@@ -223,7 +223,9 @@ def on_the_way(reader: RunReader, unstated: Sequence[str] = ()) -> OnTheWay:
             measurements[first_visit(event.step)] = _measurement(event)
     interruptions = tuple(_interruptions(reader, began_s, tuple(unstated)))
     superseded = tuple(_superseded(reader, began_s))
-    return OnTheWay(tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions, superseded)
+    return JournalRecords(
+        tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions, superseded
+    )
 
 
 def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...]) -> Iterator[Interruption]:
@@ -250,7 +252,7 @@ def _interruptions(reader: RunReader, began_s: float, unstated: tuple[str, ...])
 
 
 def _soaks_credited(reader: RunReader) -> dict[int, tuple[SoakCredited, ...]]:
-    """The decisions on soaks after each resumption, by the number of its entry."""
+    """Decisions on soaks after each resumption, by the number of its entry."""
     found: dict[int, tuple[SoakCredited, ...]] = {}
     resumed = -1
     for event in reader.events("run_resumed", "soak_credit"):
@@ -264,7 +266,7 @@ def _soaks_credited(reader: RunReader) -> dict[int, tuple[SoakCredited, ...]]:
 
 
 def _superseded(reader: RunReader, began_s: float) -> Iterator[Superseded]:
-    """Attempts at acquisitions before the last one that ended, in their order."""
+    """Attempts at acquisitions before the last one that ended, in order."""
     begun: dict[str, list[Event]] = {}
     ended: dict[str, list[str]] = {}
     for event in reader.events("step_begins", "step_ended"):
@@ -289,5 +291,5 @@ def _measurement(event: Event) -> Measurement:
 
 
 def verdicts_of(found: Sequence[Measurement]) -> set[str]:
-    """What the limits of measurements say."""
+    """Verdicts of measurements by their limits."""
     return {measurement.verdict for measurement in found if measurement.verdict is not None}

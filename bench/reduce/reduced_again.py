@@ -1,4 +1,4 @@
-"""A stored run reduced by the present program, held against what was found when it ended."""
+"""Comparison of a stored run, reduced again by the present program, with its results at its end."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from bench.reduce.stored_run import StoredRun
 from bench.store.kept_json import NUMBER, TEXT, list_of, nullable, object_of, read_kept
 
 RESULTS = "results.json"
-ROUNDING = 1e-9  # of the standard uncertainty: what another processor or library may make of the same equations
+ROUNDING = 1e-9  # of the standard uncertainty: differences between processors or libraries for the same equations
 
 
 @dataclass(frozen=True)
 class Found:
-    """What is compared of a finding."""
+    """Compared properties of a finding."""
 
     value: float
     u: float
@@ -26,28 +26,28 @@ class Found:
     verdict: str | None
 
     def has_value_of(self, other: Found) -> bool:
-        """Whether the values are the same, but for rounding."""
+        """True if the values agree within rounding."""
         return self.unit == other.unit and abs(self.value - other.value) <= ROUNDING * max(self.u, other.u)
 
     def has_u_of(self, other: Found) -> bool:
-        """Whether the standard uncertainties are."""
+        """True if the standard uncertainties agree within rounding."""
         return self.unit == other.unit and abs(self.u - other.u) <= ROUNDING * max(self.u, other.u)
 
 
 @dataclass(frozen=True)
 class Change:
-    """A finding that is not what it was; None where there is none."""
+    """A finding that differs; None if missing before or now."""
 
     id: str
     before: Found | None
     now: Found | None
 
     def to_json(self) -> dict[str, Any]:
-        """Both, for programs."""
+        """Both, as JSON content."""
         return dataclasses.asdict(self)
 
     def in_words(self) -> str:
-        """What has changed: "tumble/a/K0: value 0.00105 -> 0.00106 g (+1e-05, 1.2 u); PASS -> FAIL"."""
+        """Text of the change: "tumble/a/K0: value 0.00105 -> 0.00106 g (+1e-05, 1.2 u); PASS -> FAIL"."""
         before, now = self.before, self.now
         if before is None or now is None:
             return f"{self.id}: {'is new' if before is None else 'is not found any more'}"
@@ -66,8 +66,8 @@ class Change:
 
 
 @dataclass(frozen=True)
-class ReducedAgain:
-    """What a run was closed with, if it was, what it comes to now, and the findings that differ."""
+class ReReduction:
+    """Re-reduction difference of a run: stored verdict, present verdict, and the findings that differ."""
 
     run: str
     verdict_before: str | None
@@ -78,7 +78,7 @@ class ReducedAgain:
     damage: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """All of it, for programs."""
+        """JSON content."""
         return {
             "run": self.run,
             "verdict": {"before": self.verdict_before, "now": self.verdict},
@@ -96,26 +96,26 @@ class ReducedAgain:
         if self.verdict_before is None:
             yield f"{self.run}: no stored results to compare with; {self.findings} findings now, {self.verdict}"
             return
-        told = f"{len(self.changes)} of {self.findings} findings changed" if self.changes else "nothing changed"
+        summary = f"{len(self.changes)} of {self.findings} findings changed" if self.changes else "nothing changed"
         verdict = self.verdict if self.verdict == self.verdict_before else f"{self.verdict_before} -> {self.verdict}"
-        yield f"{self.run}: {told}, {verdict}"
+        yield f"{self.run}: {summary}, {verdict}"
 
 
-def reduced_again(run: StoredRun) -> ReducedAgain:
-    """Reduces a run and compares value, standard uncertainty and verdict of every finding; nothing is written.
+def reduced_again(run: StoredRun) -> ReReduction:
+    """Reduce a run and compare value, standard uncertainty and verdict of every finding; nothing is written.
 
-    What differs by less than `ROUNDING` of the standard uncertainty is the same. Raises StoreError for data or results
-    that cannot be read.
+    Differences below `ROUNDING` of the standard uncertainty are ignored. Raises StoreError for data or results that
+    cannot be read.
     """
     evaluated = run.evaluate()
     results, missed = evaluated.to_json(), evaluated.missed
     now, kept = _findings(results), _kept(run)
     if kept is None:
-        return ReducedAgain(run.manifest["run"], None, results["verdict"], len(now), (), missed, run.damage)
+        return ReReduction(run.manifest["run"], None, results["verdict"], len(now), (), missed, run.damage)
     verdict, before = kept
     pairs = (Change(name, before.get(name), now.get(name)) for name in dict.fromkeys((*before, *now)))
     changes = tuple(change for change in pairs if _differs(change))
-    return ReducedAgain(run.manifest["run"], verdict, results["verdict"], len(now), changes, missed, run.damage)
+    return ReReduction(run.manifest["run"], verdict, results["verdict"], len(now), changes, missed, run.damage)
 
 
 _RESULTS = object_of(
@@ -133,7 +133,7 @@ _RESULTS = object_of(
 
 
 def _kept(run: StoredRun) -> tuple[str, dict[str, Found]] | None:
-    """The verdict and the findings in a run's `results.json`; None without one."""
+    """Verdict and findings in a run's `results.json`; None without one."""
     path = run.folder / RESULTS
     if not path.is_file():
         return None
@@ -152,7 +152,7 @@ def _findings(content: Mapping[str, Any]) -> dict[str, Found]:
 
 
 def _differs(change: Change) -> bool:
-    """Whether it is a change at all."""
+    """True if the findings differ."""
     before, now = change.before, change.now
     if before is None or now is None:
         return True

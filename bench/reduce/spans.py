@@ -1,4 +1,4 @@
-"""Spans of a run: when a method measured what the tables of a report have under one number or name."""
+"""Spans of a run: times at which a method measured the data that report tables show under one number or name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from drivers.installed import loaded
 
 @dataclass(frozen=True)
 class Span:
-    """A part of the run from `begin_s` to `end_s` of bench time; without a name it is one that no table names."""
+    """A part of the run from `begin_s` to `end_s` of bench time; without a name it is in no table."""
 
     name: str
     begin_s: float
@@ -24,7 +24,7 @@ class Span:
 
 
 def spans_of(data: RunData, entry: ResultEntry, method: MethodDescription) -> Iterator[Span]:
-    """When a method measured what it has of a result's data, or of what it looks at for closure."""
+    """Times at which a method measured the data of a result, or those of its stability check."""
     if data.label == entry.closure:
         yield from over_groups(data, lambda _number, _members: tr("closure"))
     elif method.spans:
@@ -34,11 +34,11 @@ def spans_of(data: RunData, entry: ResultEntry, method: MethodDescription) -> It
 
 
 def over_groups(data: RunData, name: Callable[[int, list[Acquisition]], str]) -> Iterator[Span]:
-    """A span for each group of acquisitions, with the name that `name` makes of its number and members."""
+    """A span for each group of acquisitions, named by `name` from its number and members."""
     for number, members in enumerate(data.groups().values()):
         yield Span(name(number, members), members[0].begin_s, members[-1].end_s)
 
 
 def in_unit(value: float, unit: str) -> str:
-    """A value with its unit as a name; empty where it is not known."""
+    """A value with its unit as a name; empty if unknown."""
     return "" if math.isnan(value) else f"{value:.6g} {unit}"

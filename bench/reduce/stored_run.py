@@ -1,4 +1,4 @@
-"""A run directory as something to reduce and to report, finished or not."""
+"""A run directory for reduction and reports, finished or not."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from bench.errors import StoreError
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.offline.calibration_file import read_calibration
 from bench.reduce.acquisitions import run_data
-from bench.reduce.corrections import told
+from bench.reduce.corrections import correction_lines
 from bench.reduce.evaluate import Results, evaluate
 from bench.reduce.gaps import MissedIn, missed_in_run
-from bench.reduce.journal import OnTheWay, on_the_way
+from bench.reduce.journal import JournalRecords, journal_records
 from bench.sequence.load import load_sequence
 from bench.sequence.method import CountsAt, known_methods
 from bench.store.kept_json import LIMIT_BYTES, read_kept
@@ -27,17 +27,17 @@ from bench.store.runs import MANIFEST, SEAL, summary
 from bench.store.verify import Record, examine
 from drivers.schema.bounded import UnfitFileError, expect_bounded
 
-MOST_TOLD = 3  # places of damage
+MOST_SHOWN = 3  # places of damage in a message
 SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
 
 
 def released_copy(place: str) -> str:
-    """What the copy of the calibration is called that was given to a run for the unit in a place."""
+    """Name of the copy of the calibration that was given to a run for the unit in a place."""
     return f"released_{place}.json"
 
 
 class StoredRun:
-    """A run's manifest, its kept files and its data together; raises InputError or StoreError for what is missing."""
+    """Manifest, kept files and data of a run; raises InputError or StoreError for missing ones."""
 
     def __init__(
         self, folder: Path, manifest: Mapping[str, Any], reader: RunReader, record: Record | None = None
@@ -52,7 +52,7 @@ class StoredRun:
 
     @property
     def damage(self) -> tuple[str, ...]:
-        """What is not as it was written; empty of a record that was not examined."""
+        """Damage of the record; empty for a record that was not examined."""
         return self.record.damage if self.record is not None else ()
 
     @property
@@ -62,7 +62,7 @@ class StoredRun:
         return datetime.fromisoformat(event.data["utc"] if event else self.manifest["started"])
 
     def data(self, label: str) -> RunData:
-        """What was acquired under a label."""
+        """Acquisitions under a label."""
         if label not in self._data:
             counted = {known_methods()[each.method].counts_at for each in self.sequence.results if label in each.labels}
             windows = counted == {"windows"}
@@ -71,21 +71,21 @@ class StoredRun:
         return self._data[label]
 
     def _with_calibration(self, unit: UnitUnderTest) -> UnitUnderTest:
-        """A unit with the calibration that the run was given for it, if it was."""
+        """A unit with the released calibration that was given to the run, if any."""
         if unit.place not in self.manifest.get("released", {}):
             return unit
         return replace(unit, released=read_calibration(self.folder / released_copy(unit.place)).released())
 
     def counted_at(self, what: CountsAt) -> list[RunData]:
-        """What was acquired for methods that count in one of these ways."""
+        """Acquisitions of methods with one of these layouts."""
         entries = [entry for entry in self.sequence.results if known_methods()[entry.method].counts_at == what]
         return [self.data(label) for label in dict.fromkeys(label for entry in entries for label in entry.labels)]
 
     def evaluate(self) -> Results:
-        """The findings of the methods that the sequence asks for; worked out once for a state of the run."""
+        """Findings of the methods of the sequence; computed once for a state of the run."""
         state = str(self.manifest["state"])
         if state not in self._evaluated:
-            found = evaluate(self.sequence, self.data, state, self.on_the_way)
+            found = evaluate(self.sequence, self.data, state, self.journal_records)
             self._evaluated[state] = replace(
                 found,
                 verdict="ERROR" if self.damage else found.verdict,
@@ -96,27 +96,27 @@ class StoredRun:
         return self._evaluated[state]
 
     @property
-    def on_the_way(self) -> OnTheWay:
-        """What its journal holds."""
+    def journal_records(self) -> JournalRecords:
+        """Contents of its journal."""
         places = self.bench.places
-        return on_the_way(self.reader, [place for place in self.serials if not places[place].has_power_cycles])
+        return journal_records(self.reader, [place for place in self.serials if not places[place].has_power_cycles])
 
     def corrections(self) -> Iterator[str]:
         """A line for each instrument whose readings are corrected in the reduction of this run."""
-        return told(self.bench, self._reduced())
+        return correction_lines(self.bench, self._reduced())
 
     def missed(self) -> tuple[MissedIn, ...]:
-        """What did not come over the wires of the units, acquisition by acquisition."""
+        """Lost frames of the units, by acquisition."""
         return missed_in_run(self.reader, self.bench, self.serials, self._reduced())
 
     def _reduced(self) -> list[RunData]:
-        """What was acquired for methods."""
+        """Acquisitions that methods reduce."""
         labels = dict.fromkeys(label for entry in self.sequence.results for label in entry.labels)
         return [self.data(label) for label in labels]
 
 
 def _without_manifest(folder: Path) -> str:
-    """What to do about a manifest that cannot be read."""
+    """Advice on a manifest that cannot be read."""
     if (folder / SEAL).exists():
         return "it existed when the run was sealed: restore it from a copy"
     return "without it the run cannot be read: restore it from a copy; a run killed at its start has none"
@@ -124,7 +124,7 @@ def _without_manifest(folder: Path) -> str:
 
 @contextmanager
 def _what_is_left_of(record: Record) -> Iterator[None]:
-    """Raise StoreError in place of what altered contents of a damaged record make of whatever reads them."""
+    """Raise StoreError instead of any error that altered contents of a damaged record cause in their readers."""
     try:
         yield
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
@@ -138,9 +138,9 @@ def _what_is_left_of(record: Record) -> Iterator[None]:
 
 @contextmanager
 def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
-    """A run directory to read, whatever state it is in; an interrupted run holds what was acknowledged.
+    """Open a run directory in any state; an interrupted run holds the acknowledged data.
 
-    One that is not as it was written is refused with StoreError, unless `damaged` ones are taken too.
+    A damaged record is refused with StoreError, unless `damaged` is true.
     """
     try:
         expect_bounded(folder / MANIFEST, LIMIT_BYTES)
@@ -149,7 +149,7 @@ def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
     record = examine(folder, thoroughly=False)
     if record.damage and not damaged:
         raise StoreError(
-            f"{folder}: {record.in_words}. {'; '.join(record.damage[:MOST_TOLD])}. It is not read, to avoid "
+            f"{folder}: {record.in_words}. {'; '.join(record.damage[:MOST_SHOWN])}. It is not read, to avoid "
             "results from altered data. Restore it from a copy, or read it with --damaged, which marks everything "
             "written from it"
         )

@@ -1,1 +1,1 @@
-"""What is written for people and for other programs, from recorded data and the results of the analysis."""
+"""Reports for people and files for other programs, from recorded data and the results of the analysis."""

@@ -1,4 +1,4 @@
-"""Uncertainty budgets as tables: of one finding, and of a quantity at all dwells side by side."""
+"""Uncertainty budgets as tables: of one finding, or of a quantity at all dwells side by side."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bench.metrology.results.finding import Finding, UnitResult
 
 @dataclass(frozen=True)
 class BudgetRow:
-    """A source of uncertainty; an alias has no `u`."""
+    """A source of uncertainty; a confounded term has no `u`."""
 
     source: str
     type: str
@@ -41,9 +41,9 @@ class Budget:
 
 @dataclass(frozen=True)
 class BudgetsOfDwells:
-    """The budgets of a quantity at all dwells or points: for each the u by source, the combined u, and its dof.
+    """Budgets of a quantity at all dwells or points: for each the u by source, the combined u, and its dof.
 
-    `head` says what the first column tells.
+    `head` is the heading of the first column.
     """
 
     head: str
@@ -54,7 +54,7 @@ class BudgetsOfDwells:
 
 
 def budget(finding: Finding, dwells: Mapping[str, int]) -> Budget:
-    """The budget of a finding in the unit it is shown in."""
+    """Budget of a finding in its displayed unit."""
     factor, unit = scale_shown(finding.quantity, finding.unit)
     digits = decimals(finding.u * factor) + 1
     return Budget(
@@ -85,7 +85,7 @@ def _budget_row(line: BudgetLine, finding: Finding, factor: float, digits: int) 
 
 
 def _small(value: float, digits: int) -> str:
-    """A number with `digits` decimals; one that would be shown as nought is said to be less than the last digit."""
+    """A number with `digits` decimals; one that would round to zero is given as less than the last digit."""
     least = 10.0**-digits
     return f"< {least:.{digits}f}" if 0 < value < least / 2 else f"{value:.{digits}f}"
 
@@ -95,13 +95,13 @@ def _dof(dof: int | None) -> str:
 
 
 def budgets_of_dwells(unit: UnitResult, quantity: str) -> BudgetsOfDwells:
-    """The budgets of one quantity side by side."""
+    """Budgets of one quantity side by side."""
     found = [finding for finding in unit.findings if finding.quantity == quantity and "dwell" in finding.at]
     return _side_by_side(found, tr("Dwell"), [str(finding.at["dwell"]) for finding in found])
 
 
 def budgets_of_points(found: Sequence[Finding]) -> BudgetsOfDwells:
-    """The budgets of one quantity at the points of a range or a sweep, or at visits of set points, side by side."""
+    """Budgets of one quantity at the points of a range or a sweep, or at visits of set points, side by side."""
     return _side_by_side(found, tr("Point"), [where(finding.at, {}) for finding in found])
 
 

@@ -1,4 +1,4 @@
-"""The course of a run: its temperatures over time, its phases, and when it measured."""
+"""Time history of a run: its temperatures, its phases, and its measurements."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from bench.store.reader import Event, Series
 
 Array = NDArray[np.float64]
 
-BINS = 1000  # over the width of the page; more cannot be told apart
-CHARACTER = 0.0095  # of the width of the strip, in which its names are written
-MOST_INSIDE = 0.6  # of half a name stays within the strip; what is beyond has room in the margin
+BINS = 1000  # over the width of the page; more cannot be distinguished
+CHARACTER = 0.0095  # width of a character of a name, relative to that of the strip
+MOST_INSIDE = 0.6  # half a name stays within this share of the strip; the margin has room for the rest
 FIRST_WIDE = "\u2e80"  # Chinese characters are twice as wide as others
 INCIDENTS = ("fault", "problem", "operator", "end_requested")
-PHASES = {"steps": "#dbeafe", "": "white"}  # "" is after everything was made safe; others are grey
+PHASES = {"steps": "#dbeafe", "": "white"}  # "" is the time after making safe; others are grey
 CHAMBER: dict[str, tuple[str, dict[str, Any]]] = {
     "set_point": ("set point", {"color": "#111111", "linestyle": (0, (4, 2)), "linewidth": 0.8}),
     "process_value": ("air", {"color": "#7aa6d6", "linewidth": 0.9}),
@@ -37,9 +37,9 @@ COLOURS = ("#b45309", "#4d7c0f", "#7e22ce", "#be185d")
 
 @dataclass(frozen=True)
 class Course:
-    """What the journal says of when things happened; `incident_s` is when the run deviated from its plan.
+    """Times of events by the journal; `incident_s` is the time at which the run deviated from its plan.
 
-    `dwells` are the parts that the report names, or that an acquisition is for which it has no name.
+    `dwells` are the parts that the report names, or acquisitions without a name in it.
     """
 
     began_s: float
@@ -51,9 +51,9 @@ class Course:
 
 
 def envelope(at_s: Array, values: Array, bins: int = BINS) -> tuple[Array, Array]:
-    """A series (n,) as the smallest and the largest value of each of `bins` equal times; a gap in time is a NaN.
+    """Smallest and largest value of a series (n,) in each of `bins` equal times; a gap in time is a NaN.
 
-    What is narrower than a bin keeps its height. A series that is short enough is given back as it is.
+    Peaks narrower than a bin keep their height. A short series is returned unchanged.
     """
     if len(at_s) <= 2 * bins:
         return at_s, values
@@ -68,7 +68,7 @@ def envelope(at_s: Array, values: Array, bins: int = BINS) -> tuple[Array, Array
 
 
 def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
-    """The course of a run, whatever state it is in; `data` is what its results are made of."""
+    """Time history of a run, whatever its state; `data` are the acquisitions of its results."""
     events = list(run.reader.events())
     began_s, ended_s = run.reader.span_s()
     begins: dict[str, float] = {}
@@ -92,13 +92,13 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
 
 
 def _phase(event: Event) -> str:
-    """What a strip over the run calls the phase that an event is in; a wait before the first measurement warms up."""
+    """Name in the strip of the phase of an event; a wait before the first measurement is a warm-up."""
     phase, _, step = event.step.partition("/")
     return "warm-up" if phase == "setup" and step.startswith("wait") else phase
 
 
 def course_plot(run: StoredRun, course: Course) -> Plot | None:
-    """The temperatures over the time of the run; None when none was recorded."""
+    """Plot of the temperatures over the time of the run; None if none was recorded."""
     lines = [line for line in _lines(run) if len(line.series.at_s)]
     if not lines:
         return None
@@ -131,7 +131,7 @@ class _Line:
 
 
 def _lines(run: StoredRun) -> Iterator[_Line]:
-    """Set points behind the air of the chambers that the run used, and that behind the units."""
+    """Set points, behind the air of the chambers that the run used, behind the temperatures of the units."""
     chambers = run.bench.with_capability("thermal_chamber")
     for role in [role for role in chambers if role in run.sequence.needs] or chambers:
         for channel, unit in sorted(run.bench.devices[role].channels.items(), reverse=True):
@@ -144,7 +144,7 @@ def _lines(run: StoredRun) -> Iterator[_Line]:
 
 
 def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:
-    """Blocks with their names where these fit, above them those of the dwells."""
+    """Draw blocks with their names if these fit, above them those of the dwells."""
     strip.set_axis_off()
     total_s = course.ended_s - course.began_s
     for phase in course.phases:
@@ -157,11 +157,11 @@ def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:
 
 
 def _legible(course: Course) -> Iterator[tuple[str, float]]:
-    """The names of the dwells and where their middles are written: those that touch no name of an earlier dwell."""
+    """Names of the dwells with their mid-times; those that would overlap an earlier name are left out."""
     total_s = course.ended_s - course.began_s
     written: list[tuple[float, float]] = []  # middle and half of the width
     for dwell in course.dwells:
-        characters = 1 + sum(1 + (character >= FIRST_WIDE) for character in dwell.name)  # one of them between names
+        characters = 1 + sum(1 + (character >= FIRST_WIDE) for character in dwell.name)  # one character between names
         half_s = 0.5 * CHARACTER * total_s * characters
         edge_s = MOST_INSIDE * half_s
         inside_s = max(course.began_s + edge_s, min((dwell.begin_s + dwell.end_s) / 2, course.ended_s - edge_s))
@@ -172,7 +172,7 @@ def _legible(course: Course) -> Iterator[tuple[str, float]]:
 
 
 def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:
-    """Dwells, acquisitions, and when the run deviated from its plan."""
+    """Draw dwells, acquisitions, and the time at which the run deviated from its plan."""
     for dwell in course.dwells:
         begin, end = ((at_s - course.began_s) / unit_s for at_s in (dwell.begin_s, dwell.end_s))
         axes.axvspan(begin, end, color="#93c5fd", alpha=0.5, linewidth=0.3)

@@ -1,4 +1,4 @@
-"""What the flags of units and readings mean, in sentences."""
+"""Sentences for the flags of units and readings."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _SAMPLES = re.compile(r"(?:(.+): )?(\d+) samples(?:: (\w+))")
 
 
 def _of_samples(flag: str) -> str:
-    """A flag that counts samples in words; empty for any other."""
+    """Sentence for a flag that counts samples; empty for any other."""
     samples = _SAMPLES.fullmatch(flag)
     if samples is None or samples[3] not in _READINGS:
         return ""
@@ -54,12 +54,12 @@ def _of_samples(flag: str) -> str:
 
 
 def reading_in_words(problem: str) -> str:
-    """What makes a reading unusable, in words; what is not known here as it stands."""
+    """Text of the reason why a reading is unusable; an unknown one is returned unchanged."""
     return tr(_READINGS[problem]) if problem in _READINGS else problem
 
 
 def flag_in_words(flag: str) -> str:
-    """A flag of a unit as a sentence; one that is not known here as it stands."""
+    """Sentence for a flag of a unit; an unknown one is returned unchanged."""
     if found := sentence_of(flag, _UNITS) or _of_samples(flag):
         return found
     step, _, problem = flag.rpartition(": ")

@@ -10,7 +10,7 @@ from bench.metrology.missed import Gap
 from bench.reduce.gaps import MissedIn
 from bench.report.flag_words import reading_in_words
 
-MOST_ROWS = 40  # of a table
+MOST_ROWS = 40  # rows of a table
 
 
 def lines(found: Sequence[MissedIn]) -> Iterator[str]:
@@ -18,14 +18,14 @@ def lines(found: Sequence[MissedIn]) -> Iterator[str]:
     for device, channel in dict.fromkeys((each.device, each.channel) for each in found):
         of_channel = [each for each in found if (each.device, each.channel) == (device, channel)]
         missed = [each.missed for each in of_channel]
-        told = tr(
+        text = tr(
             "{device} {channel}: {lost} of {expected} {what} lost, in {gaps} gaps of {parts} acquisitions.",
             device=device, channel=channel, what=tr(missed[0].what), parts=len(missed),
             lost=sum(each.lost for each in missed), expected=sum(each.expected for each in missed),
             gaps=sum(each.gaps for each in missed),
         )  # fmt: skip
         not_used = [each.step for each in of_channel if each.missed.unusable]
-        yield f"{told} {_what_becomes(not_used)}"
+        yield f"{text} {_what_becomes(not_used)}"
 
 
 def _what_becomes(not_used: Sequence[str]) -> str:
@@ -35,7 +35,7 @@ def _what_becomes(not_used: Sequence[str]) -> str:
 
 
 def sheets(found: Sequence[MissedIn], began_s: float) -> Iterator[Sheet]:
-    """A table of the acquisitions, and one of their gaps where these are few."""
+    """A table of the acquisitions, and one of their gaps if these are few."""
     if not found:
         return
     rows = tuple(

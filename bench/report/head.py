@@ -1,4 +1,4 @@
-"""The head of a report: which one it is, for which order, after which procedure and method, under which conditions."""
+"""Head of a report: identification, order, procedure, methods, and conditions."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from bench.sequence.method import known_methods
 
 
 def report_number(manifest: Mapping[str, Any], revision: Revision) -> str:
-    """What a report is called: its run, and its revision."""
+    """Number of a report: its run, and its revision."""
     return tr("{run}, revision {number}", run=manifest["run"], number=revision.number)
 
 
 def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *, deviates: bool) -> Facts:
-    """What a report says before anything else; `deviates` says whether it tells deviations below."""
+    """Entries of the head; `deviates` is true if the report lists deviations."""
     manifest = run.manifest
     issued = instant(revision.issued.isoformat(), run.bench.site.time_zone)
     return [
@@ -38,7 +38,7 @@ def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *,
 
 
 def _methods(run: StoredRun) -> Iterator[str]:
-    """The methods with the standards that they are after; conformity to these is not claimed."""
+    """Methods with the standards that they follow; conformity to these is not claimed."""
     for entry in run.sequence.results:
         method = known_methods()[entry.method]
         if method.after:
@@ -48,7 +48,7 @@ def _methods(run: StoredRun) -> Iterator[str]:
 
 
 def _decision_rules(run: StoredRun, measured: Sequence[Measurement]) -> Iterator[str]:
-    """What makes a value pass, for each kind of limit that results and single measurements have."""
+    """Decision rule for each kind of limit of results and single measurements."""
     of_results = [limit.guard for entry in run.sequence.results for limit in entry.limits.values()]
     of_measurements = [found.limits.get("guard") for found in measured if found.limits is not None]
     for guard_k in (*of_results, *of_measurements):
@@ -59,7 +59,7 @@ def _decision_rules(run: StoredRun, measured: Sequence[Measurement]) -> Iterator
 
 
 def _ambient(run: StoredRun) -> Iterator[str]:
-    """What the room was like: its readings, from the least to the most over the run."""
+    """Ambient conditions: readings of the room, from minimum to maximum over the run."""
     for name in run.bench.site.ambient:
         series = run.reader.series(name)
         if len(series.values):

@@ -18,7 +18,7 @@ from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.reduce.evaluate import Results
-from bench.reduce.journal import OnTheWay
+from bench.reduce.journal import JournalRecords
 from bench.reduce.stored_run import BENCH_COPY, StoredRun
 from bench.report import gaps, page, tables
 from bench.report.afterwards import Afterwards, lines
@@ -33,12 +33,12 @@ from bench.sequence.steps.limits import limits_in
 from drivers.installed import loaded
 
 TEMPLATE = "report.html.j2"
-MOST_NOTES = 12  # at the top of the page; the others unfold
+MOST_NOTES = 12  # shown at the top of the page; others are folded
 
 
 @dataclass(frozen=True)
 class UnitSection:
-    """What the page shows of one unit by one method; `name` is its own in the page."""
+    """Section of one unit and method; `name` is unique in the page."""
 
     name: str
     result: UnitResult
@@ -53,14 +53,17 @@ class UnitSection:
 
 
 def render(run: StoredRun, results: Results | None, not_evaluated: str, revision: Revision, after: Afterwards) -> str:
-    """The whole page; without results `not_evaluated` says why. Equal runs give equal pages, wall-clock facts apart."""
+    """Render the whole page; without results `not_evaluated` gives the reason.
+
+    Equal runs give equal pages, except for wall-clock times.
+    """
     data = _data(run) if results is not None else []
     instruments = page.instruments(run)
     verdict = results.verdict if results is not None else run.manifest["verdict"] or "INCOMPLETE"
     with drawing():
         course = course_plot(run, course_of(run, data))
     sections = list(_sections(run, results)) if results is not None else []
-    on_the_way = results.on_the_way if results is not None else OnTheWay()
+    journal_records = results.journal_records if results is not None else JournalRecords()
     not_come = results.missed if results is not None else ()
     problems = list(page.problems(run, not_evaluated, verdict))
     notes = [
@@ -70,7 +73,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
         number=report_number(run.manifest, revision),
-        head=head(run, revision, on_the_way.measurements, deviates=bool(problems or notes)),
+        head=head(run, revision, journal_records.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
         within_u=of_those_within_u(results.within_u) if results is not None and results.within_u else "",
         simulated=page.simulated(run.manifest, list(run.bench.devices)),
@@ -86,7 +89,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
         missed=list(gaps.sheets(not_come, run.reader.span_s()[0])),
         course=course,
         sections=sections,
-        on_the_way=on_the_way,
+        journal_records=journal_records,
         provenance=page.provenance(run, data),
         documents=_documents(run),
         meanings=_meanings(run),
@@ -109,12 +112,12 @@ def _environment() -> Environment:
 
 
 def _data(run: StoredRun) -> list[RunData]:
-    """What was acquired under the labels that the sequence evaluates."""
+    """Acquisitions under the labels that the sequence evaluates."""
     return [run.data(label) for label in dict.fromkeys(each for entry in run.sequence.results for each in entry.labels)]
 
 
 def _meanings(run: StoredRun) -> list[str]:
-    """What the results of the run's methods contain, each text once."""
+    """Contents of the results of the run's methods, each text once."""
     return list(dict.fromkeys(known_methods()[entry.method].meaning for entry in run.sequence.results)) or [CHANNEL]
 
 
@@ -154,14 +157,14 @@ def _section(
 
 
 def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """What the method itself shows of a unit; `name` begins the ids in the page."""
+    """Plots and tables of the method for a unit; `name` is the prefix of their ids in the page."""
     if method.drawn_by:
         with drawing():
             yield from loaded(method.drawn_by)(unit, name)
 
 
 def _flags(results: Results | None) -> Iterator[str]:
-    """The flags of the units in words."""
+    """Texts of the flags of the units."""
     units = results.units if results is not None else ()
     flagged: dict[str, list[str]] = {}
     for unit in units:
@@ -172,7 +175,7 @@ def _flags(results: Results | None) -> Iterator[str]:
 
 
 def _documents(run: StoredRun) -> list[tuple[str, str]]:
-    """The files that a run has kept, as they were."""
+    """Unchanged copies of files kept in a run."""
     bench = (run.folder / BENCH_COPY).read_text(encoding="utf-8", errors="replace")
     return [
         (tr("The sequence as it was run"), run.document.text),

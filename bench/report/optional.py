@@ -9,9 +9,9 @@ from bench.errors import InputError
 
 
 def imported(module: str, extra: str, packages: str = "") -> ModuleType:
-    """A library that the extra of a format brings; where it cannot be loaded InputError says what to install.
+    """Import a library of an optional format; InputError with advice on installation if that fails.
 
-    `packages` are those of Debian that hold the system libraries it needs.
+    `packages` are the Debian packages of its system libraries.
     """
     library = module.partition(".")[0]
     try:

@@ -1,4 +1,4 @@
-"""What the page says of a run besides its results: how it went, where, on which instruments, from which files."""
+"""Facts of a run besides its results: events, site, instruments, files."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ POWER = {
     "unknown": "The state of the computer's power was not known.",
 }
 Facts = list[tuple[str, str]]
-"""Pairs of what is told and what is to be told of it."""
+"""Pairs of a name and a text."""
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """A calibration certificate, judged at the day of the run."""
+    """A calibration certificate, judged on the day of the run."""
 
     number: str
     laboratory: str
@@ -58,7 +58,7 @@ class Instrument:
 
 
 def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
-    """What a person must know first, in the order of its weight; empty when all went well."""
+    """Problems in the order of their importance; empty if there were none."""
     manifest = run.manifest
     for damage in run.damage:
         yield tr("THE RECORD OF THIS RUN IS DAMAGED: {what}", what=damage)
@@ -69,12 +69,12 @@ def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
         for event in run.reader.events("unit_dropped")
     ]
     yield from dropped
-    yield from (told for told in manifest["problems"] if not any(told in text for text in dropped))
+    yield from (reported for reported in manifest["problems"] if not any(reported in text for text in dropped))
     ended = next(run.reader.events("run_ended"), None)
     if ended is None or ended.data["how"] != "completed":
         yield tr("The run did not complete.") + " " + tr(ENDINGS[manifest["state"]])
         yield from (tr("Not completed: step {step}.", step=step) for step in _unfinished(run))
-    yield from (each.in_words for each in run.on_the_way.interruptions)
+    yield from (each.in_words for each in run.journal_records.interruptions)
     for event in run.reader.events("left_out"):
         yield tr("Left out: step {step}.", step=event.step) + f" {event.data['text']}"
     if not_evaluated and not_evaluated not in manifest["problems"]:
@@ -94,7 +94,7 @@ def _since_start(run: StoredRun, event: Event) -> str:
 
 
 def _unfinished(run: StoredRun) -> list[str]:
-    """Steps that began and did not end, the last time that they began."""
+    """Steps that began and did not end, in their last execution."""
     began: dict[str, None] = {}
     for event in run.reader.events("step_begins", "step_ended", "left_out"):
         step = first_visit(event.step)
@@ -106,7 +106,7 @@ def _unfinished(run: StoredRun) -> list[str]:
 
 
 def notes_of_steps(run: StoredRun) -> Iterator[str]:
-    """What the sequence wrote into the record, and when."""
+    """Notes that the sequence wrote to the record, with their times."""
     for event in run.reader.events("step_ended"):
         when = _since_start(run, event)
         if "note" in event.data:
@@ -127,15 +127,15 @@ def left_on(run: StoredRun) -> Iterator[str]:
 
 
 def power(run: StoredRun) -> Iterator[str]:
-    """States of the computer's power, where they changed in the run."""
+    """States of the computer's power, if they changed during the run."""
     found = list(run.reader.events("power"))
     for event in found if len(found) > 1 else ():
         yield f"{tr(POWER[event.data['state']])} ({event.data['text']}, {_since_start(run, event)})"
 
 
 def done_again(run: StoredRun) -> Iterator[str]:
-    """What was asked or read once more, or done again, after a failure or because the operator wanted it."""
-    yield from (each.in_words for each in run.on_the_way.superseded)
+    """Repeated questions, readings and steps, after a failure or by the operator."""
+    yield from (each.in_words for each in run.journal_records.superseded)
     kinds = ("retried", "operator", "device_note", "doubted", "clock_step", "stalled", "device_left_out", "not_reached")
     for event in run.reader.events(*kinds):
         when = _since_start(run, event)
@@ -147,7 +147,7 @@ def done_again(run: StoredRun) -> Iterator[str]:
                 seconds=f"{event.data['for_s']:g}", time=when,
             )  # fmt: skip
         elif event.kind in ("device_left_out", "not_reached"):
-            if event.data.get("used"):  # the problem by which the run ended
+            if event.data.get("used"):  # the problem that ended the run
                 continue
             role = event.data["device"]
             yield tr("{role}, which the run does not use, {time} after the start:", role=role, time=when) + (
@@ -183,7 +183,7 @@ def _steps_of_clock(event: Event, when: str) -> Iterator[str]:
 
 
 def faults_on_purpose(run: StoredRun) -> Iterator[str]:
-    """What was broken in a rehearsal, and when; of a run without scenario nothing."""
+    """Injected faults of a rehearsal, with their times; none for a run without scenario."""
     for event in run.reader.events("fault_begins", "fault_ends"):
         when, what = duration(event.at_s), f"{event.data['victim']} {event.data['fault']}"
         if event.kind == "fault_begins":
@@ -193,7 +193,7 @@ def faults_on_purpose(run: StoredRun) -> Iterator[str]:
 
 
 def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:
-    """A sentence for each calibration that was not valid any more."""
+    """A sentence for each expired calibration."""
     for instrument in instruments:
         if instrument.certificate is not None and instrument.certificate.is_past_due:
             due = instrument.certificate.due
@@ -201,7 +201,7 @@ def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:
 
 
 def simulated(manifest: Mapping[str, Any], roles: Sequence[str]) -> str:
-    """Which instruments were simulated; empty when all were real."""
+    """Simulated instruments; empty if all were real."""
     found = [role for role in roles if role in manifest["simulated"]]
     if not found:
         return ""
@@ -209,7 +209,7 @@ def simulated(manifest: Mapping[str, Any], roles: Sequence[str]) -> str:
 
 
 def times(run: StoredRun) -> Facts:
-    """When the run was, and how long it took."""
+    """Date and duration of the run."""
     manifest, zone = run.manifest, run.bench.site.time_zone
     bench_s = manifest["bench_s"]
     if bench_s is None:
@@ -230,7 +230,7 @@ def times(run: StoredRun) -> Facts:
 
 
 def site(run: StoredRun) -> Facts:
-    """The bench, where it stands, and the fixture."""
+    """Bench, its site, and the fixture."""
     bench = run.bench
     g, level = bench.site.gravity, bench.fixture.level
     digits = decimals(g.U)
@@ -248,10 +248,10 @@ def site(run: StoredRun) -> Facts:
 
 
 def _geometry(fixture: FixtureEntry) -> Facts:
-    """How the units lie."""
+    """Orientation of the units."""
     if (axis := fixture.input_axis) is not None:
-        told = tr("{at_0} at head angle 0°, {at_90} at 90°", at_0=tr(axis.at_0), at_90=tr(axis.at_90))
-        return [(tr("Input axis"), told)]
+        reported = tr("{at_0} at head angle 0°, {at_90} at 90°", at_0=tr(axis.at_0), at_90=tr(axis.at_90))
+        return [(tr("Input axis"), reported)]
     if (body := fixture.body) is None:
         return []
     axes = [f"{each.device}, {tr(each.points)}" for each in fixture.axes]
@@ -260,7 +260,7 @@ def _geometry(fixture: FixtureEntry) -> Facts:
 
 
 def instruments(run: StoredRun) -> list[Instrument]:
-    """Every device as it identified itself, then the readings with a certificate of their own."""
+    """Every device with its identification, then the readings with a certificate of their own."""
     identities = dict(run.manifest["instruments"])
     for event in run.reader.events("identified"):
         identities.setdefault(event.data["device"], event.data)
@@ -303,7 +303,7 @@ def _certificate(calibration: Calibration | None, day: dt.date) -> Certificate |
 
 
 def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:
-    """Where the results come from, so that they can be found and recomputed."""
+    """Origin of the results: files, versions and digests, to find and recompute them."""
     manifest, host = run.manifest, run.manifest["host"]
     methods = [tr(known_methods()[entry.method].title) for entry in run.sequence.results]
     return [
@@ -326,7 +326,7 @@ def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:
 
 
 def _record(record: Record) -> str:
-    """What the record of a run is known by."""
+    """Identification of the record of the run."""
     if record.damage:
         return tr("damaged")
     if record.kind == "sealed":
@@ -337,7 +337,7 @@ def _record(record: Record) -> str:
 
 
 def _released(found: Mapping[str, Any]) -> str:
-    """The calibration that a unit was checked by."""
+    """Released calibration of a unit."""
     low_c, high_c = found["valid_c"]
     return tr(
         "{file}, of run {run}, known from {low} °C to {high} °C",
@@ -346,7 +346,7 @@ def _released(found: Mapping[str, Any]) -> str:
 
 
 def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str]]:
-    """What came over the wires, and what did not."""
+    """Received and lost data."""
     yield tr("Frames recorded"), f"{run.reader.frame_count()}"
     counts = [
         (channel, found)
@@ -383,12 +383,12 @@ def recorded(run: StoredRun, data: Sequence[RunData]) -> Iterator[tuple[str, str
 
 
 def _readings(counts: Sequence[int]) -> str:
-    """How many readings a meter took, from how many in each acquisition."""
+    """Number of readings of a meter, and of acquisitions."""
     return tr("{whole} readings in {parts} acquisitions", whole=sum(counts), parts=len(counts))
 
 
 def _samples(sent: Sequence[Codes]) -> str:
-    """How many samples came, and what became of the others."""
+    """Number of received samples, and of lost or invalid ones."""
     lost, dropped, invalid = (sum(getattr(each, name) for each in sent) for name in ("lost", "dropped", "invalid"))
     return tr(
         "{whole} samples in {parts} acquisitions, {lost} lost, {dropped} twice or late, {invalid} marked invalid",

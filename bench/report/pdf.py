@@ -9,12 +9,12 @@ from bench.report.optional import imported
 
 
 def library() -> ModuleType:
-    """Return WeasyPrint; InputError with what to install where it is missing."""
+    """Import WeasyPrint; InputError with advice on installation if it is missing."""
     return imported("weasyprint", "pdf", "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0")
 
 
 def pdf(page: str) -> bytes:
-    """The page as it prints, tagged for screen readers; equal pages give equal bytes. InputError without WeasyPrint."""
-    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # or its embedded fonts state when they were written
+    """PDF of the page, tagged for screen readers; equal pages give equal bytes. InputError without WeasyPrint."""
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # otherwise its embedded fonts contain their time of writing
     content: bytes = library().HTML(string=page).write_pdf(pdf_tags=True, pdf_identifier=b"inertial-test-bench")
     return content

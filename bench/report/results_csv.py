@@ -18,7 +18,7 @@ COLUMNS = (
 
 
 def spreadsheet(results: Results) -> str:
-    """A line for each finding, each single measurement and each acquisition with gaps; what is not known is empty.
+    """A line for each finding, each single measurement and each acquisition with gaps; unknown values are empty.
 
     `u` is the standard uncertainty, `k` the coverage factor of U = k · u, `dof` its degrees of freedom, `inf` for
     unlimited. Text that a spreadsheet would take for a formula is made harmless.
@@ -50,7 +50,7 @@ def _measurements(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _missed(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """How much did not come of a channel in an acquisition; its gaps stand under `at`, the first of them."""
+    """Losses of a channel in an acquisition; its first gaps are in the column `at`."""
     for found in content.get("missed", ()):
         gaps = [f"{gap['first']}-{gap['last']}" for gap in found["listed"]]
         more = [f"{found['gaps']} in all"] if found["gaps"] > len(gaps) else []

@@ -1,8 +1,8 @@
-"""Which revision of its report a run is at, and which files were made of it.
+"""Revision of a run's report, and the files written from it.
 
-Reports are made of the sealed record, and may be written again; they are not under its seal. The list of revisions has
-the hash of every file that was written last, and one of itself. A report that is being replaced has two hashes there,
-so that a program killed or a power cut meanwhile leaves no report that seems altered.
+Reports are written from the sealed record, and may be written again; they are not under its seal. The list of revisions
+has the latest hash of every file, and one of itself. While a report is being replaced it has two hashes there, so that
+it does not seem altered if the program is killed or the power fails meanwhile.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NOTHING_AFTER = Afterwards()
 
 @dataclass(frozen=True)
 class Revision:
-    """The number of a report is that of its run with this revision; `issued` is when it first said what it says."""
+    """Number and date of issue of the present content of a report."""
 
     number: int
     issued: datetime
@@ -48,11 +48,11 @@ def revision_of(
     folder: Path, manifest: Mapping[str, Any], results: Results | None, not_evaluated: str,
     after: Afterwards = NOTHING_AFTER,
 ) -> Revision:  # fmt: skip
-    """The revision of a report that says this, kept in the run directory with the hashes of those before.
+    """Revision of a report with this content, stored in the run directory with the hashes of earlier ones.
 
-    What became of the chambers `after` the run is a part of it. The same content in another form or language is no new
-    revision; what another version of this program says is one.
-    Raises StoreError where the list of revisions cannot be read or written.
+    The state of the chambers `after` the run is part of the content. Another form or language is no new revision;
+    changed texts of another version of this program are. Raises StoreError if the list of revisions cannot be read or
+    written.
     """
     content = {
         "manifest": manifest,
@@ -74,7 +74,10 @@ def revision_of(
 
 @contextmanager
 def replacing(folder: Path, name: str, content: bytes) -> Iterator[None]:
-    """Keep the hash of a report that the block writes; the one of before counts until it has. Raises StoreError."""
+    """Store the hash of a report that is written within the context; the earlier one counts until then.
+
+    Raises StoreError.
+    """
     written = f"sha256:{hashlib.sha256(content).hexdigest()}"
     known = _known(folder / REVISIONS)
     if known.files.get(name) != written:
@@ -86,7 +89,7 @@ def replacing(folder: Path, name: str, content: bytes) -> Iterator[None]:
 
 
 def changed_reports(folder: Path) -> Iterator[str]:
-    """The reports of a run that are not as they were written, and the list of them where that is damaged."""
+    """Reports of a run that have been altered, and the list of them if it is damaged."""
     path = folder / REVISIONS
     try:
         known = _known(path)
@@ -94,9 +97,9 @@ def changed_reports(folder: Path) -> Iterator[str]:
         yield str(problem)
         return
     for name, expected in known.files.items():
-        if told := _problem_of(folder / name, (expected, known.writing.get(name))):
-            yield f"{folder / name}: {told} 'bench report {folder.name}' writes it again"
-    if not (folder / SEAL).exists():  # of versions that kept no list of reports
+        if difference := _problem_of(folder / name, (expected, known.writing.get(name))):
+            yield f"{folder / name}: {difference} 'bench report {folder.name}' writes it again"
+    if not (folder / SEAL).exists():  # earlier versions kept no list of reports
         return
     for report in sorted(folder.glob("report.*")):
         if report.suffix.removeprefix(".") not in FORMS or report.name in known.files:
@@ -106,7 +109,7 @@ def changed_reports(folder: Path) -> Iterator[str]:
 
 
 def _problem_of(report: Path, expected: Sequence[str | None]) -> str:
-    """Why a report is not as it was written; empty where it is."""
+    """Difference of a report from its last written state; empty if there is none."""
     try:
         expect_bounded(report, sys.maxsize)
         return "" if file_hash(report) in expected else "has changed since it was written;"
@@ -119,7 +122,7 @@ def _problem_of(report: Path, expected: Sequence[str | None]) -> str:
 
 @dataclass(frozen=True)
 class _Reports:
-    """What was issued, oldest first, and the hash of each file by its name; `writing` has that of one being written."""
+    """Revisions, oldest first, and the hash of each file by name; `writing` has that of one being written."""
 
     revisions: Sequence[Mapping[str, Any]] = ()
     files: Mapping[str, str] = field(default_factory=dict)
@@ -136,7 +139,7 @@ _REPORTS = object_of(
 
 
 def _known(path: Path) -> _Reports:
-    """The list of a run; of versions that kept no hashes of files, without them."""
+    """List of revisions of a run; for versions without hashes of files, without them."""
     if not path.is_file():
         return _Reports()
     try:

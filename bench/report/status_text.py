@@ -1,4 +1,4 @@
-"""What `bench status` and `bench runs` print for people."""
+"""Text output of `bench status` and `bench runs`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def status_lines(run: RunSummary, status: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _facts(run: RunSummary, status: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Names and values, in the order in which a technician asks for them."""
+    """Names and values, in the order of a technician's questions."""
     for question in status.get("questions", ()):
         yield "waits for an answer", f"{question['text']} ({question['expected']}): bench answer {run.id} ANSWER"
     if latched := status.get("latched"):
@@ -43,7 +43,7 @@ def _facts(run: RunSummary, status: Mapping[str, Any]) -> Iterator[tuple[str, st
 
 
 def _readings(status: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
-    """Name, value, unit and age of the newest readings; of one that is invalid or stale the reason in their place."""
+    """Name, value, unit and age of the newest readings; for an invalid or stale one the reason instead."""
     for name, reading in status.get("readings", {}).items():
         if "value" not in reading:
             yield name, reading["quality"], "", reading["why"]

@@ -1,4 +1,4 @@
-"""The tables of one unit: its verdicts, its values at the dwells and over temperature, its models."""
+"""Tables of one unit: verdicts, values at the dwells and over temperature, models."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from bench.figures.languages import tr
-from bench.figures.numbers import decimals, is_told_by_range, range_shown, scale_shown, shown
+from bench.figures.numbers import decimals, is_shown_by_range, range_shown, scale_shown, shown
 from bench.figures.sheet import Sheet
 from bench.figures.words import (
     CONTENTS,
@@ -30,19 +30,19 @@ from bench.sequence.method import MethodWords
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
-VARIABLES = MethodWords(  # of equations, with their units
+VARIABLES = MethodWords(  # variables of equations, with their units
     "VARIABLES", {"temperature_c": "temperature / °C", "acceleration_g": "acceleration / g"}
 )
-WORST = {  # by what a finding is of
-    "point": "worst of {count} points; {told}",
-    "end": "worst of {count} ends; {told}",
-    "dwell": "worst of {count} dwells; {told}",
+WORST = {  # by the kind of place of a finding
+    "point": "worst of {count} points; {summary}",
+    "end": "worst of {count} ends; {summary}",
+    "dwell": "worst of {count} dwells; {summary}",
 }
 
 
 @dataclass(frozen=True)
 class Row:
-    """A finding, or the worst of its kind, as a line of a table; `verdict` is empty where nothing is judged."""
+    """A finding, or the worst of its kind, as a line of a table; `verdict` is empty if nothing is judged."""
 
     quantity: str
     name: str
@@ -58,7 +58,7 @@ class Row:
 
 @dataclass(frozen=True)
 class DwellRow:
-    """A dwell: its conditions, a value for each quantity, and what is to be noted."""
+    """A dwell: its conditions, a value for each quantity, and notes."""
 
     number: int
     cycle: int
@@ -71,7 +71,7 @@ class DwellRow:
 
 @dataclass(frozen=True)
 class DwellTable:
-    """The dwells; `heads` are quantity, unit and what the value contains."""
+    """Table of the dwells; `heads` are quantity, unit and confounded terms of the value."""
 
     heads: tuple[tuple[str, str, str], ...]
     rows: tuple[DwellRow, ...]
@@ -90,7 +90,7 @@ class ModelTable:
 
 
 def at_dwells(unit: UnitResult) -> dict[int, dict[str, Finding]]:
-    """The findings at each dwell, by its number and by quantity."""
+    """Findings at each dwell, by its number and by quantity."""
     found: dict[int, dict[str, Finding]] = {}
     for finding in unit.findings:
         if "dwell" in finding.at:
@@ -99,12 +99,12 @@ def at_dwells(unit: UnitResult) -> dict[int, dict[str, Finding]]:
 
 
 def over_run(unit: UnitResult) -> list[Finding]:
-    """The findings that are not those of one dwell, of a visit of a set point, or of a point of a range or sweep."""
+    """Findings other than those of a dwell, of a visit of a set point, or of a point of a range or sweep."""
     return [finding for finding in unit.findings if not {"dwell", "visit", "point"} & finding.at.keys()]
 
 
 def at_points(unit: UnitResult) -> dict[str, list[Finding]]:
-    """The findings at points of a range or a sweep, or at visits of set points, by quantity."""
+    """Findings at points of a range or a sweep, or at visits of set points, by quantity."""
     found: dict[str, list[Finding]] = {}
     for finding in unit.findings:
         if {"point", "visit"} & finding.at.keys():
@@ -113,12 +113,12 @@ def at_points(unit: UnitResult) -> dict[str, list[Finding]]:
 
 
 def dwell_numbers(unit: UnitResult) -> dict[str, int]:
-    """The number of each dwell by its path, the part of an id after the @."""
+    """Number of each dwell by its path, the part of an id after the @."""
     return {finding.id.partition("@")[2]: finding.at["dwell"] for finding in unit.findings if "dwell" in finding.at}
 
 
 def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits], units: Mapping[str, str]) -> Iterator[Row]:
-    """For each quantity that the sequence limits the finding that is worst; without one it is not judged.
+    """Worst finding of each quantity that the sequence limits; without one it is not judged.
 
     `units` are those of the quantities.
     """
@@ -140,24 +140,24 @@ def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits], units: Mapping[
 
 
 def _margin(finding: Finding) -> float:
-    """How far inside its limits a value is; negative outside."""
+    """Distance from a value to its limits; negative outside."""
     return 0.0 if finding.limits is None else finding.limits.room(finding.value)
 
 
 def _remark(found: Sequence[Finding]) -> str:
-    """How many others there are, and how they did."""
+    """Number of the other findings, and their verdicts."""
     if len(found) == 1:
         return ""
     failed = sum(finding.verdict == "FAIL" for finding in found)
     invalid = sum(finding.verdict == "INVALID" for finding in found)
     marginal = sum(finding.marginal for finding in found)
-    told = [
+    summary = [
         tr("{count} failed", count=failed) if failed else "",
         tr("{count} invalid", count=invalid) if invalid else "",
         tr("{count} marginal", count=marginal) if marginal else "",
     ]
-    worst = next((text for what, text in WORST.items() if what in found[0].at), "worst of {count}; {told}")
-    return tr(worst, count=len(found), told=tr(", ").join(filter(None, told)) or tr("all passed"))
+    worst = next((text for what, text in WORST.items() if what in found[0].at), "worst of {count}; {summary}")
+    return tr(worst, count=len(found), summary=tr(", ").join(filter(None, summary)) or tr("all passed"))
 
 
 def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
@@ -178,12 +178,12 @@ def _row(finding: Finding, dwells: Mapping[str, int], remark: str = "") -> Row:
 
 
 def _interval_in_words(finding: Finding) -> str:
-    """Where a largest value lies, and what scatter alone would have made of it; nothing of any other."""
+    """Range of a largest value, and its value from scatter alone; empty for any other finding."""
     interval = finding.interval
     if interval is None:
         return ""
     low, high, scatter = range_shown(finding, interval, interval.low, interval.high, interval.from_scatter)
-    if is_told_by_range(finding):
+    if is_shown_by_range(finding):
         if LOWER_BOUND in finding.flags:
             return ""
         return tr(
@@ -197,7 +197,7 @@ def _interval_in_words(finding: Finding) -> str:
 
 
 def over_run_rows(unit: UnitResult) -> list[Row]:
-    """The findings over temperature."""
+    """Findings over temperature."""
     dwells = dwell_numbers(unit)
     return [_row(finding, dwells) for finding in over_run(unit)]
 
@@ -245,7 +245,7 @@ def _notes(finding: Finding) -> Iterator[str]:
 
 
 def model_sheet(model: Equation | KnotModel) -> Sheet:
-    """The constants of an equation, or the knots of a model of straight lines."""
+    """Constants of an equation, or knots of a piecewise linear model."""
     if isinstance(model, Equation):
         valid = tr(", ").join(_range_in_words(name, *ends) for name, ends in model.valid.items())
         rows = tuple((_symbol(name), *_constant(each), each.unit) for name, each in model.constants.items())
@@ -266,14 +266,14 @@ def model_sheet(model: Equation | KnotModel) -> Sheet:
 
 
 def _range_in_words(name: str, low: float, high: float) -> str:
-    """A variable of an equation from `low` to `high`; no thermometer tells more than hundredths of a degree."""
+    """Range of a variable of an equation; temperatures to hundredths of a degree."""
     form = ".2f" if name == "temperature_c" else ".6g"
     ends = tr("{low} to {high}", low=format(low, form), high=format(high, form))
     return f"{tr(VARIABLES[name] if name in VARIABLES else name.replace('_', ' '))} {ends}"
 
 
 def _symbol(name: str) -> str:
-    """A constant as the equation names it, with its translation behind where there is one."""
+    """Symbol of a constant in its equation, followed by its translation if there is one."""
     translated = tr(name.replace("_", " "))
     return name if translated in (name, name.replace("_", " ")) else f"{name} ({translated})"
 
@@ -289,7 +289,7 @@ def _constant(constant: Constant) -> tuple[str, str]:
 
 
 def model_table(model: TemperatureModel) -> ModelTable:
-    """The coefficients of a model, in the variable it was fitted in and in powers of T."""
+    """Coefficients of a model, in the variable of its fit and in powers of T."""
     factor, unit = scale_shown(model.quantity, model.unit)
     us = model.u or (0.0,) * len(model.coefficients)
     rows = []

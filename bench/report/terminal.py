@@ -9,7 +9,7 @@ from bench.figures.numbers import shown
 from bench.figures.words import of_those_within_u, quantity_of, unit_shown
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.reduce.evaluate import Results
-from bench.reduce.journal import OnTheWay
+from bench.reduce.journal import JournalRecords
 from bench.report.flag_words import flag_in_words
 from bench.report.tables import over_run_rows, verdict_rows
 
@@ -18,7 +18,7 @@ _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")  # of more quantities than a 
 
 
 def results_text(results: Results | None) -> str:
-    """The results of a run as a table; uncertainties are expanded (95 %)."""
+    """Results of a run as a table; uncertainties are expanded (95 %)."""
     if results is None:
         return "No results: the run's data could not be reduced.\n"
     lines: list[str] = []
@@ -28,14 +28,14 @@ def results_text(results: Results | None) -> str:
         lines += _summary_table(unit)
         lines += [f"  {unit.dropped.text}"] if unit.dropped is not None else []
         lines += [f"  {flag_in_words(flag)}" for flag in unit.flags]
-    lines += _on_the_way(results.on_the_way)
+    lines += _journal_records(results.journal_records)
     each = ", ".join(dict.fromkeys(f"{unit.uut} {unit.verdict}" for unit in results.units))
     near = f", {of_those_within_u(results.within_u)}" if results.within_u else ""
     return "\n".join([*lines, "", f"Verdict: {results.verdict}{near}" + (f" ({each})" if "," in each else ""), ""])
 
 
-def _on_the_way(found: OnTheWay) -> Iterator[str]:
-    """Single readings with their verdicts, and what was left out."""
+def _journal_records(found: JournalRecords) -> Iterator[str]:
+    """Single readings with their verdicts, and left-out steps."""
     rows = [
         (
             each.name or each.reading, each.shown, each.unit,
@@ -74,7 +74,7 @@ def _dwell_table(unit: UnitResult) -> Iterator[str]:
 
 
 def _summary_table(unit: UnitResult) -> Iterator[str]:
-    """What is judged at the dwells, points or visits, the worst of each; then what is found over all of them."""
+    """Judged quantities at the dwells, points or visits, the worst of each; then all findings over the run."""
     single = {"dwell", "point", "visit"}
     limits = {found.quantity: found.limits for found in unit.findings if single & found.at.keys() and found.limits}
     units = {found.quantity: found.unit for found in unit.findings}

@@ -1,4 +1,4 @@
-"""Whether a run directory is as it was written: its record, and the reports that were made of it."""
+"""Verification of a run directory: its record, and the reports written from it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from bench.store.verify import Record, examine
 
 
 def examined(folder: Path) -> Record:
-    """All that can be known of a run directory; reads every row and every file."""
+    """Full examination of a run directory; reads every row and every file."""
     record = examine(folder)
     return replace(record, damage=(*record.damage, *changed_reports(folder)))
 
 
 def verify(folder: Path) -> list[str]:
-    """What is wrong with a run's files; empty when nothing is."""
+    """Problems of a run's files; empty if there are none."""
     return list(examined(folder).damage)

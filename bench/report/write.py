@@ -1,4 +1,4 @@
-"""Writes the report of a run in the form that is asked for."""
+"""Write the report of a run in the requested form."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ REPORT = "report"
 
 
 def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Path:
-    """Evaluates a run, finished or not, and writes `report.html`, or another form of it, into its directory.
+    """Evaluate a run, finished or not, and write `report.html`, or another form, to its directory.
 
-    Gives the path; in another language than English it is `report.zh.html`, of a damaged record `report.DAMAGED.html`.
-    Data that cannot be evaluated are told in the page; `json` and `csv` are nothing but the results, and raise what
-    stands in their way. Raises StoreError when it cannot be written.
+    Returns the path; in another language than English it is `report.zh.html`, of a damaged record
+    `report.DAMAGED.html`. The page reports data that cannot be evaluated; `json` and `csv` contain only results, and
+    raise the reason. Raises StoreError if it cannot be written.
     """
     parts = [REPORT, *(["DAMAGED"] if run.damage else []), *([lang] if lang != ENGLISH else []), form]
     path = run.folder / ".".join(parts)
@@ -40,7 +40,7 @@ def _html(run: StoredRun) -> bytes:
 
 
 def _pdf(run: StoredRun) -> bytes:
-    library()  # before the run is evaluated, which may take long
+    library()  # before the evaluation, which may take long
     return pdf(_page(run))
 
 

@@ -1,1 +1,1 @@
-"""Sequences: YAML into a checked plan. Everything here is pure; nothing is opened, nothing moves."""
+"""Sequences: from YAML to a checked plan. Pure: nothing is opened and nothing moves."""

@@ -1,4 +1,4 @@
-"""From a file and the choices of a run to a plan."""
+"""Load a sequence file and expand it to a plan with the parameters of a run."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from drivers.schema.wording import in_words
 
 
 def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
-    """A sequence file, its expressions not yet evaluated; InputError lists every problem with its place."""
+    """Load a sequence file without evaluating expressions; InputError lists every problem with its place."""
     document = read_document(path)
     return document, load(document, SequenceFile, **DEFERRED, files_needed=False)
 
 
 def load_plan(path: Path, bench: BenchFile | None, **wishes: Any) -> Plan:
-    """The plan of a file, checked against a bench as `load_judged_plan` does, its warnings passed over."""
+    """Plan of a file, checked against a bench as by `load_judged_plan`, without its warnings."""
     plan, _ = load_judged_plan(path, bench, **wishes)
     return plan
 
@@ -47,13 +47,13 @@ def load_judged_plan(
     settings: Iterable[str] = (),
     places: Collection[str] = (),
 ) -> tuple[Plan, tuple[Remark, ...]]:
-    """The plan of a file, checked against a bench, and warnings; without a bench, checked as far as that goes.
+    """Plan of a file, checked against a bench, and warnings; without a bench, only checks that need none are made.
 
-    A parameter has its default, else what the preset wants, the file `parameters` (a mapping of names to values), or
-    one of `settings` (`name=value` as given to --set): the last of these that names it. Units are in `places` of the
-    bench, or where `occupied` puts them when none is named. InputError lists every problem,
-    whichever of reading, choosing, unrolling and checking finds it: a step that is wrong in itself is left out, and the
-    rest looked at. The rules on the whole plan are held against a plan that lacks nothing.
+    A parameter has its default unless the preset, the file `parameters` (a mapping of names to values) or one of
+    `settings` (`name=value` as given to --set) sets it; the last of these counts. Units are in `places` of the bench,
+    or where `occupied` puts them if none is named. InputError lists every problem of reading, choosing, unrolling and
+    checking: an invalid step is left out, and the rest is checked. Rules on the whole plan are applied only to a
+    complete plan.
     """
     document = read_document(path)
     outline, found = outline_of(document)
@@ -74,7 +74,7 @@ def load_judged_plan(
 def _choose(
     outline: Outline, preset: str | None, parameters: Path | None, settings: Iterable[str]
 ) -> tuple[list[str], dict[str, Value]]:
-    """What is wrong with the wishes, and the value of each parameter."""
+    """Problems of preset and settings, and the value of each parameter."""
     values: dict[str, Value] = {name: parameter.default for name, parameter in outline.parameters.items()}
     found: list[str] = []
     if preset is not None and preset in outline.presets:
@@ -126,7 +126,7 @@ def _from_file(outline: Outline, path: Path) -> tuple[list[str], dict[str, Value
 
 
 def _setting(outline: Outline, setting: str) -> tuple[str, Value]:
-    """`name=value`, the value as YAML; raises ValueProblem, or InputError for what is not YAML."""
+    """Parse `name=value` with the value as YAML; raises ValueProblem, or InputError for invalid YAML."""
     name, equals, text = setting.partition("=")
     if not equals:
         raise ValueProblem("expected name=value")

@@ -1,6 +1,6 @@
-"""What a sequence may ask of the test methods, known without importing their arithmetic.
+"""Descriptions of the test methods that a sequence can use, loaded without importing their arithmetic.
 
-The entry-point group `inertial_test_bench.methods` finds descriptions, a plug-in's too.
+The entry-point group `inertial_test_bench.methods` provides the descriptions, including those of plug-ins.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ SHIPPED: Mapping[str, str] = {
     "temperature_tumble": "bench.methods.tumble.method:TEMPERATURE_TUMBLE",
     "threshold": "bench.methods.threshold.method:THRESHOLD",
 }
-OUTPUT = "output"  # in the unit of a quantity: stands for the unit of the units' output
+OUTPUT = "output"  # as the unit of a quantity: stands for the unit of the units' output
 OUTPUT_UNITS = ("pulse/s", "V", "code")
 NOTHING: Mapping[str, str] = MappingProxyType({})
-GYRO_OUTPUT = "gyro_output"  # likewise, of the gyros of an inertial unit
+GYRO_OUTPUT = "gyro_output"  # likewise, for the gyros of an inertial unit
 
 
 CHANNEL = (
-    "The unit is measured together with its I/F converter. K0, in units of local g, contains the converter's zero. K1 "
-    "contains the converter's scale, and K3 where the angles do not tell it by itself; so K2 contains the converter's "
+    "The unit is measured together with its I/F converter. K0, in units of local g, contains the converter's zero. K1"
+    " contains the converter's scale, and K3 unless the angles separate it; likewise K2 contains the converter's "
     "asymmetry. The misalignment contains the zero error of the head and the level of the fixture, both within its "
     "uncertainty."
 )
@@ -50,10 +50,10 @@ CountsAt = Literal["dwells", "ramps", "steps", "levels", "windows", "table", "re
 
 
 class NamedPart(NamedTuple):
-    """A loop or a group of a sequence whose name a reduction looks for around an acquisition of its data.
+    """A loop or a group of a sequence that a reduction finds by name around an acquisition of its data.
 
-    `meaning` is that of the name, for the reference. `without` states what the results lack if no acquisition is in
-    such a part, for the check; "" if nothing.
+    `meaning` describes it in the reference. `without` states what the results lack if no acquisition is in such a part,
+    for the check; "" if nothing.
     """
 
     name: str
@@ -63,24 +63,23 @@ class NamedPart(NamedTuple):
 
 
 class MethodDescription(NamedTuple):
-    """A method as a sequence sees it.
+    """Description of a method for sequences, checks and reports.
 
-    `settings` validates its settings; `quantities` are the results that limits may name, with their units, in which
-    OUTPUT stands for that of the units' output, and GYRO_OUTPUT for that of their gyros. `target` is "module:function",
-    which turns a run's data into findings.
-    `counts_at` says what its acquisitions are: readings at dwells, each a leg of a temperature ramp, steps of a ladder,
-    each at one input level, each a window of which only the means are wanted, each on a table at rest or in motion, or
-    each a record of its own. `first_dwell` is the number that the report gives to the first of its dwells. `drawn_by`
-    is "module:function", which turns a unit's results into what a report shows of them beside the tables that all
-    methods have. `after` names the standards that it is made after (equations 7), which is no claim of conformity.
-    `shown` are the units in which a report shows quantities that it does not show in the unit in which they are found.
-    `rules`, `words`, `translations`, `spans`, `offline` and `truth` are "module:attribute" as well, empty for none: its
-    Rules on a plan, its words by their kinds (`MethodWords`, `texts_of`), translations of its texts by language, the
-    function that divides the run into spans, its reductions of recorded cases, and the function that gives what is true
-    of simulated data, from the RunData of a label and the World of the simulation.
-    `parts` are the loops and groups whose names its reduction looks for. `meaning` says what its results contain,
-    `measures` what kind of unit it is for, `needs_calibration` whether it needs the calibration that was released for
-    each unit, `closes` whether it looks at what was acquired for `closure`, as its other data are.
+    `settings` validates its settings. `quantities` are the results that limits may name, with their units; OUTPUT
+    stands for the unit of the units' output, GYRO_OUTPUT for that of their gyros. `target` is "module:function", which
+    reduces the data of a run to findings. `counts_at` is the layout of its acquisitions: readings at dwells, each a leg
+    of a temperature ramp, steps of a ladder, each at one input level, each a window of which only the means are used,
+    each on a table at rest or in motion, or each a record of its own. `first_dwell` is the number of its first dwell in
+    the report. `drawn_by` is "module:function", which returns the plots and tables of a unit that a report shows beside
+    the tables common to all methods. `after` names the standards it follows (equations 7), without a claim of
+    conformity. `shown` are the displayed units of quantities that a report does not show in the unit of the finding.
+    `rules`, `words`, `translations`, `spans`, `offline` and `truth` are "module:attribute" too, empty for none: its
+    Rules on a plan, its words by kind (`MethodWords`, `texts_of`), translations of its texts by language, the function
+    that divides the run into spans, its reductions of recorded cases, and the function that computes the truth of
+    simulated data from the RunData of a label and the World of the simulation. `parts` are the loops and groups that
+    its reduction finds by name. `meaning` describes its results, `measures` its kind of unit, `needs_calibration` is
+    true if it needs the released calibration of each unit, `closes` if it uses the acquisitions of `closure` like its
+    other data.
     """
 
     name: str
@@ -106,7 +105,7 @@ class MethodDescription(NamedTuple):
     truth: str = ""
 
     def units(self, output_unit: str, gyro_output_unit: str | None = None) -> Mapping[str, str]:
-        """The units of the quantities for units whose output is in `output_unit`, that of their gyros maybe another."""
+        """Units of the quantities for units with output in `output_unit`, and gyros in `gyro_output_unit`."""
         return {
             name: unit.replace(GYRO_OUTPUT, gyro_output_unit or output_unit).replace(OUTPUT, output_unit)
             for name, unit in self.quantities.items()
@@ -114,7 +113,7 @@ class MethodDescription(NamedTuple):
 
 
 class MethodWords(Mapping[str, str]):
-    """Words of one kind, such as `REASONS`: generic ones, and those of all installed methods when one is looked up."""
+    """Words of one kind, such as `REASONS`: common ones, and those of all installed methods, loaded on demand."""
 
     def __init__(self, kind: str, generic: Mapping[str, str]) -> None:
         self._kind, self._generic = kind, generic
@@ -135,12 +134,12 @@ class MethodWords(Mapping[str, str]):
 
 @lru_cache
 def texts_of(kind: str, generic: tuple[str, ...]) -> tuple[str, ...]:
-    """Texts of one kind without keys, such as `NOTES`: generic ones and those of all installed methods."""
+    """Texts of one kind without keys, such as `NOTES`: common ones and those of all installed methods."""
     return (*generic, *chain.from_iterable(_words_of_methods(kind)))
 
 
 def _words_of_methods(kind: str) -> Iterator[Any]:
-    """The words of one kind that each installed method brings."""
+    """Words of one kind of each installed method."""
     targets = dict.fromkeys(method.words for method in shipped_first() if method.words)
     return (words[kind] for words in map(loaded, targets) if kind in words)
 
@@ -152,6 +151,6 @@ def known_methods() -> Mapping[str, MethodDescription]:
 
 
 def shipped_first() -> tuple[MethodDescription, ...]:
-    """Every installed method; a word that a shipped one has is not replaced by a plug-in's."""
+    """Every installed method, shipped ones first, so that a plug-in does not replace their words."""
     known = known_methods()
     return tuple(known[name] for name in sorted(known, key=lambda name: name not in SHIPPED))

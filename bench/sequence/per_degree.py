@@ -1,4 +1,4 @@
-"""Change of a constant with 1 °C, for results that state a temperature if the run determines no slope."""
+"""Change of a coefficient per 1 °C, for results that state a temperature if the run determines no slope."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from drivers.schema.fields import InUnit, StrictModel
 
 
 class ScalePerDegree(StrictModel):
-    """Of a scale factor."""
+    """Change per 1 °C of a scale factor."""
 
     scale_per_c_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
         6e-5,
@@ -21,10 +21,10 @@ class ScalePerDegree(StrictModel):
 
 
 class BiasPerDegree(StrictModel):
-    """Of the bias of an accelerometer."""
+    """Change per 1 °C of the bias of an accelerometer."""
 
     bias_per_c_u: Annotated[float, InUnit("g/°C", at_least=0)] = Field(
         2e-5,
         alias="bias_per_degree_u",
-        description="the same of the bias",
+        description="standard uncertainty of the change of the bias with 1 °C; no correction is applied",
     )

@@ -109,6 +109,11 @@ def rms_of(comparisons: Sequence[Comparison]) -> dict[str, float]:
     return {quantity: judge.rms_of(found) for quantity, found in judge.by_quantity(comparisons).items()}
 
 
+def judged(comparisons: Sequence[Comparison], kind: str) -> list[Comparison]:
+    """Those that the bars of a "perfect" or of a "full" bench are for: errors of a bench are shared by all visits."""
+    return list(comparisons) if kind == "perfect" else [each for each in comparisons if each.dwell == 0]
+
+
 def table(comparisons: Sequence[Comparison]) -> Iterator[str]:
     for quantity, rms in rms_of(comparisons).items():
         ratios = [each.ratio for each in comparisons if each.quantity == quantity]
@@ -165,11 +170,10 @@ def main() -> int:
                 RunRequest(options.sequence, bench=str(bench), preset=options.preset, seed=seed, runs=folder)
                 for seed in range(1, options.seeds + 1)
             ]
-            comparisons = runs(requests, options.processes)
-            judged = comparisons if kind == "perfect" else [each for each in comparisons if each.dwell == 0]
+            found = judged(runs(requests, options.processes), kind)
             print(f"\n{kind} bench, {options.seeds} seeds")
-            print("\n".join(table(judged)), flush=True)
-            problems += [f"{kind} bench: {problem}" for problem in judge.beyond(judge.by_quantity(judged), kind)]
+            print("\n".join(table(found)), flush=True)
+            problems += [f"{kind} bench: {problem}" for problem in judge.beyond(judge.by_quantity(found), kind)]
     print("\n".join(problems) or "\ntruth: ok")
     return 1 if problems else 0
 

@@ -24,7 +24,7 @@ from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.metrology.run_data import RunData
 from bench.reduce.evaluate import evaluate
-from bench.reduce.journal import OnTheWay
+from bench.reduce.journal import JournalRecords
 from bench.reduce.stored_run import open_run
 from bench.sequence.document.model import SequenceFile
 from bench.sequence.method import known_methods
@@ -91,7 +91,7 @@ def replayed(
         player = Player(template, bench, seed, uut_model, drifting=form == "drifting")
     data = player.play()
     truth = truth_of(_Stored(template.sequence, data), Laboratory(player.world, {}, {}))
-    found = evaluate(template.sequence, data.__getitem__, "completed", OnTheWay())
+    found = evaluate(template.sequence, data.__getitem__, "completed", JournalRecords())
     return Replayed(*(json.loads(json.dumps(each)) for each in (truth, found.to_json())))  # as files have them
 
 

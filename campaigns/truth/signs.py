@@ -65,7 +65,7 @@ def _acquisition(each: Acquisition) -> Acquisition:
         codes={k: replace(c, values=-c.values) for k, c in each.codes.items()},
         currents={k: replace(c, values_a=-c.values_a) for k, c in each.currents.items()},
         sources_a={k: -a for k, a in each.sources_a.items()},
-        sources_told_a={k: -a for k, a in each.sources_told_a.items()},
+        sources_set_a={k: -a for k, a in each.sources_set_a.items()},
     )
 
 

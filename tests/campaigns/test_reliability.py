@@ -43,6 +43,7 @@ def test_every_line_names_a_function() -> None:
         )
 
 
+@pytest.mark.leaves("the resource tracker of multiprocessing, which ends with this process")
 def test_a_campaign_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     path, lines = tmp_path / "results.jsonl", [LINES["S3"]._replace(bar=2)]
     carry_on(lines, Results(path, None), 60.0, 1, failed=False)

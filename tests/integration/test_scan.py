@@ -30,7 +30,7 @@ steps:
 
 def found_by(*arguments: str) -> tuple[str, str]:
     done = invoked("devices", "scan", *arguments)
-    assert done.exit_code == 0, done
+    assert done.returncode == 0, done
     return done.stdout, done.stderr
 
 
@@ -52,9 +52,9 @@ def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(t
             yaml.safe_dump(content, file)
         (tmp_path / "off.yaml").write_text(SEQUENCE, "utf-8")
         checked = invoked("check", str(tmp_path / "off.yaml"), "--bench", str(bench))
-        assert checked.exit_code == 0, checked
+        assert checked.returncode == 0, checked
         looked = invoked("devices", "--bench", str(bench))
-        assert looked.exit_code == 0, looked
+        assert looked.returncode == 0, looked
         with address_lock([Address.parse(addresses[0])], "a run of smoke"):
             (place,) = scan_here([addresses[0]])
             refused = invoked(
@@ -66,7 +66,7 @@ def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(t
                 for words in (["devices"], ["trace", "--out", str(tmp_path / "t.trace")], ["console", "chamber"])
             ]
         assert re.match(r"tcp://\S+ is in use by a run of smoke, process \d+. Wait until it has ended", place.words)
-        assert (refused.exit_code, refused.stderr.splitlines()[-1]) == (3, place.words)
+        assert (refused.returncode, refused.stderr.splitlines()[-1]) == (3, place.words)
         assert [" is in use by a run of smoke" in other.stderr for other in others] == [True] * 3
         assert not (tmp_path / "runs").exists()
 
@@ -137,5 +137,5 @@ def test_an_address_may_be_short(text: str, address: str) -> None:
 )
 def test_what_cannot_be_scanned_is_refused(arguments: list[str], problem: str) -> None:
     done = invoked("devices", "scan", *arguments)
-    assert done.exit_code == 2
+    assert done.returncode == 2
     assert problem in done.stderr

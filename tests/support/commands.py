@@ -13,7 +13,7 @@ from bench.cli.main import main
 class Done(NamedTuple):
     """How a command ended, and what it wrote."""
 
-    exit_code: int
+    returncode: int
     stdout: str
     stderr: str
 

@@ -9,24 +9,30 @@ import pytest
 
 from bench.app.request import RunRequest
 from bench.config.bench import load_bench
+from bench.methods.imu.reduction import attitude_fit
 from bench.methods.imu.reduction import windows as imu_windows
 from bench.reduce.stored_run import open_run
+from campaigns.truth import judge
 from campaigns.truth.campaign import results_of
-from campaigns.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, rms_of
+from campaigns.truth.imu import QUANTITIES, SHORT, bench_file, compare_imu, compared, draw_scale_factors, judged
 from campaigns.truth.replay import replayed, template_of
 from campaigns.truth.signs import differences
 from tests.support.runs import read_json
 
+SEED, SEEDS = 3, range(1, 21)  # of the run through all wires; of those at the level of records
+
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
-    return bench_file(tmp_path_factory.mktemp("bench"), "imu", perfect=False)
+    folder = tmp_path_factory.mktemp("bench")
+    draw_scale_factors(bench_file(folder, "imu", perfect=False).parent)
+    return folder / "imu.yaml"
 
 
 @pytest.fixture(scope="module")
 def template(tmp_path_factory, bench):
     folder = tmp_path_factory.mktemp("imu")
-    return template_of(RunRequest("imu_24_position", bench=str(bench), seed=3, settings=SHORT, runs=folder))
+    return template_of(RunRequest("imu_24_position", bench=str(bench), seed=SEED, settings=SHORT, runs=folder))
 
 
 @pytest.fixture(scope="module")
@@ -39,22 +45,36 @@ def reduced(run):
         return stored.evaluate().to_json()
 
 
-def test_every_finding_is_within_its_uncertainty(run):
+def test_every_finding_of_a_run_through_all_wires_is_within_its_uncertainty(run):
     comparisons = compare_imu(run)
     assert {each.quantity for each in comparisons} == set(QUANTITIES)
-    assert max(abs(each.ratio) for each in comparisons) < 4.5
-    assert all(rms < 3 for rms in rms_of(comparisons).values())
+    assert max(abs(each.ratio) for each in comparisons) < 3
 
 
-def test_the_same_is_found_at_the_level_of_records(template, bench):
+@pytest.fixture(scope="module")
+def replays(template, bench):
+    """Runs of other seeds at the level of records."""
+    loaded = load_bench(bench).bench
+    return {seed: replayed(template, loaded, seed) for seed in SEEDS}
+
+
+def test_errors_follow_the_uncertainties(replays):
+    """Held to the bars of the campaign, with half as many seeds."""
+    comparisons = [each for run in replays.values() for each in compared(run.truth, run.results)]
+    found = judge.by_quantity(judged(comparisons, "full"))
+    assert found.keys() == set(QUANTITIES)
+    assert min(len(each) for each in found.values()) >= 3 * len(SEEDS)
+    assert list(judge.beyond(found, "full")) == []
+
+
+def test_the_same_is_found_at_the_level_of_records(template, replays):
     """With the seed of the run through all wires it is the same unit on the same bench; only noise comes otherwise."""
     wires = {(each.quantity, each.dwell) for each in compare_imu(template.folder)}
-    again = replayed(template, load_bench(bench).bench, seed=3)
+    again = replays[SEED]
     comparisons = compared(again.truth, again.results)
     assert again.truth["imus"] == read_json(type("Run", (), {"path": template.folder}), "truth.json")["imus"]
     assert {(each.quantity, each.dwell) for each in comparisons} == wires
-    assert max(abs(each.ratio) for each in comparisons) < 4.5
-    assert all(rms < 3 for rms in rms_of(comparisons).values())
+    assert max(abs(each.ratio) for each in comparisons) < 3
 
 
 def test_uncertainties_are_worth_stating(run):
@@ -85,14 +105,14 @@ def _wrong_sense(turning):
 
 
 def test_a_planted_error_is_seen(run):
-    """The wrong sense of rotation, and attitudes that are mirrored."""
+    """The wrong sense of rotation, and attitudes in which y is mirrored."""
     honest = imu_windows._turning
     senses = mock.patch.object(imu_windows, "_turning", lambda *of: (found := honest(*of)) and _wrong_sense(found))
-    mirrored = mock.patch.object(imu_windows, "BODY_AXES", imu_windows.BODY_AXES @ np.diag([-1, -1, 1]))
+    mirrored = mock.patch.object(attitude_fit, "SPECIFIC_FORCE_G", attitude_fit.SPECIFIC_FORCE_G * [1, -1, 1])
     for plant, quantity in ((senses, "KG"), (mirrored, "misalignment")):
         with plant:
             found = [each for each in compare_imu(run, reduced(run)) if each.quantity == quantity]
-        assert max((abs(each.ratio) for each in found), default=99) > 10, quantity
+        assert max(abs(each.ratio) for each in found) > 10, quantity
 
 
 def test_the_run_gives_tables_that_compensate(run):

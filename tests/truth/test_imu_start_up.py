@@ -13,8 +13,8 @@ from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
 from bench.report.terminal import results_text
 from bench.report.verify import verify
+from campaigns.truth import judge
 from campaigns.truth.campaign import campaign, full_bench, results_of, run_one
-from campaigns.truth.imu import rms_of
 from campaigns.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
 
 SHORT = ("temperatures=[15 °C]", "soak=30 min", "passes=8", "ramp_rate=3 °C/min")
@@ -58,13 +58,17 @@ def reduced(run):
         return stored.evaluate().to_json()
 
 
-def test_every_finding_is_within_its_uncertainty(run):
+def test_everything_is_found_and_compared(run):
     comparisons = compare_start_up(run)
     assert {each.quantity.split("/")[0] for each in comparisons} == set(LIMITS)
     assert "K0/settling" in {each.quantity for each in comparisons}
+
+
+def test_errors_follow_the_uncertainties(run, further_runs):
+    """Held to the bars of the campaign, which has more seeds; of intervals there are too few for its bar."""
+    comparisons = [each for folder in (run, *further_runs) for each in compare_start_up(folder)]
     values = [each for each in comparisons if not each.quantity.endswith("/settling")]
-    assert max(abs(each.ratio) for each in values) < 4
-    assert all(rms < 2.5 for rms in rms_of(values).values())
+    assert list(judge.beyond(judge.by_quantity(values), "full")) == []
 
 
 def test_intervals_of_times_hold_the_truth(run, further_runs):
@@ -91,7 +95,7 @@ def test_planted_errors_are_seen(run):
     for plant, quantity in ((late, "K0/settling"), (chamber, "K0/warm")):
         with plant:
             found = [each for each in compare_start_up(run, reduced(run)) if each.quantity == quantity]
-        assert max((abs(each.ratio) for each in found), default=99) > 4, quantity
+        assert max(abs(each.ratio) for each in found) > 4, quantity
 
 
 def test_the_run_keeps_the_calibration_that_it_was_given(run):

@@ -78,7 +78,7 @@ def test_the_levels_keep_their_names_and_what_was_read_stays(run):
     given_a = 1.13e-3 + 300e-9 - 800e-9 * 1.13 / 2
     assert rate.at["current_a"] == pytest.approx(given_a, rel=1e-9)
     assert rate.at["level_g"] == pytest.approx(given_a / 1.13e-3, rel=1e-9)
-    assert {each.sources_told_a["source"] for each in acquired} == set(journal)
+    assert {each.sources_set_a["source"] for each in acquired} == set(journal)
     # With nothing set 300 nA flow, 3 pulse/s at 10 MHz/A: the zero is what the converter makes of nothing.
     (zero,) = [each for each in unit.findings if each.quantity == "zero"]
     assert zero.value == pytest.approx(2.0, abs=0.2)

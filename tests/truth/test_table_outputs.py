@@ -74,14 +74,14 @@ def test_units_and_budgets_are_those_of_the_output(run_of):
 
 
 @pytest.mark.parametrize(("output", "sequence"), [("codes", "accel_response"), ("volts", "accel_range")])
-def test_a_run_is_reduced_and_compensated_again(run_of, bench_command, tmp_path, output, sequence):
+def test_a_run_is_reduced_and_compensated_again(run_of, bench_here, tmp_path, output, sequence):
     folder = run_of(output, sequence)
-    again = bench_command("reduce", str(folder), "--json")
+    again = bench_here("reduce", str(folder), "--json")
     assert (again.returncode, json.loads(again.stdout)["changes"]) == (0, [])
     outputs = tmp_path / "outputs.csv"
     rows = "f_Hz,phase_deg,output\n30,-40,45200\n" if output == "codes" else "T_C,output\n22,2.26\n"
     outputs.write_text(rows, "utf-8")
-    done = bench_command("compensate", str(folder / "calibration_a.json"), str(outputs))
+    done = bench_here("compensate", str(folder / "calibration_a.json"), str(outputs))
     assert done.returncode == 0, done.stderr
     (value,) = csv.DictReader(done.stdout.splitlines())
     assert float(value["value"]) == pytest.approx(1.03 if output == "codes" else 10.0, rel=0.03)

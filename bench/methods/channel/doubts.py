@@ -1,4 +1,4 @@
-"""Doubts about a case of method M0: data that no channel gives (equations 1.10)."""
+"""Doubts about a case of method M0: implausible data of a channel (equations 1.10)."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from bench.metrology import plausibility
 from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
 
-LEVELS_G = 1.05  # of gravity
+LEVELS_G = 1.05  # maximum level of a gravity run
 
 
 def levels(levels_g: Iterable[tuple[str, float]]) -> Iterator[Doubt]:
-    """Of M0: gravity runs beyond gravity."""
+    """Doubt about gravity runs at more than 1 g."""
     for name, level_g in levels_g:
         if abs(level_g) > LEVELS_G:
             tail = plausibility.slip(level_g)
@@ -22,7 +22,7 @@ def levels(levels_g: Iterable[tuple[str, float]]) -> Iterator[Doubt]:
 
 
 def thermostats(name: str, converter_c: Array, accelerometer_c: Array, held_c: float | None) -> Iterator[Doubt]:
-    """Of M0: the converter's temperature is held where the accelerometer's should be, which goes."""
+    """Doubt about the thermometers: the converter's temperature is constant, but the accelerometer's varies."""
     yield from plausibility.kelvin("T_conv_C", converter_c)
     known = np.isfinite(converter_c) & np.isfinite(accelerometer_c)
     if held_c is None or not known.any():

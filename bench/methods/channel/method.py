@@ -1,4 +1,4 @@
-"""The method over temperature and input level as a sequence sees it (method M0)."""
+"""Description of the method over temperature and input level (method M0)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ class ChannelSettings(StrictModel):
     """Settings of the channel over temperature and input level."""
 
     threshold: Annotated[Ratio, InUnit("", above=0)] = Field(
-        description="the deviation of a slope up to which one model serves both levels, such as 5 %"
+        description="maximum deviation of slopes for which one model serves both levels, such as 5 %"
     )
     compare_basis: Literal["normalised", "raw"] = Field(
-        "normalised", description="which slopes decide: relative to the rate, or as they are"
+        "normalised", description="slopes for the decision: relative to the rate, or absolute"
     )
     reference_policy: Literal["claim", "embodiment"] = Field(
-        "claim", description="what source runs are compared with: up_1g, or src_1g, which itself is with up_1g"
+        "claim", description="reference of source runs: up_1g, or src_1g, which itself is compared with up_1g"
     )
     reference_temperature_c: Celsius = Field(
         25.0, alias="reference_temperature", description="of the converter, to which the rates refer"
@@ -32,10 +32,12 @@ class ChannelSettings(StrictModel):
     )
     gate_s: PositiveSeconds = Field(10.0, alias="gate", description="the time between two read-outs of the counters")
     accelerometer_c: Celsius | None = Field(
-        None, alias="accelerometer", description="the temperature of its thermostat; without it this is not checked"
+        None, alias="accelerometer", description="temperature of its thermostat; not checked if not given"
     )
     accelerometer_tolerance_c: PositiveCelsius = Field(
-        0.2, alias="accelerometer_tolerance", description="a gate with the accelerometer farther from there is left out"
+        0.2,
+        alias="accelerometer_tolerance",
+        description="maximum deviation of the accelerometer from its thermostat; gates beyond it are left out",
     )
     accelerometer_drift_u: Annotated[float, InUnit("1/°C", at_least=0)] = Field(
         60e-6,  # of a quartz flexure accelerometer at 1 g: 58 ppm/°C of its scale factor and 10 µg/°C of its bias

@@ -21,12 +21,12 @@ from bench.offline.csv_record import Table
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import telling
 
-LEVEL_TOLERANCE = 1e-3  # between two ways in which one level is told
-NAMES_SHOWN = 5  # of unknown runs
+LEVEL_TOLERANCE = 1e-3  # tolerance between two specifications of one level
+NAMES_SHOWN = 5  # names of unknown runs in a note
 
 
 class RunSettings(Settings):
-    """One run: gravity on the accelerometer, or a current source in its place; its level in one of three ways."""
+    """One run: gravity on the accelerometer, or a current source in its place; its level in one of three forms."""
 
     kind: Literal["gravity", "source"]
     a_g: float | None = None
@@ -36,7 +36,7 @@ class RunSettings(Settings):
 
     @property
     def level_g(self) -> float:
-        """The input in g; a tilt is that of the input axis from the vertical."""
+        """Input in g; a tilt is the angle of the input axis from the vertical."""
         return self._levels_g()[0]
 
     def _levels_g(self) -> list[float]:
@@ -58,7 +58,7 @@ class RunSettings(Settings):
 
 
 class ChannelSettings(Settings):
-    """Of the whole case; without `acc_temp_set_C` the accelerometer's temperature is not looked at."""
+    """Settings of a case; without `acc_temp_set_C` the accelerometer's temperature is not checked."""
 
     reference_c: float = Field(alias="T_ref_C", ge=-273.15, le=1000)
     counter_bits: int = Field(ge=1, le=64)
@@ -76,7 +76,7 @@ class ChannelSettings(Settings):
     runs: dict[str, RunSettings] = Field(min_length=1)
 
     def rules(self, kind: str) -> ChannelRules:
-        """What is asked of a run; without the accelerometer, nothing of its temperature."""
+        """Requirements on a run; without an accelerometer, none on its temperature."""
         return ChannelRules(
             reference_c=self.reference_c,
             counter_bits=self.counter_bits,
@@ -89,7 +89,7 @@ class ChannelSettings(Settings):
         )
 
     def references(self) -> dict[str, str]:
-        """The run that each other one is compared with.
+        """Reference run of each other run.
 
         By the policy "claim" that is `reference_run`; by "embodiment" the source runs have a reference of their own,
         and only that one is compared with `reference_run`.
@@ -142,7 +142,7 @@ def _doubts(settings: ChannelSettings, rows: Mapping[str, ChannelRecord]) -> Ite
 
 
 def _references(case: Case, settings: ChannelSettings) -> dict[str, str]:
-    """Which run is compared with which. Raises InputError when one is named that the case does not have."""
+    """Reference run of each run. Raises InputError if a named one is not in the case."""
     references = settings.references()
     for key, needed in (("reference_run", True), ("source_reference_run", False)):
         name = getattr(settings, key)
@@ -196,7 +196,7 @@ def _deviation(found: Comparison, reference: str) -> dict[str, Any]:
 
 
 def _drift(valid: list[ChannelRun]) -> tuple[ChannelDrift | None, list[str], list[str]]:
-    """The drift of the channel as a whole with its flags and notes; none from fewer than two runs."""
+    """Drift of the channel as a whole with its flags and notes; none from fewer than two runs."""
     if len(valid) < 2:
         return None, [], []
     try:

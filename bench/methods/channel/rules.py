@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 METHOD = "channel_temperature"
 ROUNDING = 1e-9
-LEAST_POINTS = 2  # at rest around a ramp
+LEAST_POINTS = 2  # points at rest around a ramp
 
 
 def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
@@ -35,7 +35,7 @@ def no_converter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def no_ammeter(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A channel whose current an ammeter must measure, when the bench has none or the step does not read it."""
+    """A channel whose current must be measured by an ammeter that the bench lacks or that is not recorded."""
     for place, entry, settings in _channels(plan):
         if settings.current_from != "meter":
             continue
@@ -85,7 +85,7 @@ def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def no_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A channel over temperature that is not acquired during a ramp: nothing is found."""
+    """A channel over temperature that is not acquired during a ramp, so that nothing is found."""
     for place, entry, _ in _channels(plan):
         if not list(_counted_ramps(plan, entry.data)):
             yield (
@@ -96,7 +96,7 @@ def no_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def no_points(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A channel without acquisitions at rest before and after its ramp: its drift is in the result."""
+    """A channel without points at rest before and after its ramp, so that its drift is part of the result."""
     for place, entry, _ in _channels(plan):
         during = {planned.id.rpartition("/")[0] for planned, _ in _counted_ramps(plan, entry.data)}
         at_rest = [step_id for step_id in acquired_under(plan, entry.data) if step_id not in during]
@@ -110,16 +110,16 @@ def no_points(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def _channels(plan: Plan) -> Iterator[tuple[Place, ResultEntry, ChannelSettings]]:
-    """The results by this method: place, entry and settings."""
+    """Results of this method: place, entry and settings."""
     for index, entry in enumerate(plan.sequence.results):
         if entry.method == METHOD:
-            from bench.methods.channel.method import ChannelSettings  # loaded if a sequence uses the method
+            from bench.methods.channel.method import ChannelSettings  # imported only if a sequence uses the method
 
             yield ("results", index), entry, ChannelSettings.model_validate(entry.settings)
 
 
 def _counted_ramps(plan: Plan, label: str) -> Iterator[tuple[PlannedStep, float]]:
-    """The ramps during acquisitions with a label, each with the set point that it begins at."""
+    """Ramps during acquisitions with a label, each with its initial set point."""
     counting, set_c = "", float("nan")
     for planned in plan:
         step = planned.step

@@ -1,4 +1,4 @@
-"""What a channel has shown of one unit at its input levels: a table of decisions, and three drawings."""
+"""Report of a channel at its input levels: a table of decisions, and three plots."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from bench.metrology.run_data import RunData
 from bench.reduce.spans import Span
 
 COLOURS = ("#0b5394", "#b45309", "#38761d", "#741b47", "#134f5c", "#7f6000")
-STRETCHES = 24  # means that a run is drawn by
+STRETCHES = 24  # number of means in the plot of a run
 PPM = 1e6
 
 
 def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """The table and the drawings of a unit; `name` begins their ids in the page."""
+    """Table and plots of a unit; `name` is the prefix of their ids in the page."""
     detail = unit.detail
     if not isinstance(detail, ChannelDetail):
         return
@@ -40,12 +40,12 @@ def channel_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
         yield _course(drawn, detail.span_s, f"{name}-ramps")
 
 
-# How the levels compare, in words
+# Text of the comparisons of levels
 
 
 def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
     allowed, per_c = f"{detail.threshold * 100:g}", f"{detail.output_unit}/°C"
-    told = (
+    basis_text = (
         tr("The decision uses slopes in {unit}; they may deviate by {threshold} %.", unit=per_c, threshold=allowed)
         if detail.basis == "raw"
         else tr(
@@ -62,7 +62,7 @@ def _decisions(unit: UnitResult, detail: ChannelDetail) -> Sheet:
     )
     return Sheet(
         tr("Whether the model of one level serves another"),
-        f"{told} {why} {each_in_words}",
+        f"{basis_text} {why} {each_in_words}",
         (
             (tr("Level"), ""), (tr("Against"), ""), (tr("Slopes deviate"), "%"), (tr("Relative slopes deviate"), "%"),
             (tr("Decision"), ""),
@@ -108,7 +108,7 @@ def _in_words(each: Compared, detail: ChannelDetail) -> Iterator[str]:
         yield tr("marginal: the deviation is close to its limit")
 
 
-# Drawings
+# Plots
 
 
 def _over_temperature(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
@@ -136,7 +136,7 @@ def _over_temperature(levels: list[Level], detail: ChannelDetail, name: str) -> 
 
 
 def _means(level: Level, reference_c: float) -> tuple[Array, Array, Array]:
-    """Of each stretch of a run in the order of temperature: temperature, rate and residual relative to D_ref in ppm."""
+    """Means of stretches of a run in temperature order: temperature, rate and residual relative to D_ref in ppm."""
     run, gates = level.run, level.run.gates
     order = np.argsort(gates.converter_c, kind="stable")
     parts = [part for part in np.array_split(order, STRETCHES) if len(part)]
@@ -149,7 +149,7 @@ def _means(level: Level, reference_c: float) -> tuple[Array, Array, Array]:
 
 
 def _slopes(levels: list[Level], detail: ChannelDetail, name: str) -> Plot:
-    """The relative slope of each level with its own uncertainty, and what may deviate from the reference."""
+    """Relative slope of each level with its own uncertainty, and the permitted deviation from the reference."""
     figure = new_figure(3.0)
     axes = figure.subplots()
     decisions = {each.level.name: each for each in detail.compared}
@@ -182,7 +182,7 @@ def _draw_allowed(axes: Axes, number: int, each: Compared, detail: ChannelDetail
 
 
 def _course(levels: list[Level], span_s: tuple[float, float], name: str) -> Plot:
-    """On the axis of time that the course of the whole run has, so that both can be laid over each other."""
+    """Time history of the levels, on the time axis of the run's other plots."""
     figure = new_figure(3.4)
     axes, over_run = figure.subplots(), TimeOfRun(*span_s)
     for level, colour in zip(levels, _colours(levels), strict=True):
@@ -212,7 +212,7 @@ def _label(level: Level) -> str:
 
 
 def levels(data: RunData) -> Iterator[Span]:
-    """The ramps of input levels, by the names of these; the points at rest around them have none."""
+    """Ramps of input levels, by the names of the levels; the points at rest have none."""
     for each in data.acquisitions:
         names = [input_level(data, unit, each).name for unit in data.units] if is_ramp(each) else []
         yield Span(" / ".join(dict.fromkeys(names)), each.begin_s, each.end_s)

@@ -1,4 +1,4 @@
-"""What flags, notes and equations of a channel over temperature mean, in the words of the people who read a report."""
+"""Words for flags, notes and equations of a channel over temperature in a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doubts about a case of method M2: data that no table or inertial unit gives (equations 1.10)."""
+"""Doubts about a case of method M2: implausible data of a table or an inertial unit (equations 1.10)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
 
 LONGEST_DWELL_S = 7200.0
-MOST_UNLIKE = 20.0  # channels of one unit
+MOST_UNLIKE = 20.0  # ratio between channels of one unit
 SCALES_PPS_PER_G = (1.0, 1e7)
 SCALES_PULSE_PER_DEG = (0.1, 1e7)
 
@@ -23,7 +23,7 @@ def unit(
     told_c: Mapping[str, Array],
     scales: Sequence[tuple[str, str, float]],
 ) -> Iterator[Doubt]:
-    """Of M2; thermometers by their columns, and the scale factors of all set points by their keys and axes."""
+    """Doubts about a case of M2; thermometers are by columns, scale factors of all set points by keys and axes."""
     dwell = plausibility.beyond(dwell_s, LONGEST_DWELL_S)
     if dwell is not None:
         yield Doubt("implausible_time", f"dwell_s goes to {dwell:.4g} s; is it in milliseconds?")

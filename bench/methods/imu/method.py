@@ -1,4 +1,4 @@
-"""The methods for inertial units as a sequence sees them (method M2)."""
+"""Descriptions of the methods for inertial units (method M2)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from drivers.schema.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
 MEANING = (
     "Each accelerometer is measured together with its converter. K0, in units of local g, contains K2 and the "
-    "converter's zero, for it is the mean over attitudes in which the axis points up and down; K1 contains K3. D0 is "
-    "the mean over the same attitudes, in which earth rate and g-sensitivity along the axis cancel. Misalignments are "
-    "those against the axes of the table, and contain how the unit sits in its fixture."
+    "converter's zero, because it is the mean over attitudes with the axis up and down; K1 contains K3. D0 is the "
+    "mean over the same attitudes, in which earth rate and g-sensitivity along the axis cancel. Misalignments are "
+    "relative to the axes of the table, and contain the seating of the unit in its fixture."
 )
 
 
 START_UP_MEANING = (
-    "The unit's output is compensated by the calibration that was released for it, at the temperature that its own "
-    "thermometers say, as its users do it. What is left of zero and scale factor is the error of the compensated unit, "
-    "with that of its calibration in it; a fit of constants and exponentials follows it from power-on."
+    "The unit's output is compensated by its released calibration, at the temperature of its own thermometers, as by "
+    "its users. The residual zero and scale factor are the errors of the compensated unit, including those of its "
+    "calibration; constants and exponentials are fitted to them from power-on."
 )
 
 CHANGES = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # units of changes of the constants of a sensor
@@ -32,7 +32,9 @@ class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
     """Settings of the calibration of an inertial unit."""
 
     gyro_bias_per_c_u: Annotated[float, InUnit("°/s/°C", at_least=0)] = Field(
-        1e-5, alias="gyro_bias_per_degree_u", description="the same of the bias of a gyro"
+        1e-5,
+        alias="gyro_bias_per_degree_u",
+        description="standard uncertainty of the change of the bias of a gyro with 1 °C",
     )
 
     attitude_tolerance_g: Annotated[float, InUnit("g", above=0)] = Field(
@@ -47,14 +49,12 @@ class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
     closure_limit_g: Annotated[float, InUnit("g", above=0)] = Field(
         100e-6,
         alias="closure_limit",
-        description="when the bias of an accelerometer has moved further between the beginning and the end of the run, "
-        "every verdict is marginal",
+        description="maximum change of the bias of an accelerometer over the run; beyond it every verdict is marginal",
     )
     level_limit_rad: Annotated[float, InUnit("rad", above=0)] = Field(
         50e-6,
         alias="level_limit",
-        description="when the base of the table has tilted further between the beginning and the end of the run, every "
-        "verdict is marginal",
+        description="maximum change of the tilt of the table over the run; beyond it every verdict is marginal",
     )
 
 
@@ -109,27 +109,27 @@ IMU_CALIBRATION = MethodDescription(
 
 
 class ImuStartUpSettings(StrictModel):
-    """Settings of the start-up of a compensated inertial unit: how far off it may be, and what its courses are like."""
+    """Settings of the start-up of a compensated inertial unit: limits of its errors, model of their time history."""
 
     accelerometer_zero_g: Annotated[float, InUnit("g", above=0)] = Field(
-        30e-6, alias="accelerometer_zero", description="what may be left of the bias of an accelerometer, either way"
+        30e-6, alias="accelerometer_zero", description="limit ± of the residual bias of an accelerometer"
     )
     accelerometer_scale: Annotated[Ratio, InUnit("", above=0)] = Field(
-        50e-6, description="how far off the scale factor of an accelerometer may be, either way"
+        50e-6, description="limit ± of the scale factor error of an accelerometer"
     )
     gyro_zero_dps: Annotated[float, InUnit("°/s", above=0)] = Field(
-        5e-5, alias="gyro_zero", description="what may be left of the zero of a gyro, either way"
+        5e-5, alias="gyro_zero", description="limit ± of the residual zero of a gyro"
     )
     gyro_scale: Annotated[Ratio, InUnit("", above=0)] = Field(
-        50e-6, description="how far off the scale factor of a gyro may be, either way"
+        50e-6, description="limit ± of the scale factor error of a gyro"
     )
     time_constants_s: Annotated[tuple[PositiveSeconds, ...], Field(min_length=1, max_length=4)] = Field(
         (300.0, 900.0, 2700.0),
         alias="time_constants",
-        description="of the exponentials that the courses are made of; they span what warms up in the unit",
+        description="time constants of the fitted exponentials; their range covers the warm-up of the unit",
     )
     misalignment_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
-        1e-3, alias="misalignment", description="how far off its axis a gyro may be, for what it sees of the earth"
+        1e-3, alias="misalignment", description="maximum misalignment of a gyro, for its share of the earth rate"
     )
 
 

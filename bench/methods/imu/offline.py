@@ -1,7 +1,7 @@
 """Cases of method M2: an inertial unit calibrated over temperature and compensated (equations 4 and 9).
 
 Beside the published keys stand `u`, which repeats `table` and `ls24` with standard uncertainties (type A), and
-`model_check`, which tells how well the knots of each channel tell each other.
+`model_check`, the interpolation error of the knots of each channel.
 """
 
 from __future__ import annotations
@@ -40,17 +40,18 @@ APPLY = "channel,T_C,raw_pps"
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in AXES)
 CALIBRATED = ("K0_pps", "K1_pps_per_g", "D0_pps", "D0_dph", "KG_p_per_deg")
 SAME_SET_POINT_C = 1e-6
-NAMES_SHOWN = 5  # of unknown positions
+NAMES_SHOWN = 5  # unknown positions in a note
 
 
 class ImuSettings(Settings):
-    """Of M2; scale factors are per local g, so that its value has no part in the reduction."""
+    """Settings of a case of M2; scale factors are per local g, so that its value does not enter the reduction."""
 
     nominal_c: float | None = Field(None, alias="T_nominal_C", ge=-273.15, le=1000)
     local_g_mps2: LocalGravity | None = Field(None, alias="g_mps2")
     extrapolation: Extrapolation = "hold"
     attitude_tolerance_g: float = Field(0.05, alias="attitude_tol_g", gt=0)
-    rate_tolerance: Limit = Field(0.5, alias="rate_tol")  # farther off is another unit, or another row's command
+    # a larger difference belongs to another unit, or to the command of another row
+    rate_tolerance: Limit = Field(0.5, alias="rate_tol")
     least_squares_set_c: float | None = Field(None, alias="ls24_T_set_C")
 
 
@@ -89,7 +90,7 @@ def _imu(case: Case) -> dict[str, Any]:
 
 
 def _scales(found: ImuCalibration) -> list[tuple[str, str, float]]:
-    """The scale factors of every axis at every set point, by their keys and axes."""
+    """Scale factors of every axis at every set point, by their keys and axes."""
     return [
         (key, name, value)
         for point in found.points
@@ -125,7 +126,7 @@ def _rates(table: Table) -> RateRecord:
 
 
 def _rate_rows(case: Case) -> Table:
-    """The record `rates`; without rows where the case has none."""
+    """The record `rates`; without rows if the case has none."""
     columns = [*RATES.split(","), "visit"]
     return (
         case.record("rates", RATES, optional="visit")
@@ -135,7 +136,7 @@ def _rate_rows(case: Case) -> Table:
 
 
 def _unknown_positions(table: Table) -> list[str]:
-    """What is to be said of rows whose position is none of the 24; they count as missing."""
+    """Notes on rows whose position is none of the 24; they count as missing."""
     known = {"", *(name.lower() for name in NAMES)}
     strangers = Counter(text.strip()[:40] for text in table.columns["pos"] if text.strip().lower() not in known)
     named = ", ".join(f"'{name}'" for name in list(strangers)[:NAMES_SHOWN])
@@ -145,7 +146,7 @@ def _unknown_positions(table: Table) -> list[str]:
 
 
 def _copies(*tables: Table) -> Iterator[str]:
-    """Notes on rows that are there twice: of two visits of a set point, no row is equal in every cell."""
+    """Notes on duplicate rows: rows of two visits of a set point are never equal in every cell."""
     for table in tables:
         if count := table.without_copies()[1]:
             yield (
@@ -155,23 +156,23 @@ def _copies(*tables: Table) -> Iterator[str]:
 
 
 def _which(table: Table, column: str, known: Sequence[str]) -> NDArray[np.int_]:
-    """The words of a column (n,) as their numbers in `known`, -1 for a blank."""
+    """Indices in `known` of the words of a column (n,), -1 for a blank."""
     return _numbers(table.words(column, [name.lower() for name in known]).tolist(), known)
 
 
 def _numbers(words: Sequence[str], known: Sequence[str]) -> NDArray[np.int_]:
-    """Words (n,) as their numbers in `known`, -1 for what is not there."""
+    """Indices in `known` of words (n,), -1 for unknown ones."""
     number = {name.lower(): i for i, name in enumerate(known)}
     return np.array([number.get(word, -1) for word in words], dtype=np.int_)
 
 
 def _triple(table: Table, name: str) -> Array:
-    """The columns of x, y and z: (n, 3)."""
+    """Columns of x, y and z: (n, 3)."""
     return np.stack([table.numbers(f"{name}{axis}") for axis in AXES], axis=-1)
 
 
 def _table(found: ImuCalibration, show: Callable[[AxisCalibration, Scatter], dict[str, float]]) -> list[dict[str, Any]]:
-    """What `show` says of each axis, one entry for each set point."""
+    """Result of `show` for each axis, one entry for each set point."""
     return [
         {"T_set_C": point.set_c, "visit": point.visit}
         | {
@@ -195,12 +196,12 @@ def _u_calibrated(axis: AxisCalibration, scatter: Scatter) -> dict[str, float]:
 def _fits(
     case: Case, set_c: float | None, latitude_deg: float | None, readings: ImuReadings, found: ImuCalibration
 ) -> tuple[AttitudeFits | None, tuple[str, ...]]:
-    """The least squares over the attitudes of the set point `set_c`, without doubtful ones; None and why without it."""
+    """Fits over the attitudes at `set_c`, without doubtful attitudes; None with the reason if not possible."""
     if set_c is None:
         return None, ()
     if latitude_deg is None:
         raise InputError(f"{case.name}: site.lat_deg: is missing; ls24 needs the earth rate")
-    near = np.flatnonzero(np.abs(readings.set_c - set_c) < SAME_SET_POINT_C)  # the first visit there is the first
+    near = np.flatnonzero(np.abs(readings.set_c - set_c) < SAME_SET_POINT_C)  # the first visit of the set point
     if not len(near):
         known = ", ".join(f"{known_c:.10g}" for known_c in readings.set_c) or "none"
         return None, (f"ls24_T_set_C: there is no set point {set_c:.10g}; there are: {known}",)
@@ -255,7 +256,7 @@ def _u_gyro(found: GyroFit | None) -> dict[str, Any]:
 
 
 def _temperature_table(found: ImuCalibration, sensor: str, axis: str) -> TemperatureTable:
-    """The knots of one channel."""
+    """Knots of one channel."""
     every = found.over_temperature(AXES.index(axis))
     if sensor == "acc":
         knots = [(one.accelerometer_c, one.k0_pps, one.k1_pps_per_g) for one in every]
@@ -267,7 +268,7 @@ def _temperature_table(found: ImuCalibration, sensor: str, axis: str) -> Tempera
 def _apply(
     case: Case, settings: ImuSettings, tables: Mapping[str, TemperatureTable]
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """The rows of the record `apply` after compensation, in their order, and what is to be said of it."""
+    """Rows of the record `apply` after compensation, in their order, and notes on them."""
     if not case.has("apply"):
         return [], []
     if settings.nominal_c is None:
@@ -281,7 +282,7 @@ def _apply(
         of = channel == number
         done = compensate(table, temperature_c[of], raw_pps[of], settings.nominal_c, settings.extrapolation)
         value[of], nominal_pps[of], extrapolated[of] = done.value, done.nominal_pps, done.extrapolated
-    names = np.array([*CHANNELS, None], dtype=object)[channel]  # -1, a blank, is the last
+    names = np.array([*CHANNELS, None], dtype=object)[channel]  # -1, a blank, selects the last
     keys = ("channel", "T_C", "value", "comp_pps", "extrapolated")
     rows = zip(*(array.tolist() for array in (names, temperature_c, value, nominal_pps, extrapolated)), strict=True)
     return [dict(zip(keys, row, strict=True)) for row in rows], [
@@ -292,7 +293,7 @@ def _apply(
 
 
 def _model_check(sensor: str, table: TemperatureTable) -> dict[str, Any]:
-    """How well the knots of one channel tell each other."""
+    """Interpolation error of the knots of one channel."""
     result: dict[str, Any] = {"T_C": table.temperature_c[1:-1]}
     for name, values in zip(COMPENSATED[sensor], (table.zero_pps, table.scale), strict=True):
         check = check_model(table.temperature_c, values)

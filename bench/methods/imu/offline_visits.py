@@ -1,4 +1,4 @@
-"""Visits of set points in cases of method M2: which rows belong to one, and how well the unit repeats."""
+"""Visits of set points in cases of method M2: assignment of rows, and repeatability of the unit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_SET_POINTS = 1000
 def with_visits(
     positions: PositionRecord, rates: RateRecord, at_rest: Table, turned: Table
 ) -> tuple[PositionRecord, RateRecord]:
-    """The same with the visits of their rows: by the column `visit` of both, else by their order at each set point."""
+    """The records with the visits of their rows: by the column `visit` of both, else by order at each set point."""
     named = at_rest.whole_numbers("visit"), turned.whole_numbers("visit")
     at_place = np.where(_has_reading(positions), positions.attitude, -1)
     commands = np.unique(rates.command_dps, return_inverse=True)[1].ravel()
@@ -51,7 +51,7 @@ def _has_reading(record: PositionRecord | RateRecord) -> NDArray[np.bool_]:
 
 
 def _where(visit: Array, set_c: Array) -> Array:
-    """Set points; none where a row of a record with visits names no visit."""
+    """Set points; none for rows without a visit in a record with visits."""
     return np.where(np.isfinite(visit), set_c, np.nan)
 
 
@@ -60,7 +60,7 @@ def _whole(visit: Array) -> NDArray[np.int_]:
 
 
 def check_set_points(case: Case, positions: PositionRecord, rates: RateRecord) -> None:
-    """Raises InputError when there are more visits of set points than a chamber makes."""
+    """Raise InputError if there are more visits of set points than plausible."""
     keys = [np.stack([of.set_c, of.visit], axis=-1) for of in (positions, rates) if of.visit is not None]
     visits = np.unique(np.concatenate(keys), axis=0)
     different = len(np.unique(visits[:, 0]))
@@ -79,9 +79,10 @@ def check_set_points(case: Case, positions: PositionRecord, rates: RateRecord) -
 def repeatability(
     found: ImuCalibration, tables: Mapping[str, TemperatureTable], show: Callable[[AxisCalibration], dict[str, float]]
 ) -> list[dict[str, Any]]:
-    """The largest difference of a later visit from the first, at each set point that has several.
+    """Largest difference of a later visit from the first, at each set point with several visits.
 
-    `show` is an axis at a visit by the keys of the table. What the visits differ in temperature is taken off.
+    `show` returns an axis at a visit by the keys of the table. Differences are corrected for the temperatures of the
+    visits.
     """
     several = {set_c: visits for set_c, visits in _by_set_point(found).items() if len(visits) > 1}
     return [
@@ -104,7 +105,7 @@ def _by_set_point(found: ImuCalibration) -> dict[float, list[SetPoint]]:
 def _apart(
     known: Sequence[Mapping[str, float]], axis: str, tables: Mapping[str, TemperatureTable]
 ) -> dict[str, float] | None:
-    """Of one axis, by the keys of the table; None unless two visits are known."""
+    """Largest differences of one axis, by the keys of the table; None unless two visits are known."""
     if len(known) < 2:
         return None
     apart = {}

@@ -1,4 +1,4 @@
-"""Rules on whether a run can calibrate an inertial unit: the attitudes and the rates of each of its axes."""
+"""Rules on the attitudes and rates that the calibration of an inertial unit needs for each axis."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from bench.sequence.steps.orienting import AXES, Attitude, Orient
 from bench.sequence.steps.stimulus import Rotate, SetOutput
 
 METHOD, START_UP = "imu_calibration", "imu_start_up"
-LEAST_RATES = 6  # of an axis, of both directions
+LEAST_RATES = 6  # of an axis, in both directions
 BY_LETTERS = {letters: name for name, letters in ATTITUDES.items()}
-SIDES = {"U": "up", "D": "down"}  # by the letter of an attitude
+SIDES = {"U": "up", "D": "down"}  # by the letters of an attitude
 
 
 def missing_attitudes(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Axes that do not have their eight attitudes: they are left out of the calibration."""
+    """Axes without their eight attitudes: they are left out of the calibration."""
     for index, label in _results(plan, METHOD):
         if (measured := _measured(plan, label)) is None:
             continue
@@ -40,7 +40,7 @@ def missing_attitudes(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def missing_rates(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Axes that are turned about at fewer rates than their scale factors need."""
+    """Axes with fewer rates than their scale factors need."""
     for index, label in _results(plan, METHOD):
         if (measured := _measured(plan, label)) is None:
             continue
@@ -56,7 +56,7 @@ def missing_rates(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def one_side(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Axes that a start-up does not watch up and down at rest: zero and scale factor are not separated."""
+    """Axes without start-up readings both up and down at rest: zero and scale factor are not separated."""
     for index, label in _results(plan, START_UP):
         if (measured := _measured(plan, label)) is None:
             continue
@@ -72,7 +72,7 @@ def one_side(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def no_power_on(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A start-up whose supply is not switched on before its readings: there is no time to count from."""
+    """A start-up whose supply is not switched on before its readings: the time of power-on is not defined."""
     for _, label in _results(plan, START_UP):
         for planned in plan:
             if isinstance(planned.step, SetOutput) and planned.step.output == "on":
@@ -87,7 +87,7 @@ def no_power_on(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def one_closure(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Readings for the closure that are taken once only: there is nothing to compare them with."""
+    """Readings for the stability check that are taken only once: there is nothing to compare them with."""
     for index, entry in enumerate(plan.sequence.results):
         if entry.method != METHOD or entry.closure is None:
             continue
@@ -107,14 +107,14 @@ def _results(plan: Plan, method: str) -> Iterator[tuple[int, str]]:
 
 
 class _Measured(NamedTuple):
-    """Attitudes at rest by their letters, and rates by the axis turned about."""
+    """Attitudes at rest by their letters, and rates by axis."""
 
     resting: set[str]
     rates_dps: Mapping[str, set[float]]
 
 
 def _measured(plan: Plan, label: str) -> _Measured | None:
-    """Return where a plan acquires under a label; None where that follows from a measurement."""
+    """Attitudes and rates that a plan acquires under a label; None if that depends on a measurement."""
     motions = {planned.id: motion for planned, motion in acquired_inside(plan, label)}
     attitude, resting, rates_dps = Attitude(None), set[str](), defaultdict[str, set[float]](set)
     for planned in plan:

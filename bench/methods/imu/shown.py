@@ -1,4 +1,4 @@
-"""What was found of an inertial unit: tables of its axes at the set points, its constants over temperature."""
+"""Report of an inertial unit: tables of its axes at the set points, coefficients over temperature."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bench.reduce.spans import Span, in_unit, over_groups
 
 AXES = ("x", "y", "z")
 STYLES = {"x": ("#0b5394", "o"), "y": ("#b45309", "s"), "z": ("#4d7c0f", "D")}
-BESIDE = 0.03  # of the temperatures, that an axis is drawn beside the next where all have the same
+BESIDE = 0.03  # of the temperature range: horizontal offset between axes drawn at equal temperatures
 SENSORS = {"accelerometers": ("K0", "K1", "K2"), "gyros": ("D0", "KG")}
 TITLES = {
     "accelerometers": "The accelerometers at the set points",
@@ -37,7 +37,7 @@ MATRICES = {
 
 
 def imu_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """The values at the set points, their matrices, and the constants over temperature; `name` begins the ids."""
+    """Values at the set points, matrices, and coefficients over temperature; `name` is the prefix of the ids."""
     at_visits = [finding for finding in unit.findings if "visit" in finding.at]
     units = {finding.quantity: unit_shown(finding.quantity, finding.unit) for finding in at_visits}
     for sensor, quantities in SENSORS.items():
@@ -73,7 +73,7 @@ def _rows(at_visits: Sequence[Finding], quantities: Sequence[str]) -> Iterator[t
 
 
 def _matrix(found: Sequence[Finding], quantity: str, title: str) -> Sheet:
-    """A row for each sensor, a column for each axis that it sees."""
+    """Matrix with a row for each sensor, a column for each axis that it senses."""
     _, symbol = scale_shown(quantity, found[0].unit)
     cells = {(each.at["axis"], each.at["toward"]): shown(each) for each in found}
     set_c = found[0].at["temperature_set_c"]
@@ -87,7 +87,7 @@ def _matrix(found: Sequence[Finding], quantity: str, title: str) -> Sheet:
 
 
 def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str], name: str) -> Plot:
-    """Zero and scale factor with their knots, and below what knots left out are told wrong by."""
+    """Zero and scale factor with their knots, and below the interpolation error of knots left out."""
     figure = new_figure(5.4)
     panels = figure.subplots(2, 2, sharex="col", gridspec_kw={"hspace": 0.42, "wspace": 0.32})
     for column, quantity in enumerate(pair):
@@ -130,13 +130,13 @@ def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str]
 
 
 def _at_first(unit: UnitResult, quantity: str, letter: str, values: Array) -> float:
-    """The value at the first set point."""
+    """Value at the first set point."""
     found = (each for each in unit.findings if each.quantity == quantity and each.at.get("axis") == letter)
     return next((each.value for each in found if "visit" in each.at), float(np.mean(values)))
 
 
 def _expanded(unit: UnitResult, quantity: str, letter: str) -> float:
-    """The expanded uncertainty of what was found of an axis over the run, which is that of each knot; 0 without it."""
+    """Expanded uncertainty of the results of an axis over the run, which is that of each knot; 0 without it."""
     found = (each for each in unit.findings if each.quantity == quantity and each.at.get("axis") == letter)
     return next((each.expanded for each in found), 0.0)
 
@@ -150,5 +150,5 @@ def _draw(axes: Axes, temperature_c: Array, values: Array, expanded: float, lett
 
 
 def visits(data: RunData) -> Iterator[Span]:
-    """The visits of set points, by their temperatures."""
+    """Visits of set points, by their temperatures."""
     return over_groups(data, lambda _number, members: in_unit(members[0].set_c, "°C"))

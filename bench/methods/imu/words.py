@@ -1,4 +1,4 @@
-"""What the flags of tests on inertial units mean, in the words of the people who read a report."""
+"""Words for the flags of tests on inertial units in a report."""
 
 from __future__ import annotations
 

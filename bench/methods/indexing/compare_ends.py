@@ -1,4 +1,4 @@
-"""The step that decides in a run whether both ends of a unit on an indexing table must be measured again."""
+"""Step that decides during a run whether both ends of a unit on an indexing table must be measured again."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from bench.store.writer import RunWriter
 
 
 class Running(Protocol):
-    """The run that the step is part of."""
+    """Part of a run that the step uses."""
 
     @property
     def writer(self) -> RunWriter:
-        """Writer of its record."""
+        """Writer of the run's record."""
 
     def notice(self, text: str) -> None:
         """Show the operator a text."""
@@ -43,9 +43,9 @@ async def compare_ends(settings: CompareEndsSettings, bench: Running) -> Mapping
 
 
 def _attempts(folder: Path, label: str) -> dict[str, Sequence[Attempt]]:
-    """The attempts at both ends of each unit that a run holds so far; StepError without a result that is made of them.
+    """Attempts at both ends of each unit stored so far in a run; StepError without a result that uses them.
 
-    It takes a while, for a thread of its own.
+    Slow, to be called in its own thread.
     """
     with open_run(folder) as run:
         entry = next(

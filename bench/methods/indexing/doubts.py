@@ -1,4 +1,4 @@
-"""Doubts about a case of method M1: data that no indexing table gives (equations 1.10)."""
+"""Doubts about a case of method M1: implausible data of an indexing table (equations 1.10)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
 from bench.offline.doubts import SIGNS_OR_ROWS
 
-LARGEST_MOUNT_RAD = 0.02  # more than a degree is seen by eye, and corrected
-LARGEST_MISFIT = 0.1  # of a reading from what the model of its sensor says, in scale factors
+LARGEST_MOUNT_RAD = 0.02  # a larger tilt is visible and would be corrected
+LARGEST_MISFIT = 0.1  # deviation of a reading from the model of its sensor, in scale factors
 
 
 def sweep(
     angle_deg: Array, output_v: Array, lines: Mapping[str, tuple[float, float]], mount_rad: Mapping[str, float | None]
 ) -> Iterator[Doubt]:
-    """Of M1: angles, voltages, of the line of each end the scale factor in V/g and its linearity, residual angles."""
+    """Doubts about a case of M1: angles, voltages, scale factor (V/g) and linearity of each end, residual angles."""
     for name, angle_rad in mount_rad.items():
         if angle_rad is not None and abs(angle_rad) > LARGEST_MOUNT_RAD:
             seen = f"settings.mount.{name} is {angle_rad:g} rad, which is {np.degrees(angle_rad):.3g}°"
@@ -39,7 +39,7 @@ def sweep(
 
 
 def clocked(output_v: Array, tilt_rad: float | None) -> Iterator[Doubt]:
-    """Of the clocking of M1, and the tilt of the surface that follows from it."""
+    """Doubt about the clocking of M1: the tilt of the surface that it determines."""
     if frozen := plausibility.frozen("clock: V", output_v):
         yield frozen
     elif tilt_rad is not None and abs(tilt_rad) > LARGEST_MOUNT_RAD:

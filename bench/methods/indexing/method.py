@@ -1,4 +1,4 @@
-"""The static calibration on an indexing table as a sequence sees it (method M1), and the step that compares ends."""
+"""Descriptions of the static calibration on an indexing table (method M1) and of the step that compares both ends."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from drivers.schema.wording import telling
 class IndexingStaticSettings(BiasPerDegree, ScalePerDegree):
     """Settings of the static calibration on an indexing table.
 
-    The scale factors of both ends are taken for equal when they differ by no more than `scale_tolerance` or than `k`
-    standard uncertainties, whichever is more.
+    The scale factors of both ends count as equal if they differ by no more than the larger of `scale_tolerance` and `k`
+    standard uncertainties.
     """
 
-    scale_tolerance: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the scale factor")
+    scale_tolerance: Annotated[Ratio, InUnit("", at_least=0)] = Field(
+        0.0, description="relative tolerance of the scale factor"
+    )
     k: Annotated[Number, Field(ge=0)] = Field(2.0, description="standard uncertainties of the difference of both ends")
     output_limit_g: Annotated[float, InUnit("g", above=0)] | None = Field(
         None, alias="output_limit", description="an output beyond it, by the nominal scale factor, is never fitted"
@@ -32,7 +34,7 @@ class IndexingStaticSettings(BiasPerDegree, ScalePerDegree):
     platform_rad: Annotated[float, InUnit("rad")] | None = Field(
         None,
         alias="platform",
-        description="the angle by which the platform raises the input axis, from a coordinate measuring machine",
+        description="angle by which the platform raises the input axis, by a coordinate measuring machine",
     )
     platform_u_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
         0.0, alias="platform_u", description="its standard uncertainty"
@@ -105,7 +107,7 @@ INDEXING_STATIC = MethodDescription(
             "readings that are compared with the fitted equation",
             "the equation that is found is not tried on readings of its own",
         ),
-        NamedPart(REVERSE, "loop", "readings of the pass back", "hysteresis is not found"),
+        NamedPart(REVERSE, "loop", "readings of the pass back", "hysteresis is not determined"),
     ),
     rules="bench.methods.indexing.rules:RULES",
     spans="bench.methods.indexing.shown:ends",
@@ -114,17 +116,17 @@ INDEXING_STATIC = MethodDescription(
 
 
 class CompareEndsSettings(StrictModel):
-    """What is compared: the acquisitions under a label, as the `indexing_static` of the sequence's results does."""
+    """Settings of the comparison: label of the acquisitions, as in the `indexing_static` of the sequence's results."""
 
     data: Name = Field(description="the label of the acquisitions")
     max_repeats: Annotated[float, InUnit("", at_least=0)] = Field(
-        3, description="how often both ends may be measured again"
+        3, description="maximum number of repeated measurements of both ends"
     )
 
 
 COMPARE_ENDS = StepDescription(
     name="compare_ends",
-    title="Whether both ends of a unit on an indexing table agree: accept, repeat, or marginal after all repeats",
+    title="Comparison of both ends of a unit on an indexing table: accept, repeat, or marginal after all repeats",
     target="bench.methods.indexing.compare_ends:compare_ends",
     settings=CompareEndsSettings,
     example="repeat",

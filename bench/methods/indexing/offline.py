@@ -32,7 +32,7 @@ def _each_once(terms: tuple[Term, ...]) -> tuple[Term, ...]:
 
 
 class MountSettings(Settings):
-    """Residual angles of the installation and of the platform; one that is not given was not measured."""
+    """Residual angles of the installation and of the platform; None if not measured."""
 
     angle3_rad: float | None = None
     angle4_rad: float | None = None
@@ -41,7 +41,7 @@ class MountSettings(Settings):
 
 
 class IndexingSettings(Settings):
-    """Of M1; `repeats` is how often this calibration has been repeated already."""
+    """Settings of a case of M1; `repeats` is the number of preceding repetitions of this calibration."""
 
     terms: Annotated[tuple[Term, ...], Field(min_length=1), AfterValidator(_each_once)] = ("c0", "c1", "cxz", "delta")
     scale_tolerance: Limit = Field(0.0, alias="G_tol_rel")
@@ -58,7 +58,8 @@ def _static_calibration(case: Case) -> dict[str, Any]:
     settings = case.settings(IndexingSettings)
     table = case.record("sweep", "end,pass,seq,theta_deg,V_mean,stable", optional="T_C,approach")
     clock, copies = case.record("clock", "psi_deg,V").without_copies() if case.has("clock") else (None, 0)
-    with np.errstate(over="ignore", invalid="ignore"):  # of readings that are no voltages; what becomes of them is null
+    # readings that cannot be voltages; the results from them are null
+    with np.errstate(over="ignore", invalid="ignore"):
         record = _sweep(table)
         found = calibrate(record, _settings(settings), _clocking(clock))
     ends = {name: end and _end(end) for name, end in found.ends.items()}
@@ -104,7 +105,7 @@ def _sweep(table: Table) -> SweepRecord:
 
 
 def _sequence(table: Table) -> Array:
-    """The order of the dwells; that of the file where the column says nothing at all."""
+    """Order of the dwells; that of the file if the column is empty."""
     given = table.numbers("seq")
     return given if np.isfinite(given).any() else np.arange(float(len(given)))
 
@@ -141,7 +142,7 @@ def _end(end: EndSweep) -> dict[str, Any]:
 
 
 def _combined(found: StaticCalibration) -> dict[str, Any]:
-    """Of two ends; all null when one of them has no line."""
+    """Results of both ends together; all null if one of them has no line."""
     measured = _measured(found.both) if found.both else dict.fromkeys(MEASURED)
     return {
         **{name: value and value.value for name, value in measured.items()},
@@ -160,7 +161,7 @@ def _measured(both: TwoEnds) -> dict[str, Measured | None]:
 
 
 def _model(model: SweepModel) -> dict[str, Any]:
-    """What was not found, or not asked for, is null."""
+    """Results of the model; null if not found or not requested."""
     fit = model.fit
     c1 = model.value("c1")
     return {

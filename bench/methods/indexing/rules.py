@@ -1,4 +1,4 @@
-"""Rules on whether a calibration on an indexing table measures what its method needs."""
+"""Rules on the acquisitions that a calibration on an indexing table needs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from bench.sequence.steps.stimulus import Move
 from bench.sequence.steps.talk import Prompt
 
 METHOD = "indexing_static"
-LEAST_ANGLES = 3  # of a line, so that something is left that tells how good it is
+LEAST_ANGLES = 3  # minimum number of angles for a line with residuals
 NOT_SWEPT = {CLOCKING, VERIFICATION}
-SAME_ANGLE_DIGITS = 4  # of an angle in °
+SAME_ANGLE_DIGITS = 4  # decimals of equal angles in °
 
 Angles = dict[str, set[float]]
 
@@ -41,7 +41,7 @@ def one_end(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 def beyond_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """Angles at which the output exceeds the limit up to which it is fitted."""
     for index, entry in _calibrations(plan):
-        from bench.methods.indexing.method import IndexingStaticSettings  # loaded if a sequence uses the method
+        from bench.methods.indexing.method import IndexingStaticSettings  # imported only if a sequence uses the method
 
         limit_g = IndexingStaticSettings.model_validate(entry.settings).output_limit_g
         widest_deg = max((abs(each) for ends in _swept(plan, bench, entry.data).values() for each in ends), default=0.0)
@@ -62,7 +62,7 @@ def _calibrations(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:
 
 
 def _swept(plan: Plan, bench: BenchFile, label: str) -> Angles:
-    """The angles of the head at which the sweeps of each end are acquired."""
+    """Angles of the head in the sweeps of each end."""
     mount, angle_deg, ends = bench.fixture.mount(), 0.0, Angles()
     for planned, from_deg in angles_before(plan):
         match planned.step:

@@ -1,4 +1,4 @@
-"""What the sweeps on an indexing table have shown of one unit: its lines, what they leave, every attempt."""
+"""Report of the sweeps on an indexing table: lines, residuals, every attempt."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from bench.reduce.spans import Span
 
 UG_PER_G = 1e6
 PPM = 1e6
-LEGEND_IN = 0.36  # above axes, for a legend of one line with its frame; Chinese characters make it higher
+LEGEND_IN = 0.36  # space above axes for a one-line legend with its frame; Chinese characters need more
 COLOURS = {"up": "#0b5394", "down": "#b45309"}
 MARKERS = {"fwd": "^", "rev": "v"}
 
 
 def indexing_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """Plots and tables; `name` begins the ids in the page."""
+    """Plots and tables; `name` is the prefix of the ids in the page."""
     detail = unit.detail
     if not isinstance(detail, IndexingDetail):
         return
@@ -64,7 +64,7 @@ def _sweep(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:
 
 
 def _residuals(fits: dict[str, EndFit], detail: IndexingDetail, name: str) -> Plot:
-    """What the line of each end leaves, one above the other; readings of the verification where they were taken."""
+    """Residuals of the line of each end, one above the other; readings of the verification if there are any."""
     figure = new_figure(2.3 + 1.9 * len(fits), top_in=LEGEND_IN)
     panels = figure.subplots(len(fits), 1, squeeze=False, sharex=True, gridspec_kw={"hspace": 0.35})[:, 0]
     for axes, (end, fit) in zip(panels, fits.items(), strict=True):
@@ -129,7 +129,7 @@ def _ends(unit: UnitResult, fits: dict[str, EndFit], output: str) -> Sheet:
 
 
 def _constant(unit: UnitResult, end: str, name: str) -> str:
-    """A constant of the equation of an end, as the results have it."""
+    """A coefficient of the equation of an end, as in the results."""
     for model in unit.models:
         if isinstance(model, Equation) and model.quantity == f"acceleration_{end}":
             constant = model.constants[name]
@@ -160,7 +160,7 @@ def _attempts(unit: UnitResult, detail: IndexingDetail) -> Sheet:
 
 
 def _earlier_attempt(number: int, attempt: Attempt) -> tuple[str, ...]:
-    """An attempt that does not count has no findings: its uncertainties are those of its own lines."""
+    """A row for an earlier attempt, which has no findings: its uncertainties are those of its own lines."""
     both = attempt.found.both
     fits = [sweep.fit if sweep else None for sweep in attempt.found.ends.values()]
     scales = ["–" if fit is None else with_expanded(fit.scale_v_per_g, COVERAGE * float(fit.u[1])) for fit in fits]
@@ -180,7 +180,7 @@ def _decision(attempt: Attempt) -> str:
 
 
 def ends(data: RunData) -> Iterator[Span]:
-    """The sweeps of an indexing table, by the end that the units stood on; what was clocked in between has no name."""
+    """Sweeps of an indexing table, by the end on which the units stood; clocking readings in between have no name."""
 
     def name(acquisition: Acquisition) -> str:
         match kind_of(acquisition.step):

@@ -1,4 +1,4 @@
-"""What flags, notes and equations on an indexing table mean, in the words of the people who read a report."""
+"""Words for flags, notes and equations on an indexing table in a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doubts about a case of method M4b: data that no chamber or accelerometer gives (equations 1.10)."""
+"""Doubts about a case of method M4b: implausible data of a chamber or accelerometer (equations 1.10)."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from bench.metrology import plausibility
 from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
 
-WAYS = {"up": "falls", "down": "rises"}  # of a leg that goes against its name
-NAMED = 5  # dwells
+WAYS = {"up": "falls", "down": "rises"}  # direction of a leg that contradicts its name
+NAMED = 5  # legs named in a message
 
 
 def ramp(legs: Sequence[Leg], temperature_c: Array, output_g: Array, slope_g_per_c: float | None) -> Iterator[Doubt]:
-    """Of M4 dynamic."""
+    """Doubts about a case of M4 dynamic."""
     yield from plausibility.kelvin("T_C", temperature_c)
     rest_g = plausibility.beyond(output_g, plausibility.LARGEST_REST_G)
     if rest_g is not None:

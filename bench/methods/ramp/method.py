@@ -1,4 +1,4 @@
-"""Method M4b, the dynamic temperature test, as a sequence sees it."""
+"""Description of method M4b, the dynamic temperature test."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ class TemperatureRampSettings(StrictModel):
     """Settings of the dynamic temperature test."""
 
     sample_s: Annotated[float, InUnit("s", at_least=5)] = Field(
-        10.0, alias="sample", description="the length of a sample; a longer one resolves more"
+        10.0, alias="sample", description="duration of a sample; a longer one has a finer resolution"
     )
     jump_threshold_g: Annotated[float, InUnit("g", above=0)] = Field(
-        60e-6, alias="jump_threshold", description="a larger step is a jump"
+        60e-6, alias="jump_threshold", description="minimum size of a jump"
     )
     jump_window: Annotated[WholeNumber, Field(ge=2, le=1000)] = Field(
-        8, description="samples on either side between which a step is looked for"
+        8, description="number of samples on either side in the fit of a step"
     )
     misalignment_u_rad: Annotated[float, InUnit("rad", at_least=0)] = Field(
         1e-3,
         alias="misalignment_u",
-        description="standard uncertainty of the input axis's misalignment, which is in K1",
+        description="standard uncertainty of the misalignment of the input axis, which is contained in K1",
     )
 
 

@@ -19,7 +19,7 @@ RAMP_FIGURES = (
 
 
 class DynamicSettings(Settings):
-    """Of `dynamic`; a limit that is not given is not judged."""
+    """Settings of `dynamic`; no verdict on a limit that is not given."""
 
     scale_v_per_g: Scale = Field(alias="K1_V_per_g")
     jump_threshold_ug: float = Field(60.0, gt=0)
@@ -83,7 +83,7 @@ def _dynamic(case: Case) -> dict[str, Any]:
 
 
 def _no_ramp(record: RampRecord, problem: NotDetermined) -> dict[str, Any]:
-    """Of a record without two temperatures: nothing is known, and nothing judged."""
+    """Result of a record without two temperatures: everything unknown, no verdict."""
     legs, excluded = cut_into_legs(record)
     return dict.fromkeys(RAMP_FIGURES) | {
         "jumps": [],

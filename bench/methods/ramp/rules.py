@@ -18,12 +18,12 @@ from bench.sequence.steps.orienting import Orient
 from bench.sequence.steps.stimulus import Move, Ramp
 
 METHOD = "temperature_ramp"
-LEVEL_BELOW_G = 0.5  # as in the reduction: legs with less of gravity along the input axis are the 0 g part
-SAME_ANGLE_DIGITS = 3  # of an angle in °
+LEVEL_BELOW_G = 0.5  # as in the reduction: legs with less gravity along the input axis are the 0 g part
+SAME_ANGLE_DIGITS = 3  # decimals of equal angles in °
 
 
 class _Leg(NamedTuple):
-    """An acquisition during a ramp: its id, the angle of the head, the set points that it begins and ends at."""
+    """An acquisition during a ramp: its id, the angle of the head, its first and last set point."""
 
     step_id: str
     angle_deg: float
@@ -46,7 +46,7 @@ def incomplete_ramp(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def one_direction(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A dynamic test whose temperature only rises or only falls: hysteresis is not found."""
+    """A dynamic test whose temperature only rises or only falls: hysteresis is not determined."""
     for place, entry in _tests(plan):
         legs = [leg for leg in _legs(plan, entry.data) if not math.isnan(leg.from_c)]
         rising = {leg.to_c > leg.from_c for leg in legs}
@@ -60,7 +60,7 @@ def one_direction(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def unnumbered_cycles(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A leg that comes again outside a loop 'cycle': both count as one cycle, and repeatability is not found."""
+    """A leg repeated outside a loop 'cycle': both count as one cycle, and repeatability is not determined."""
     for place, entry in _tests(plan):
         legs = _legs(plan, entry.data)
         visits = [(leg.step_id, (round(leg.angle_deg, SAME_ANGLE_DIGITS), leg.from_c, leg.to_c)) for leg in legs]

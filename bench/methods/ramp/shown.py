@@ -1,4 +1,4 @@
-"""What a temperature ramp has shown of one unit, drawn over temperature."""
+"""Report of a temperature ramp of one unit: plots over temperature."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import RunData
 from bench.reduce.spans import Span
 
-MOST_POINTS = 300  # of a leg; more cannot be told apart
-RISING = ("#0b5394", "#6fa8dc", "#134f5c", "#8bb8a8")  # by cycle, then again
+MOST_POINTS = 300  # points of a leg; more cannot be distinguished
+RISING = ("#0b5394", "#6fa8dc", "#134f5c", "#8bb8a8")  # colours by cycle, then repeated
 FALLING = ("#b45309", "#f0a35e", "#7f1d1d", "#d58a94")
 
 
 def ramp_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
-    """The bias of every leg and what its straight line leaves; `name` begins the ids in the page."""
+    """Bias of every leg and residuals of its straight line; `name` is the prefix of the ids in the page."""
     if not isinstance(unit.detail, tuple) or not unit.detail:
         return
     curves: tuple[LegCurve, ...] = unit.detail
@@ -74,7 +74,7 @@ def _draw_line(axes: Axes, line: TemperatureModel, factor: float) -> None:
 
 
 def _draw_jumps(axes: Axes, curves: Sequence[LegCurve], residuals: Sequence[Array]) -> None:
-    """Each jump where it is, at the residual of the nearest sample."""
+    """Draw each jump at its temperature, at the residual of the nearest sample."""
     found = [
         (at_c, of_leg[int(np.argmin(np.abs(curve.temperature_c - at_c)))])
         for curve, of_leg in zip(curves, residuals, strict=True)
@@ -87,7 +87,7 @@ def _draw_jumps(axes: Axes, curves: Sequence[LegCurve], residuals: Sequence[Arra
 
 
 def thinned(values: Array, most: int = MOST_POINTS) -> Array:
-    """The means of consecutive values (n,), so many together that no more than `most` are left."""
+    """Means of consecutive values (n,), grouped so that no more than `most` are left."""
     together = -(-len(values) // most)
     if together <= 1:
         return values
@@ -96,6 +96,6 @@ def thinned(values: Array, most: int = MOST_POINTS) -> Array:
 
 
 def legs(data: RunData) -> Iterator[Span]:
-    """The legs of temperature ramps, an acquisition each, numbered from 1."""
+    """Legs of temperature ramps, an acquisition each, numbered from 1."""
     for number, leg in enumerate(data.acquisitions, start=1):
         yield Span(tr("leg {number}", number=number), leg.begin_s, leg.end_s)

@@ -1,4 +1,4 @@
-"""What the flags of temperature ramps mean, in the words of the people who read a report."""
+"""Words for the flags of temperature ramps in a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The methods on a rate table as a sequence sees them: range and frequency response (method M3)."""
+"""Descriptions of the methods on a rate table: range and frequency response (method M3)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PositiveRate = Annotated[float, InUnit("°/s", above=0)]
 
 @dataclass(frozen=True, slots=True)
 class ScaleOf:
-    """Validates scale factors, one or a list of one for each kind of output, into numbers by the unit of the output.
+    """Validator of scale factors, one or a list of one for each kind of output, to numbers by the unit of the output.
 
     They are in that unit over `per`, such as 4000 pulse/°, which is 4000 pulse/s for 1 °/s.
     """
@@ -58,59 +58,59 @@ class ScaleOf:
 
 
 class GyroScale(StrictModel):
-    """What turns the output of a gyro into a rate."""
+    """Scale factor of a gyro, from output to rate."""
 
     scale: Annotated[dict[str, float], ScaleOf("°/s")] = Field(
-        description="scale factor as stated, against which errors and gains are; a quantity such as 4000 pulse/°, "
+        description="stated scale factor, the reference of errors and gains; a quantity such as 4000 pulse/°, "
         "16000 code/(°/s) or 10 mV/(°/s), or a list of one for each kind of output"
     )
 
 
 class AccelerometerScale(ScalePerDegree):
-    """What turns the output of an accelerometer into an acceleration."""
+    """Scale factor of an accelerometer, from output to acceleration."""
 
     scale: Annotated[dict[str, float], ScaleOf("g")] = Field(
-        description="scale factor as it was calibrated; a quantity such as 11300 pulse/s/g, 45200 code/g or 226 mV/g, "
+        description="calibrated scale factor; a quantity such as 11300 pulse/s/g, 45200 code/g or 226 mV/g, "
         "or a list of one for each kind of output"
     )
     scale_u: Tolerance = Field(
         1e-4,
-        description="its standard uncertainty, relative, with what nonlinearity and asymmetry change at the "
-        "accelerations from which a radius or a lever arm is found",
+        description="its relative standard uncertainty, including nonlinearity and asymmetry at the "
+        "accelerations that determine a radius or a lever arm",
     )
-    scale_c: Celsius = Field(20.0, alias="scale_at", description="the temperature of the unit at which it is so")
+    scale_c: Celsius = Field(20.0, alias="scale_at", description="temperature of the unit at which it applies")
 
 
 class RangeSettings(StrictModel):
-    """How errors over a range are judged."""
+    """Basis and conditions of the errors over a range."""
 
-    linearity_basis: Basis = Field("reading", description="what errors are relative to")
+    linearity_basis: Basis = Field("reading", description="reference of relative errors")
     rate_tolerance: Tolerance = Field(1e-3, description="maximum relative deviation of the table from its rate")
 
 
 class GyroRangeSettings(GyroScale, ScalePerDegree, RangeSettings):
     """Settings of the range of a gyro."""
 
-    full_scale_dps: PositiveRate = Field(alias="full_scale", description="the end of the range")
+    full_scale_dps: PositiveRate = Field(alias="full_scale", description="full scale")
     clip_dps: PositiveRate = Field(alias="clip", description="the output at which it saturates")
 
 
 class AccelerometerRangeSettings(AccelerometerScale, RangeSettings):
     """Settings of the range of an accelerometer."""
 
-    linearity_basis: Basis = Field("full_scale", description="what errors are relative to")
-    full_scale_g: PositiveG = Field(alias="full_scale", description="the end of the range")
+    linearity_basis: Basis = Field("full_scale", description="reference of relative errors")
+    full_scale_g: PositiveG = Field(alias="full_scale", description="full scale")
     clip_g: PositiveG = Field(alias="clip", description="the output at which it saturates")
     radius_up_to_g: PositiveG = Field(
-        1.0, alias="radius_up_to", description="the radius is found at rates that give no more than this"
+        1.0, alias="radius_up_to", description="maximum acceleration at the rates that determine the radius"
     )
 
 
 class ResponseSettings(StrictModel):
-    """How counts of a swing are read."""
+    """Settings of the evaluation of an oscillation."""
 
     play_pulses: Annotated[float, InUnit("pulse", at_least=0)] = Field(
-        1.0, alias="play", description="charge that a converter needs at a reversal, beyond that of a pulse"
+        1.0, alias="play", description="hysteresis of a converter: charge at a reversal beyond that of a pulse"
     )
 
 
@@ -118,7 +118,7 @@ class GyroResponseSettings(GyroScale, ResponseSettings):
     """Settings of the frequency response of a gyro."""
 
     gain_reference: Literal["absolute", "lowest"] = Field(
-        "absolute", description="gains against the stated scale factor, or over that at the lowest frequency"
+        "absolute", description="gains relative to the stated scale factor, or to that at the lowest frequency"
     )
 
 
@@ -128,13 +128,11 @@ class AccelerometerResponseSettings(AccelerometerScale, ResponseSettings):
     lever_hz: Hertz = Field(
         0.5,
         alias="lever_frequency",
-        description="of the swing that determines the lever arms; gains are relative to it",
+        description="frequency of the oscillation that determines the lever arms; gains are relative to it",
     )
 
 
-OF_A_GYRO = (
-    "The gyro is measured together with its converter, against the encoder of the table, with which it has one clock. "
-)
+OF_A_GYRO = "The gyro is measured together with its converter, against the encoder of the table, on one clock. "
 OF_AN_ACCELEROMETER = (
     "The accelerometer is measured together with its converter, in units of local g by the scale factor stated in the "
     "sequence. "
@@ -174,8 +172,8 @@ GYRO_RANGE = on_a_table(
     after=("IEEE Std 952", "IEEE Std 292", "IEEE Std 1554"),
     meaning=OF_A_GYRO
     + (
-        "The rate at rest contains the part of earth's rate along the axis of the table. Errors are against the scale "
-        "factor stated in the sequence; the bias is taken off, and with it earth's rate."
+        "The rate at rest contains the part of earth's rate along the axis of the table. Errors are relative to the "
+        "scale factor stated in the sequence; the bias is subtracted, and with it the earth's rate."
     ),
 )
 GYRO_RESPONSE = on_a_table(
@@ -189,9 +187,9 @@ GYRO_RESPONSE = on_a_table(
     after=("IEEE Std 292", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_A_GYRO
     + (
-        "Gains are amplitudes over those of the table, phases are negative where the gyro lags. The play of the "
-        "converter at each reversal is taken out. A sample that the gyro sends itself is a mean over its period, and "
-        "the half of that by which it is late is taken out."
+        "Gains are ratios of amplitudes to those of the table, phases are negative where the gyro lags. The "
+        "hysteresis of the converter at each reversal is removed. A sample that the gyro sends itself is a mean over "
+        "its period; its delay of half a period is corrected."
     ),
 )
 ACCELEROMETER_RANGE = on_a_table(
@@ -216,8 +214,8 @@ ACCELEROMETER_RANGE = on_a_table(
     after=("IEEE Std 836", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER
     + (
-        "What is wrong with the scale factor is in the radius, as the accelerometer finds it at low rates: the errors "
-        "over the range are those of linearity. A stretch of the arm is in them."
+        "An error of the scale factor is contained in the radius, which the accelerometer determines at low rates: "
+        "the errors over the range are those of linearity. They contain a stretch of the arm."
     ),
 )  # fmt: skip
 ACCELEROMETER_RESPONSE = on_a_table(
@@ -233,8 +231,8 @@ ACCELEROMETER_RESPONSE = on_a_table(
     after=("IEEE Std 836", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER
     + (
-        "Gains are over that of the slow swing at which the accelerometer found its arms, phases are against the table "
-        "and negative where it lags. The play of the converter at each reversal is taken out. The arms contain the "
-        "misalignment of the input axis."
+        "Gains are relative to that of the slow oscillation that determines the lever arms, phases are relative to "
+        "the table and negative where the accelerometer lags. The hysteresis of the converter at each reversal is "
+        "removed. The arms contain the misalignment of the input axis."
     ),
 )  # fmt: skip

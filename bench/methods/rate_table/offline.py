@@ -13,7 +13,7 @@ from bench.errors import InputError
 from bench.methods.rate_table.reduction import plausibility as plausibility_table
 from bench.methods.rate_table.reduction.blocks import TableRecord
 from bench.methods.rate_table.reduction.lever_arm import AccelerometerSweep, accelerometer_response
-from bench.methods.rate_table.reduction.radius import (
+from bench.methods.rate_table.reduction.recorded_range import (
     BIAS,
     LinearityLimit,
     RangePoint,
@@ -33,7 +33,7 @@ from bench.offline.doubts import SIGNS_OR_ROWS
 from drivers.schema.wording import telling
 
 Positive = Annotated[float, Field(gt=0)]
-LARGEST_U_GAIN = 0.2  # of the gain
+LARGEST_U_GAIN = 0.2  # relative standard uncertainty of the gain
 LONGEST_TOTAL_S = 1.0  # of two samples
 Basis = Literal["reading", "full_scale"]
 
@@ -48,7 +48,7 @@ def _named_runs(commands_dps: dict[str, float]) -> dict[str, float]:
 
 
 class GyroRangeSettings(Settings):
-    """Of `gyro_range`; the full scale is needed where errors are fractions of it."""
+    """Settings of `gyro_range`; the full scale is needed if errors are fractions of it."""
 
     commands_dps: Annotated[dict[str, float], AfterValidator(_named_runs)] = Field(min_length=1)
     fraction: Limit = Field(alias="k_m")
@@ -59,7 +59,7 @@ class GyroRangeSettings(Settings):
 
 
 class AccelerometerRangeSettings(Settings):
-    """Of `acc_range`."""
+    """Settings of `acc_range`."""
 
     local_g_mps2: LocalGravity | None = Field(None, alias="g_mps2")
     range_g: Positive
@@ -69,14 +69,14 @@ class AccelerometerRangeSettings(Settings):
 
 
 class GyroSweepSettings(Settings):
-    """Of `gyro_freq`."""
+    """Settings of `gyro_freq`."""
 
     settle_s: Limit = 0.0
     gain_reference: Literal["absolute", "lowest"] = "absolute"
 
 
 class AccelerometerSweepSettings(Settings):
-    """Of `acc_freq`."""
+    """Settings of `acc_freq`."""
 
     local_g_mps2: LocalGravity | None = Field(None, alias="g_mps2")
     interval_s: Positive = Field(alias="Ts_s")
@@ -85,7 +85,7 @@ class AccelerometerSweepSettings(Settings):
 
 
 class TwoSampleSettings(Settings):
-    """Of `two_sample`."""
+    """Settings of `two_sample`."""
 
     total_s: Positive = Field(alias="h_s")
     x_m: float = Field(alias="rx_m")
@@ -136,7 +136,7 @@ def _acc_range(case: Case) -> dict[str, Any]:
             *plausibility_table.clock(record),
             *plausibility_table.accelerometer_range(record, found.radius_m, found.bias, settings.clip_g),
             *plausibility_table.of_range(
-                max((abs(point.true) for point in found.points if point.true is not None), default=0.0),
+                max((abs(point.error.true) for point in found.points if point.error), default=0.0),
                 settings.range_g,
                 "range_g",
             ),
@@ -145,7 +145,7 @@ def _acc_range(case: Case) -> dict[str, Any]:
 
 
 def _local_g_mps2(case: Case, given_mps2: float | None) -> tuple[float, tuple[str, ...]]:
-    """Gravity as the settings give it, or normal gravity at the site and the note that it is."""
+    """Gravity by the settings, or normal gravity at the site with a note on it."""
     if given_mps2 is not None:
         return given_mps2, ()
     site = case.site
@@ -156,7 +156,7 @@ def _local_g_mps2(case: Case, given_mps2: float | None) -> tuple[float, tuple[st
 
 
 def _range_record(table: Table, output: str, kinds: Iterable[str]) -> TableRecord:
-    """The phases are bias, and words of the `kinds` with a number, which the record itself tells."""
+    """Record of a range; its phases are bias, and words of the `kinds` with a number."""
     seen = {text.strip().lower() for text in set(table.columns["phase"])}
     numbered = sorted(word for word in seen if re.fullmatch(rf"({'|'.join(kinds)})[0-9]{{1,6}}", word))
     return TableRecord(
@@ -179,28 +179,28 @@ def _range_result(
 
 def _gyro_point(point: RangePoint) -> dict[str, Any]:
     return {
-        "phase": point.phase,
-        "mean_dps": point.mean,
-        "table_dps": point.rate_dps,
-        "error_dps": point.error,
+        "phase": point.turning.step,
+        "mean_dps": point.turning.steady.output,
+        "table_dps": point.turning.steady.rate_dps,
+        "error_dps": point.error.value if point.error else None,
         "rel_error": point.relative_error,
         "passed": point.passed,
         "marginal": point.marginal,
-        "saturated": point.saturated,
+        "saturated": point.turning.steady.saturated,
         "stable": point.stable,
     }
 
 
 def _accelerometer_point(point: RangePoint, bias_g: float | None) -> dict[str, Any]:
     return {
-        "phase": point.phase,
-        "a_meas_g": None if bias_g is None else point.mean - bias_g,
-        "a_true_g": point.true,
-        "rate_dps": point.rate_dps,
+        "phase": point.turning.step,
+        "a_meas_g": None if bias_g is None else point.turning.steady.output - bias_g,
+        "a_true_g": point.error.true if point.error else None,
+        "rate_dps": point.turning.steady.rate_dps,
         "rel_error": point.relative_error,
         "passed": point.passed,
         "marginal": point.marginal,
-        "saturated": point.saturated,
+        "saturated": point.turning.steady.saturated,
     }
 
 
@@ -215,7 +215,7 @@ def _gyro_freq(case: Case) -> dict[str, Any]:
 
 
 def _no_swing(points: Sequence[ResponsePoint]) -> Iterator[Doubt]:
-    """A gain that is uncertain even at the lowest frequency, where a gyro follows its table."""
+    """Note on a gain that is uncertain even at the lowest frequency, where a gyro follows its table."""
     lowest = min(points, key=lambda point: point.frequency_hz, default=None)
     if lowest is not None and lowest.u_gain > LARGEST_U_GAIN * lowest.gain:
         seen = f"the gain at {lowest.frequency_hz:g} Hz is {lowest.gain:.3g} with u = {lowest.u_gain:.3g}"
@@ -259,7 +259,7 @@ def _response(found: FrequencyResponse, notes: Iterable[str] = ()) -> dict[str, 
 
 
 def _remarks(found: RangeTest | FrequencyResponse, notes: Iterable[str]) -> dict[str, Any]:
-    """Published flags, and among the notes in words what has none."""
+    """Published flags, and all others as notes."""
     return {
         "flags": [flag for flag in found.flags if flag not in UNITS],
         "notes": [*notes, *found.notes, *(UNITS[flag] for flag in found.flags if flag in UNITS)],
@@ -297,7 +297,7 @@ def _two_sample(case: Case) -> dict[str, Any]:
 
 
 def _no_increments(first_rad: Array, second_rad: Array, settings: TwoSampleSettings, table: Table) -> Iterator[Doubt]:
-    """Increments over half a turn, each of which is a result of its own; a time and a place that are on no table."""
+    """Notes on implausible increments, over half a turn, and on implausible times and positions."""
     size_rad = np.nan_to_num(np.maximum(np.abs(first_rad), np.abs(second_rad)))
     far = np.flatnonzero(size_rad > np.pi)
     if len(far):
@@ -314,7 +314,7 @@ def _no_increments(first_rad: Array, second_rad: Array, settings: TwoSampleSetti
 
 
 def _usable(increment_rad: Array) -> Array:
-    """Increments that are numbers of an instrument; NaN for the rest."""
+    """Increments of plausible size; NaN for the rest."""
     return np.where(np.abs(increment_rad) < 1e100, increment_rad, np.nan)
 
 

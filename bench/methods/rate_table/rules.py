@@ -1,4 +1,4 @@
-"""Rules on whether tests on a rate table can give the results asked for."""
+"""Rules on tests on a rate table: data that the requested results need."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Oscillate, Rotate
 from drivers.can.sent_frames import WITH_THE_COUNTS
 
-LEAST_STEPS = 30.0  # of a swing, pulses or codes: with fewer the steps are much of its uncertainty
-COUNT_SD = 0.29  # of a pulse, that what is left over in a converter varies by
-CODE_PART = 0.1  # of a sine of one code, that rounding changes it by
+LEAST_STEPS = 30.0  # minimum pulses or codes of an oscillation: with fewer, quantisation dominates its uncertainty
+COUNT_SD = 0.29  # of a pulse: standard deviation of the remainder in a converter
+CODE_PART = 0.1  # relative change of a sine of one code by rounding
 RANGE_METHODS, RESPONSE_METHODS = ("gyro_range", "accelerometer_range"), ("gyro_response", "accelerometer_response")
 
 
@@ -35,7 +35,7 @@ def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate | Rotate) -> Iterator[tuple[str, str]]:
-    """What is wrong, and what to do, of each unit whose output has no encoder as near as the motion needs it."""
+    """Problem and advice for each unit whose output has no encoder on a clock as close as the motion needs."""
     all_encoders = [bench.devices[role].encoders for role in devices]
     latched_with = [encoders[motion.role].channel for encoders in all_encoders if motion.role in encoders]
     swings = isinstance(motion, Oscillate)
@@ -73,8 +73,8 @@ def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
         for name, place in bench.places.items():
             output = bench.output_unit(name)
-            told = entry.method in RESPONSE_METHODS and place.voltmeter is not None  # that no voltmeter will do
-            if output not in settings["scale"] and not told:
+            exempt = entry.method in RESPONSE_METHODS and place.voltmeter is not None  # not with a voltmeter
+            if output not in settings["scale"] and not exempt:
                 per = "°/s" if entry.method.startswith("gyro") else "g"
                 yield (
                     ("results", index, "settings"),
@@ -113,7 +113,7 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A swing of only a few pulses or codes, with the uncertainty that this causes."""
+    """An oscillation of only a few pulses or codes, with the resulting uncertainty."""
     for _, entry in _on_a_table(plan):
         if entry.method != "accelerometer_response":
             continue
@@ -125,11 +125,11 @@ def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator[tuple[str, str]]:
-    """Of each unit whose output swings by little over a time: what that costs, and what to do.
+    """Cost and advice for each unit whose output oscillates by little over a time.
 
     A rate of amplitude A makes A·r·S/g pulses at an arm r, whatever the frequency f, and a sine of A·2πf·r·K/g codes.
-    Rounding changes a sine of n codes by about 0.1 n^-3/2 of it, without noise that would hide the steps: 6e-4 of 30.
-    A count is off by 0.29 of a pulse, and by another part after each of the 4 n f T pulses that come within T.
+    Rounding changes a sine of n codes by about 0.1 n^-3/2 of it, without noise that would hide the steps: 6e-4 of 30. A
+    count has an error of 0.29 of a pulse, and another one after each of the 4 n f T pulses within T.
     """
     turn_hz = 2 * math.pi * motion.highest_hz
     rate_dps = motion.amplitude_deg * turn_hz

@@ -1,4 +1,4 @@
-"""The errors of a sensor over its range: a table of the points, and a figure with what is allowed."""
+"""Report of the errors of a sensor over its range: a table of the points, and a plot with the limits."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from bench.reduce.spans import Span, in_unit
 
 RELATIVE = "/relative"
 GOOD, BAD = "#0b5394", "#b42318"
-LEAST_SHOWN, SHOWN_AT = 0.01, 60  # of the full scale; points of a side of the curve
+LEAST_SHOWN, SHOWN_AT = 0.01, 60  # of the full scale; number of points on each side of the curve
 
 
 def range_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """The figure and the table of a unit with a point or more; `name` begins the ids in the page."""
+    """Plot and table of a unit with at least one point; `name` is the prefix of the ids in the page."""
     curve = unit.detail
     if not isinstance(curve, RangeCurve) or not curve.points:
         return
@@ -63,7 +63,7 @@ def _figure(curve: RangeCurve, judged: Sequence[Finding], name: str) -> Plot:
 
 
 def _draw_curve(axes: Axes, curve: RangeCurve, factor: float) -> None:
-    """The curve through the points, on either side of 0 apart."""
+    """Draw the curve through the points, separately on either side of 0."""
     found = curve.linearity
     if found is None:
         return
@@ -104,7 +104,7 @@ def _points(curve: RangeCurve, unit: UnitResult, judged: Sequence[Finding]) -> S
 
 
 def motions(data: RunData) -> Iterator[Span]:
-    """The points of a range or of a sweep, by the rate or the frequency; at rest they have no name."""
+    """Points of a range or of a sweep, by rate or frequency; at rest they have no name."""
     for each in data.acquisitions:
         motion, name = each.motion, ""
         if motion is not None and motion.frequency_hz is not None:

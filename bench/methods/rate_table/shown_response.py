@@ -1,4 +1,4 @@
-"""A frequency response: its Bode plot with the bandwidth and what the table did, and a table of its points."""
+"""Report of a frequency response: Bode plot with bandwidth and table amplitude, and a table of the points."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BLUE, BROWN, GREY = "#0b5394", "#b45309", "#777777"
 
 
 def response_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """The Bode plot and the points of a unit; `name` begins the ids in the page."""
+    """Bode plot and points of a unit; `name` is the prefix of the ids in the page."""
     found = unit.detail
     if not isinstance(found, FrequencyResponse) or not found.points:
         return
@@ -65,11 +65,11 @@ def _draw(axes: Axes, frequency_hz: np.ndarray, values: np.ndarray, bars: np.nda
 
 
 def _mark_bandwidth(gain: Axes, phase: Axes, bandwidth: Bandwidth) -> None:
-    """Half the power, and where the gain falls through it."""
+    """Mark half the power, and the frequency at which the gain falls through it."""
     gain.axhline(HALF_POWER_DB, color=GREY, linewidth=0.7, linestyle="--", label=tr("-3 dB"))
     if bandwidth.frequency_hz is not None:
-        told = tr("bandwidth {hz} Hz", hz=f"{bandwidth.frequency_hz:.2f}")
-        gain.axvline(bandwidth.frequency_hz, color=GREY, linewidth=0.7, label=told)
+        label = tr("bandwidth {hz} Hz", hz=f"{bandwidth.frequency_hz:.2f}")
+        gain.axvline(bandwidth.frequency_hz, color=GREY, linewidth=0.7, label=label)
         phase.axvline(bandwidth.frequency_hz, color=GREY, linewidth=0.7)
     gain.legend(loc="lower left")
 

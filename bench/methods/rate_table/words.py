@@ -1,4 +1,4 @@
-"""What the flags of tests on a rate table mean, in the words of the people who read a report."""
+"""Words for the flags of tests on a rate table in a report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The method of threshold and resolution as a sequence sees it (method M4d)."""
+"""Description of the method of threshold and resolution (method M4d)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ class ThresholdSettings(StrictModel):
     """Settings of a ladder of small steps."""
 
     biased_above_g: Annotated[float, InUnit("g", above=0, at_most=1)] = Field(
-        0.1, alias="biased_above", description="a position with a larger input is biased: it gives the resolution"
+        0.1,
+        alias="biased_above",
+        description="largest input of a threshold; a position with a larger one gives the resolution",
     )
 
 

@@ -1,4 +1,4 @@
-"""Rules on ladders of small steps, from which the method `threshold` finds what a unit follows."""
+"""Rules on ladders of small steps for the method `threshold`."""
 
 from __future__ import annotations
 
@@ -56,19 +56,19 @@ def incomplete_ladder(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def ladder_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A reading at another angle of the head than the loops 'position' and 'offset' say: it counts as theirs."""
+    """A reading at another angle of the head than by the loops 'position' and 'offset': it would count as theirs."""
     axes = {planned.step.role for planned in plan if isinstance(planned.step, Move)}
     for place, entry in _entries(plan):
         for planned, pose in poses_before(plan, bench):
             if len(axes) != 1 or not isinstance(planned.step, Acquire) or planned.step.label != entry.data:
                 continue
             loops, angle_deg = loop_values(planned.id), pose.angles_deg.get(next(iter(axes)), 0.0)
-            said_deg = loops.get("position", 0.0) + loops.get("offset", 0.0)
-            if abs(angle_deg - said_deg) * ARCSEC_PER_DEG > SAME_ANGLE_ARCSEC:
+            loops_deg = loops.get("position", 0.0) + loops.get("offset", 0.0)
+            if abs(angle_deg - loops_deg) * ARCSEC_PER_DEG > SAME_ANGLE_ARCSEC:
                 yield (
                     (*place, "data"),
                     f"{planned.id} is at {angle_deg:.6g}°, and the loop variables 'position' and 'offset' around it "
-                    f"come to {said_deg:.6g}°",
+                    f"come to {loops_deg:.6g}°",
                     "Name the loop over the angles 'position' and that over the steps 'offset'",
                 )
                 break
@@ -115,7 +115,7 @@ def _entries(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
 
 
 def _ladders(plan: Plan, label: str) -> Ladders:
-    """The loop variable `offset` of the acquisitions under a label, in °, by their loop variable `position`."""
+    """Values of the loop variable `offset` of the acquisitions under a label, in °, by loop variable `position`."""
     ladders: Ladders = {}
     for planned, _ in angles_before(plan):
         if isinstance(planned.step, Acquire) and planned.step.label == label:
@@ -125,7 +125,7 @@ def _ladders(plan: Plan, label: str) -> Ladders:
 
 
 def _heads(plan: Plan) -> list[str]:
-    """The heads that the plan moves."""
+    """Heads that the plan moves."""
     return list(dict.fromkeys(planned.step.role for planned in plan if isinstance(planned.step, Move)))
 
 

@@ -1,4 +1,4 @@
-"""Ladders of small steps, drawn and listed: which steps the output followed."""
+"""Report of ladders of small steps: plots and tables of the steps that the output followed."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from bench.reduce.spans import Span
 
 UPWARD: dict[str, Any] = {"color": "#0b5394", "marker": "^"}
 DOWNWARD: dict[str, Any] = {"color": "#b45309", "marker": "v", "markerfacecolor": "white"}
-RATIO_SHOWN = (-0.3, 1.7)  # a ratio far outside is drawn at the edge; the table has it
+RATIO_SHOWN = (-0.3, 1.7)  # a ratio far outside is drawn at the edge; the table has the value
 
 
 def ladder_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """A plot and a table for each ladder; `name` begins their ids in the page."""
+    """Plot and table for each ladder; `name` is the prefix of their ids in the page."""
     if isinstance(unit.detail, tuple):
         for ladder in unit.detail:
             yield _plot(ladder, f"{name}-ladder-{ladder.position_deg:g}")
@@ -67,7 +67,7 @@ def _plot(ladder: Ladder, name: str) -> Plot:
 
 
 def _draw_sense(axes: Axes, steps: list[LadderStep], factor: float, style: dict[str, Any]) -> None:
-    """The steps of one sense, by their size."""
+    """Draw the steps of one sense, by their size."""
     steps = sorted(steps, key=lambda step: step.size_g)
     if steps:
         axes.errorbar(
@@ -118,6 +118,6 @@ def _row(ladder: Ladder, step: LadderStep, factor: float) -> tuple[str, ...]:
 
 
 def ladders(data: RunData) -> Iterator[Span]:
-    """The ladders of small steps, by their positions."""
+    """Ladders of small steps, by their positions."""
     for position, steps in by_position(data).items():
         yield Span(tr("about {angle}°", angle=f"{position:g}"), steps[0].begin_s, steps[-1].end_s)

@@ -1,4 +1,4 @@
-"""What the flags of threshold and resolution mean, in the words of the people who read a report."""
+"""Words for the flags of threshold and resolution in a report."""
 
 from __future__ import annotations
 

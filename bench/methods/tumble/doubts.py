@@ -1,4 +1,4 @@
-"""Doubts about cases of method M4a and of a tilt meter: data that no bench gives (equations 1.10)."""
+"""Doubts about cases of method M4a and of a tilt meter: implausible data (equations 1.10)."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from bench.methods.tumble.reduction.static import Dwell
+from bench.methods.tumble.reduction.dwells import SolvedDwell
 from bench.metrology import plausibility
 from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt
 from bench.offline.doubts import SIGNS_OR_ROWS
 
-SAME_READING_C = 10.0  # between set points; no chamber comes that near to another
-LARGEST_MISFIT = 0.1  # of a reading from what the model of its sensor says, in scale factors
+SAME_READING_C = 10.0  # between set points; no chamber is that far from its set point
+LARGEST_MISFIT = 0.1  # deviation of a reading from the model of its sensor, in scale factors
 NAMED = 5  # dwells
 
 
 def tumble(
-    position_deg: Array, output_v: Array, measured_c: Array, set_c: Array, dwells: Iterable[Dwell]
+    position_deg: Array, output_v: Array, measured_c: Array, set_c: Array, dwells: Iterable[SolvedDwell]
 ) -> Iterator[Doubt]:
-    """Of M4 static; a misalignment or a K2 that no accelerometer has comes from signs or rows."""
+    """Doubts about a case of M4 static; an implausible misalignment or K2 indicates signs or exchanged rows."""
     if plausibility.on_grid(output_v) and not plausibility.on_grid(position_deg):
         yield Doubt("columns_exchanged", "pos_deg and U_V: the voltages are angles of a head, the angles are not")
     yield from plausibility.angles("pos_deg", position_deg)
@@ -51,7 +51,7 @@ def tumble(
 
 
 def _same_reading(measured_c: Array, set_c: Array) -> Iterator[Doubt]:
-    """A thermometer that stands still while the set point goes on."""
+    """Doubt about a thermometer that stays constant while the set point changes."""
     known = np.isfinite(measured_c) & np.isfinite(set_c)
     readings, which = np.unique(measured_c[known], return_inverse=True)
     lowest, highest = np.full(len(readings), np.inf), np.full(len(readings), -np.inf)
@@ -64,7 +64,7 @@ def _same_reading(measured_c: Array, set_c: Array) -> Iterator[Doubt]:
 
 
 def tilts(output_v: Array, out_of_range: int, scale_v_per_g: float, slope_v_per_c: float) -> Iterator[Doubt]:
-    """Of M4 tilt: most samples cannot be tilts, or the settings are those of no accelerometer."""
+    """Doubts about a case of M4 tilt: most samples cannot be tilts, or the settings are implausible."""
     if frozen := plausibility.frozen("U_V", output_v):
         yield frozen
     samples = int(np.sum(~np.isnan(output_v)))

@@ -1,4 +1,4 @@
-"""Method M4a, the static temperature tumble, and the repeatability of a tumble, as a sequence sees them."""
+"""Descriptions of method M4a, the static temperature tumble, and of the repeatability of a tumble."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from drivers.schema.fields import Celsius, InUnit, WholeNumber
 class TemperatureTumbleSettings(BiasPerDegree, ScalePerDegree):
     """Settings of the static temperature tumble."""
 
-    degree: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(4, description="of the polynomials over temperature")
+    degree: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(
+        4, description="degree of the polynomials over temperature"
+    )
     reference_c: Celsius = Field(
-        20.0, alias="reference", description="the temperature about which K0T1, K0T2, K1T1 and K1T2 hold"
+        20.0, alias="reference", description="reference temperature of K0T1, K0T2, K1T1 and K1T2"
     )
     closure_limit_g: Annotated[float, InUnit("g", above=0)] = Field(
         100e-6,
         alias="closure_limit",
-        description="when the bias has moved further between the first dwell and the last, both at one set point, "
-        "every verdict is marginal",
+        description="maximum change of the bias from the first dwell to the last, both at one set point; "
+        "beyond it every verdict is marginal",
     )
 
 
@@ -83,7 +85,7 @@ TEMPERATURE_TUMBLE = MethodDescription(
 
 
 class RepeatabilitySettings(BiasPerDegree):
-    """What is known of the unit beforehand."""
+    """Settings of the repeatability: prior knowledge of the unit."""
 
 
 REPEATABILITY = MethodDescription(

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from pydantic import Field
 
 from bench.methods.tumble import doubts
-from bench.methods.tumble.reduction.static import Characteristic, Dwell, TumbleRecord, reduce_static
+from bench.methods.tumble.reduction.dwells import SolvedDwell
+from bench.methods.tumble.reduction.recorded_dwells import TumbleRecord, recorded_dwells
+from bench.methods.tumble.reduction.temperature_models import TemperatureModels, temperature_models
 from bench.metrology import plausibility
 from bench.metrology.tilt import compare_tilt
 from bench.offline.case_file import LEGS, Case, Reduction, Reductions, Scale, Settings
 
 
 class StaticSettings(Settings):
-    """Of `static`; without a degree it is chosen by the data."""
+    """Settings of `static`; without a degree it is chosen by the data."""
 
     degree: int | None = Field(None, ge=1, le=8)
 
 
 class TiltSettings(Settings):
-    """Of `tilt`."""
+    """Settings of `tilt`."""
 
     scale_v_per_g: Scale = Field(alias="K1_V_per_g")
     bias_v: float = Field(alias="B0_V")
@@ -42,26 +45,29 @@ def _static(case: Case) -> dict[str, Any]:
         output_v=table.numbers("U_V"),
         valid=table.truths("valid"),
     )
-    found = reduce_static(record, settings.degree)
+    dwells, flags, excluded = recorded_dwells(record)
+    values = {
+        "K0": np.array([dwell.tumble.c0 for dwell in dwells]),
+        "K1": np.array([dwell.tumble.k1 for dwell in dwells]),
+    }
+    models = {
+        name: temperature_models(name, value, dwells, settings.degree, lowest=0) for name, value in values.items()
+    }
     return {
-        "points": [_point(dwell) for dwell in found.dwells],
-        "K0": _characteristic(found.bias),
-        "K1": _characteristic(found.scale),
-        "flags": found.flags,
+        "points": [_point(dwell) for dwell in dwells],
+        **{name: _over_temperature(found) for name, found in models.items()},
+        "flags": [*flags, *(flag for found in models.values() for flag in dict.fromkeys(found.flags))],
         "notes": [],
-        "rejected": found.excluded,
-        "doubts": doubts.tumble(
-            record.position_deg, record.output_v, record.measured_c, record.set_c,
-            found.dwells,
-        ),
-    }  # fmt: skip
+        "rejected": excluded,
+        "doubts": doubts.tumble(record.position_deg, record.output_v, record.measured_c, record.set_c, dwells),
+    }
 
 
-def _point(dwell: Dwell) -> dict[str, Any]:
+def _point(dwell: SolvedDwell) -> dict[str, Any]:
     return {
         "T_C": dwell.temperature_c,
         "T_set_C": dwell.set_c,
-        "leg": dwell.leg,
+        "leg": "up" if dwell.rising else "down",
         "cycle": dwell.cycle,
         "dwell": dwell.number,
         "K0_V": dwell.tumble.c0,
@@ -71,13 +77,13 @@ def _point(dwell: Dwell) -> dict[str, Any]:
     }
 
 
-def _characteristic(found: Characteristic) -> dict[str, Any]:
-    polynomial, line, loop = found.polynomial, found.line, found.hysteresis
+def _over_temperature(found: TemperatureModels) -> dict[str, Any]:
+    model, line, loop = found.model, found.line, found.loop
     return {
-        "poly": polynomial.powers if polynomial else [],
+        "poly": model.powers if model else [],
         "linear": line.powers if line else None,
         "u_linear": line.u_powers if line else None,
-        "max_resid": polynomial.max_residual if polynomial else None,
+        "max_resid": model.max_residual if model else None,
         "max_resid_linear": line.max_residual if line else None,
         "hysteresis_max": loop.value if loop else None,
         "hysteresis_at_C": loop.set_c if loop else None,
@@ -86,7 +92,8 @@ def _characteristic(found: Characteristic) -> dict[str, Any]:
 
 def _tilt(case: Case) -> dict[str, Any]:
     settings = case.settings(TiltSettings)
-    table, copies = case.record("tilt", "T_C,U_V").without_copies()  # no time tells a copy from an equal reading
+    # without a time, a copy cannot be distinguished from an equal reading
+    table, copies = case.record("tilt", "T_C,U_V").without_copies()
     found = compare_tilt(
         table.numbers("T_C"),
         table.numbers("U_V"),
@@ -118,6 +125,6 @@ def _tilt(case: Case) -> dict[str, Any]:
 
 
 REDUCTIONS: Reductions = {
-    ("M4", "static"): Reduction(_static, ("tumble",), ("points",), " incomplete: "),
+    ("M4", "static"): Reduction(_static, ("tumble",), ("points",), " incomplete: |:ill_conditioned$"),
     ("M4", "tilt"): Reduction(_tilt, ("tilt",)),
 }

@@ -1,4 +1,4 @@
-"""Rules on whether the acquisitions can give the results asked for."""
+"""Rules on the acquisitions that the results of a tumble need."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ TUMBLE, REPEATABILITY = "temperature_tumble", "repeatability"
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: equations 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
 LEAST_REPETITIONS = 3
-FURTHER = ("K3", "Kip", "asymmetry")  # that eight angles and more tell
-SAME_ANGLE_DIGITS = 3  # of an angle in °
+FURTHER = ("K3", "Kip", "asymmetry")  # terms that eight angles and more determine
+SAME_ANGLE_DIGITS = 3  # decimals of equal angles in °
 OVER_TEMPERATURE = ("/temperature_coefficient", "T1", "T2", "/hysteresis", "/model_residual")
 
 Dwells = dict[str, tuple[float | None, list[float]]]
@@ -39,7 +39,7 @@ def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                     f"{dwell}: {_inseparable(distinct, bench)}",
                     "Acquire near 0°, 90°, 180° and 270° at every temperature",
                 )
-                break  # the other dwells are likely alike
+                break  # the other dwells are likely to have the same problem
             if missing := _not_separated(distinct, [name for name in entry.limits if name in FURTHER], bench):
                 yield (
                     (*place, "limits", missing[0]),
@@ -53,7 +53,7 @@ def _not_separated(angles_deg: list[float], wanted: list[str], bench: BenchFile)
     """Further terms with limits that these angles cannot determine."""
     if not wanted:
         return []
-    import numpy as np  # only where limits name them: checking loads no arithmetic
+    import numpy as np  # only if limits name them, so that a check does not import numpy
 
     from bench.methods.tumble.reduction.solution import further_terms
 
@@ -62,15 +62,15 @@ def _not_separated(angles_deg: list[float], wanted: list[str], bench: BenchFile)
 
 
 def _turned_deg(angles_deg: list[float], bench: BenchFile) -> list[float]:
-    """The angles of the input axis of the first place."""
+    """Angles of the input axis of the first place."""
     mount_deg, axis = next(iter(bench.places.values())).mount_angle, bench.fixture.input_axis
     turned_deg = angles_deg if axis is None else [axis.sense * each + axis.offset_deg for each in angles_deg]
     return [each + mount_deg for each in turned_deg]
 
 
 def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
-    """Constants that cannot be separated, by the arithmetic of the reduction."""
-    import numpy as np  # only where a sequence is wrong: checking loads no arithmetic
+    """Coefficients that cannot be separated, by the arithmetic of the reduction."""
+    import numpy as np  # only if a sequence has this problem, so that a check does not import numpy
 
     from bench.methods.tumble.reduction.solution import IncompleteTumble, solve_tumble
 
@@ -83,9 +83,9 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
 
 
 def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Fewer temperatures than a model needs: its degree drops. One alone is reported only if a limit needs more."""
+    """Fewer temperatures than the degree of a model needs; one alone is reported only if a limit needs more."""
     for place, entry in _tumbles(plan, TUMBLE):
-        from bench.methods.tumble.method import TemperatureTumbleSettings  # loaded if a sequence uses it
+        from bench.methods.tumble.method import TemperatureTumbleSettings  # imported only if a sequence uses the method
 
         degree = TemperatureTumbleSettings.model_validate(entry.settings).degree
         temperatures = {round(set_c, 6) for set_c, _ in _dwells(plan, entry.data).values() if set_c is not None}
@@ -118,7 +118,7 @@ def unnumbered_cycles(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     for place, entry in _tumbles(plan, TUMBLE):
         visits, before_c = [], math.nan
         for dwell, (set_c, _) in _dwells(plan, entry.data).items():
-            if set_c is not None and not math.isnan(before_c):  # of the first one it is not known from which side
+            if set_c is not None and not math.isnan(before_c):  # the side of approach of the first one is unknown
                 visits.append((f"{dwell}/", (round(set_c, 6), set_c > before_c)))
             before_c = math.nan if set_c is None else set_c
         if again := list(unnumbered(visits, "cycle")):
@@ -137,7 +137,7 @@ def _tumbles(plan: Plan, *methods: str) -> Iterator[tuple[Place, ResultEntry]]:
 
 
 def _dwells(plan: Plan, label: str) -> Dwells:
-    """Set point and angles of the acquisitions under a label, by dwells as a run's record is divided into them."""
+    """Set point and angles of the acquisitions under a label, by dwells as in the record of a run."""
     angle_deg, set_c = 0.0, math.nan
     names = DwellNames()
     dwells: Dwells = {}

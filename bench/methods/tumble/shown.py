@@ -1,4 +1,4 @@
-"""What a report shows of a static tumble: its plots, and what its angles tell apart (equations 1.5)."""
+"""Report of a static tumble: its plots, and the terms that its angles separate (equations 1.5)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from bench.metrology.results.finding import UnitResult
 
 
 def tumble_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """The plots of a unit and a table of the terms of the model equation; `name` begins the ids in the page."""
+    """Plots of the unit and a table of the terms of the model equation; `name` is the prefix of the ids in the page."""
     yield from unit_plots(unit, name)
     if isinstance(unit.detail, TumbleAngles):
-        yield _told_apart(unit.detail)
+        yield _separated_terms(unit.detail)
 
 
-def _told_apart(found: TumbleAngles) -> Sheet:
+def _separated_terms(found: TumbleAngles) -> Sheet:
     by_itself = tr("found by itself")
     inside = {
         "K3": tr("these angles cannot separate K3 from K1: K1 contains it"),

@@ -1,4 +1,4 @@
-"""What a report shows of a repeated tumble: its values one after the other, and how they scatter."""
+"""Report of a repeated tumble: its values one after the other, and their scatter."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bench.metrology.results.finding import CONFIDENCE, UnitResult
 
 
 def repeated_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """A plot of the values over the repetitions, and their standard deviations; `name` begins the ids in the page."""
+    """Plot of the values over the repetitions, and their standard deviations; `name` is the prefix of the ids."""
     found = list(rows(unit.detail))
     if not found:
         return

@@ -1,4 +1,4 @@
-"""What the flags of tumbles mean, in the words of the people who read a report."""
+"""Words for the flags of tumbles in a report."""
 
 from __future__ import annotations
 

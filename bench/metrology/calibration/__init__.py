@@ -1,1 +1,1 @@
-"""Calibrations of units: how an output is converted to what it measures."""
+"""Calibrations of units: conversion of an output to the measured quantity."""

@@ -1,8 +1,8 @@
-"""What a sensor reads over its range where it is not quite in proportion to what it measures.
+"""Non-linearity of a sensor over its range.
 
     x = v · (1 + e + a · sign v + q · v/F + c · (v/F)²)
 
-x is the reading without its bias by the stated scale factor, v what is true, F the end of the range. For a gyro these
+x is the reading without its bias by the stated scale factor, v the true value, F the end of the range. For a gyro these
 are the terms of equations 8.6, for an accelerometer the second-order one of 1.4.
 """
 
@@ -30,16 +30,16 @@ RELATIVE: Mapping[str, Callable[[Array], Array]] = {
     "quadratic": lambda part: part,
     "cubic": lambda part: part**2,
 }
-"""What each coefficient adds to a reading, relative to it, by the part v/F of the range."""
+"""Contribution of each coefficient to a reading, relative to it, as a function of v/F."""
 DEPARTURE = "points: departure from the curve"
 DEPARTURE_PROBABILITY = 0.05
-ROUNDS = 8  # each brings v nearer by the size of the coefficients, some parts in a thousand
-LEAST_U = 1e-12  # of the full scale
+ROUNDS = 8  # each iteration reduces the error of v by a factor of the size of the coefficients, some 1e-3
+LEAST_U = 1e-12  # relative to full scale
 
 
 @dataclass(frozen=True, slots=True)
 class Linearity:
-    """The coefficients by the names in RELATIVE, where they are known, and the range of v that they were found over."""
+    """Known coefficients by their names in RELATIVE, and the range of v of their determination."""
 
     coefficients: Mapping[str, float]
     u: Mapping[str, float]
@@ -48,7 +48,7 @@ class Linearity:
     valid: tuple[float, float]
 
     def relative(self, true: Array) -> Array:
-        """By what part of themselves readings of true values (n,) are too large."""
+        """Relative error of the readings of true values (n,)."""
         part = true / self.full_scale
         found = np.zeros_like(part)
         for name, value in self.coefficients.items():
@@ -56,14 +56,14 @@ class Linearity:
         return found
 
     def true(self, reading: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The true values (n,) of readings without bias, and which are beyond: there the error is as at the end."""
+        """True values (n,) of readings without bias, and which are out of range: there the error is that at the end."""
         true = reading
         for _ in range(ROUNDS):
             true = reading / (1 + self.relative(np.clip(true, *self.valid)))
         return true, np.asarray((true < self.valid[0]) | (true > self.valid[1]))
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in a calibration file."""
+        """Content of a calibration file."""
         return {
             "form": FORM,
             "full_scale": self.full_scale,
@@ -75,10 +75,10 @@ class Linearity:
 
 @dataclass(frozen=True, slots=True)
 class LinearityPoint:
-    """A reading without bias and what is true, in one unit; the lines are those of their difference.
+    """A reading without bias and the true value, in one unit; the lines are those of their difference.
 
-    Lines of a source that is common are one error at all points, or one part of what is true at all; the others are of
-    each point alone.
+    Lines of a common source are one error at all points, or one relative error of all true values; the others are
+    independent.
     """
 
     reading: float
@@ -93,11 +93,11 @@ def fit_linearity(
     common: frozenset[str],
     in_proportion: frozenset[str] = frozenset(),
 ) -> tuple[Linearity, Mapping[str, list[BudgetLine]]] | None:
-    """The curve through points, and the lines of each coefficient; None without a point.
+    """Fit the curve through points; return it with the lines of each coefficient; None without a point.
 
-    An error of a source in `common` is one at all points; in proportion it has the sign of what is true there.
+    An error of a source in `common` is the same at all points; in proportion it has the sign of the true value.
 
-    Of `terms`, the first of which matters most, those that the points do not determine are left out.
+    Of `terms`, in order of importance, those that the points do not determine are left out.
     """
     usable = list(terms[: max(len(points) - 1, 1)])
     while points and usable:
@@ -126,12 +126,12 @@ def _fitted(
     own_u = np.sqrt(np.sum([u_of[source] ** 2 for source in u_of if source not in common], axis=0))
     weight = 1 / np.maximum(own_u, LEAST_U * full_scale)
     design = np.column_stack([true * RELATIVE[name](true / full_scale) for name in terms])
-    least_squares(design, error, names=terms)  # raises; weights do not tell terms apart
+    least_squares(design, error, names=terms)  # raises; weights do not separate terms
     fit = least_squares(
         design * weight[:, np.newaxis], error * weight, names=terms, condition_limit=np.finfo(np.float64).max
     )
     gain = fit.gain * weight
-    # What a unit of each source does to each coefficient: a column for each error that is independent of the others.
+    # Sensitivity of each coefficient to each source: a column for each independent error.
     effects = {
         source: (gain @ u)[:, np.newaxis] if source in common else gain * u for source, u in u_of.items()
     }  # fmt: skip
@@ -157,20 +157,20 @@ def _fitted(
 
 
 def _excess(fit: LinearFit) -> float:
-    """By how much more than they should points scatter about the curve, in what they should; 0 where that is chance."""
-    chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof else 1.0  # of chi²
+    """Ratio of the scatter of points about the curve to their expected scatter; 0 if that is by chance."""
+    chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof else 1.0  # chi²
     return float(np.sqrt(fit.residual_sd**2 - 1)) if chance < DEPARTURE_PROBABILITY else 0.0
 
 
 def _column(points: Sequence[LinearityPoint], source: str) -> Array:
-    """The uncertainty that a source has at each point (n,)."""
+    """Standard uncertainty from a source at each point (n,)."""
     return np.array([math.fsum(line.u for line in point.lines if line.source == source) for point in points])
 
 
 def _line(
     points: Sequence[LinearityPoint], source: str, line: BudgetLine | None, parts: Array, of_fit: int
 ) -> BudgetLine:
-    """A source of a coefficient: of one part, or of one for each point, whose degrees of freedom combine as in G.4."""
+    """A source of a coefficient: one part, or one for each point with degrees of freedom combined as in G.4."""
     u = float(np.linalg.norm(parts))
     if line is None:
         return BudgetLine(source, "A", u, of_fit or None)

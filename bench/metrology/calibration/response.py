@@ -1,4 +1,4 @@
-"""The amplitude and the phase of a sine, from what a sensor of known response made of it (equations 5.3 and 5.5)."""
+"""Amplitude and phase of a sinusoidal input from the output of a sensor of known response (equations 5.3 and 5.5)."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ FORM = "amplitude = output / |scale| / |H(f)|, phase = phase of the output - arg
 
 @dataclass(frozen=True, slots=True)
 class ResponseCompensation:
-    """Of one channel at the frequencies `valid_hz`: by the constants K, f0, damping and delay of H(f).
+    """Compensation of one channel at the frequencies `valid_hz`, by the constants K, f0, damping and delay of H(f).
 
-    `correlation` is that of the constants in the order of NAMES; `found_at_c` is told to people.
+    `correlation` is that of the constants in the order of NAMES; `found_at_c` is for people.
     """
 
     channel: str
@@ -38,12 +38,12 @@ class ResponseCompensation:
     def of_model(
         cls, model: Equation, channel: str, units: tuple[str, str], scale: Constant, found_at_c: float | None
     ) -> ResponseCompensation:
-        """By the equation that was fitted to a response; `units` are those of the output and of the value."""
+        """The compensation by a fitted response; `units` are those of the output and of the value."""
         valid_hz = model.valid["frequency_hz"]
         return cls(channel, *units, scale, model.constants, valid_hz, model.correlation, found_at_c)
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in a calibration file."""
+        """Content of a calibration file."""
         return {
             "channel": self.channel,
             "output": self.output_unit,
@@ -64,14 +64,14 @@ class ResponseCompensation:
     def apply(
         self, amplitude: Array, phase_deg: Array, frequency_hz: Array, beyond: Beyond = "hold"
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Amplitudes and phases (n,) of what is measured, and which frequencies are beyond those that H is known at.
+        """Amplitudes and phases (n,) of the input, and a mask of frequencies beyond those at which H is known.
 
-        There the equation goes on, or the amplitude and the phase are NaN.
+        There the equation is extrapolated, or amplitude and phase are NaN.
         """
         low_hz, high_hz = self.valid_hz
         outside = (frequency_hz < low_hz) | (frequency_hz > high_hz)
         used_hz = np.where(outside & (beyond == "reject"), np.nan, frequency_hz)
-        with np.errstate(invalid="ignore"):  # a missing frequency is not-a-number, and so is what comes of it
+        with np.errstate(invalid="ignore"):  # not-a-number for a missing frequency, and for its results
             response = second_order(used_hz, *(self.constants[name].value for name in NAMES))
         of_output = self.scale.value * response
         return amplitude / np.abs(of_output), phase_deg - np.degrees(np.angle(of_output)), outside

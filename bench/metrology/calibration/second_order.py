@@ -1,4 +1,4 @@
-"""The response of a low pass of second order with a delay."""
+"""Response of a second-order low pass with a delay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the output of a calibrated channel becomes what it measures, at the temperature it then has."""
+"""Conversion of the output of a calibrated channel to the measured quantity at its present temperature."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ FORM = "value = (output - offset(T)) / scale(T) - bias(T)"
 class Compensation:
     """Of one channel: value = (output - offset(T)) / scale(T) - bias(T), T the temperature its thermometer indicates.
 
-    `offset` is in the unit of the output, `bias` in that of the value; None is nothing. With a `linearity` this is its
-    x, and the value is its v. For people: `serves` names the inputs that it was found at, `found_at_c` the temperature
-    of one that was found at a single one.
+    `offset` is in the unit of the output, `bias` in that of the value; None means zero. With a `linearity` this is its
+    x, and the value is its v. For people: `serves` names the inputs of the calibration, `found_at_c` its temperature,
+    if it was a single one.
     """
 
     channel: str
@@ -40,13 +40,13 @@ class Compensation:
 
     @property
     def valid_c(self) -> tuple[float, float] | None:
-        """The temperatures that all its curves are known at; None when none of them depends on temperature."""
+        """Temperature range in which all its curves are known; None if none of them depends on temperature."""
         known = [_valid_c(curve) for curve in (self.scale, self.offset, self.bias) if curve is not None]
         ends = [each for each in known if each is not None]
         return (max(low for low, _ in ends), min(high for _, high in ends)) if ends else None
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in a calibration file."""
+        """Content of a calibration file."""
         curves = {"offset": self.offset, "scale": self.scale, "bias": self.bias}
         return {
             "channel": self.channel,
@@ -61,9 +61,9 @@ class Compensation:
         }
 
     def apply(self, output: Array, temperature_c: Array, beyond: Beyond = "hold") -> tuple[Array, NDArray[np.bool_]]:
-        """The values (n,) of outputs at temperatures (n,), and which of them are beyond what is known.
+        """Values (n,) of outputs at temperatures (n,), and a mask of those out of range.
 
-        Beyond it the curves keep their end values, or the value is NaN. So it is where something is missing.
+        Out of range the curves keep their end values, or the value is NaN. It is also NaN for missing data.
         """
         outside = np.zeros(len(temperature_c), dtype=np.bool_)
         held_c = temperature_c

@@ -1,1 +1,1 @@
-"""What a result is: findings with their budgets, limits, equations. Standard library only."""
+"""Results: findings with their budgets, limits, equations. Standard library only."""

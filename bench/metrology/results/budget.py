@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-NEGLIGIBLE = 1e-4  # of the largest line of a budget: 1e-8 of its variance
+NEGLIGIBLE = 1e-4  # relative to the largest line of a budget: 1e-8 of its variance
 
 
 @dataclass(frozen=True, slots=True)
 class BudgetLine:
     """One source of uncertainty: `u` in the unit of the finding, `dof` None for unlimited.
 
-    Lines of several findings with the same `shared` are one and the same error and not independent. An `alias` is
-    something that the value contains and that this method cannot separate from it.
+    Lines of several findings with the same `shared` are the same error, fully correlated. An `alias` is a confounded
+    term: a part of the value that this method cannot separate from it.
     """
 
     source: str
@@ -24,14 +24,14 @@ class BudgetLine:
     shared: str | None = None
 
     def times(self, factor: float) -> BudgetLine:
-        """The line for a value that is `factor` times the one it is of."""
+        """The line for `factor` times the value."""
         return replace(self, u=float(self.u * factor))
 
 
 def combined(lines: Sequence[BudgetLine]) -> tuple[BudgetLine, ...]:
-    """The lines of a budget that contribute, largest first; an alias is kept whatever it is worth.
+    """Lines of a budget that contribute, largest first; an alias is kept whatever its size.
 
-    A line may be made with the sign of a value or of a derivative; the sign is no part of an uncertainty.
+    The sign of a line, from a value or a derivative, is removed.
     """
     lines = [replace(line, u=abs(line.u)) for line in lines]
     least = NEGLIGIBLE * max((line.u for line in lines), default=0.0)

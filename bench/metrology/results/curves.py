@@ -1,6 +1,6 @@
-"""What a method gives a user to compute with: equations whose constants are known, each with its validity range.
+"""Equations with known constants for the user of a unit, each with its validity range.
 
-Every model has `id`, `uut` and `quantity`, and `to_json`, as it stands in the results.
+Every model has `id`, `uut` and `quantity`, and `to_json` for the results.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # models are shown where no arithmetic is loaded
+if TYPE_CHECKING:  # imported for types only: models are shown where numpy is not loaded
     from bench.metrology.least_squares import PolynomialFit
 
 
@@ -38,7 +38,7 @@ class TemperatureModel:
     def of_fit(
         cls, fit: PolynomialFit, *, id: str, uut: str, quantity: str, unit: str, used: int, left_out: tuple[str, ...]
     ) -> TemperatureModel:
-        """The model that a fit over temperature gives, from `used` dwells or legs."""
+        """Model from a fit over temperature, from `used` dwells or legs."""
         return cls(
             id=id,
             uut=uut,
@@ -59,7 +59,7 @@ class TemperatureModel:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in the results."""
+        """JSON content for the results."""
         return {
             "id": self.id,
             "uut": self.uut,
@@ -83,7 +83,7 @@ class TemperatureModel:
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A constant of an equation with its standard uncertainty; `u` None where it is not known."""
+    """A constant of an equation with its standard uncertainty; `u` None if unknown."""
 
     value: float
     unit: str
@@ -94,8 +94,8 @@ class Constant:
 class Equation:
     """An equation in words that a program can follow, and its constants.
 
-    `correlation` is that of the constants in their order, empty where it is not known. `valid` are the ranges of what
-    goes in, each by a name with its unit: "temperature_c".
+    `correlation` is that of the constants in their order, empty if unknown. `valid` are the ranges of the inputs, by
+    names with their unit: "temperature_c".
     """
 
     id: str
@@ -107,7 +107,7 @@ class Equation:
     correlation: tuple[tuple[float, ...], ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in the results."""
+        """JSON content for the results."""
         return {
             "id": self.id,
             "uut": self.uut,
@@ -123,7 +123,7 @@ class Equation:
 
 @dataclass(frozen=True, slots=True)
 class KnotModel:
-    """A quantity over temperature by straight lines between knots, the end values beyond them (equations 4.5)."""
+    """A quantity over temperature by linear interpolation between knots, constant beyond them (equations 4.5)."""
 
     id: str
     uut: str
@@ -134,7 +134,7 @@ class KnotModel:
     u: tuple[float, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in the results."""
+        """JSON content for the results."""
         return {
             "id": self.id,
             "uut": self.uut,

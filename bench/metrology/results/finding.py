@@ -12,22 +12,22 @@ from bench.metrology.results.coverage import COVERAGE, coverage_factor, effectiv
 from bench.metrology.results.curves import Model
 from bench.metrology.results.limits import U_UNKNOWN, Limits, judge
 
-if TYPE_CHECKING:  # findings are shown where no arithmetic is loaded
+if TYPE_CHECKING:  # imported for types only: findings are shown where numpy is not loaded
     from bench.metrology.calibration.response import ResponseCompensation
     from bench.metrology.calibration.temperature import Compensation
 
-CONFIDENCE = 0.95  # of an interval
-NOT_CLOSED = "not_closed"  # the flag of a finding of a unit or bench that changed over the run
-LOWER_BOUND = "more_than"  # the flag of a value of which is only known that it is more
+CONFIDENCE = 0.95  # coverage of an interval
+NOT_CLOSED = "not_closed"  # flag of a finding of a unit or bench that changed during the run
+LOWER_BOUND = "more_than"  # flag of a value that is only a lower bound
 Verdict = Literal["PASS", "FAIL", "INVALID"]
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The range that holds what is true of a value that is no linear function of the readings.
+    """Range of the true value of a result that is not a linear function of the readings.
 
-    That is a largest value, a standard deviation, a time to settle; it holds in 95 of 100 runs at least.
-    `from_scatter` is what the scatter of the values would be expected to make of it if nothing else were there.
+    Such as a largest value, a standard deviation or a settling time; its coverage is at least 95 %. `from_scatter` is
+    the value expected from scatter alone.
     """
 
     low: float
@@ -35,22 +35,22 @@ class Interval:
     from_scatter: float
 
     def beside(self, u: float) -> Interval:
-        """The range of a value that is uncertain by `u`, too, which scatter does not tell."""
+        """Range with an additional standard uncertainty `u` not contained in the scatter."""
         half = (self.high - self.low) / 2
         more = math.hypot(half, COVERAGE * u) - half
         return replace(self, low=max(self.low - more, 0.0), high=self.high + more)
 
     def times(self, factor: float) -> Interval:
-        """The range of a value that is `factor` times the one it is of, without its sign."""
+        """Range of `factor` times the value, without the sign."""
         return Interval(*(abs(factor) * value for value in (self.low, self.high, self.from_scatter)))
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One result of one unit. `at` says under which conditions, `steps` from which steps of the run.
+    """One result of one unit. `at` are its conditions, `steps` the steps of the run it is from.
 
-    A largest value, a standard deviation and a time to settle are no linear function of the readings, so that they have
-    an `interval` beside their budget.
+    A largest value, a standard deviation and a settling time are not linear functions of the readings; they have an
+    `interval` beside their budget.
     """
 
     id: str
@@ -79,7 +79,7 @@ class Finding:
 
     @property
     def k(self) -> float:
-        """Coverage factor by the effective degrees of freedom, 2 where they are unlimited."""
+        """Coverage factor by the effective degrees of freedom, 2 if they are unlimited."""
         return coverage_factor(self.dof)
 
     @property
@@ -89,16 +89,16 @@ class Finding:
 
     @property
     def marginal(self) -> bool:
-        """Whether a limit is so close that the verdict could be another if the measurement were repeated.
+        """True if a limit is so close that a repeated measurement might give another verdict.
 
-        So it is where the unit was not the same at the end of the run as at its beginning.
+        Also true if the unit changed between the beginning and the end of the run.
         """
         limits = self.limits
         return limits is not None and (NOT_CLOSED in self.flags or limits.is_marginal(self.value, self.expanded))
 
     @property
     def within_u(self) -> bool:
-        """Whether a limit that it was held against is within its expanded uncertainty, whichever side it is on."""
+        """True if a limit is within the expanded uncertainty, on either side."""
         if self.limits is None or self.verdict not in ("PASS", "FAIL"):
             return False
         return self.limits.is_within(self.expanded, self.value)
@@ -108,10 +108,10 @@ class Finding:
         return replace(self, flags=(*self.flags, flag))
 
     def judged(self, limits: Limits) -> Finding:
-        """The same finding with limits and, unless it is invalid already, a verdict, flagged where that needs a reason.
+        """The same finding with limits and, unless already invalid, a verdict, with a flag for its reason if needed.
 
-        A budget of nothing tells no uncertainty. What is only known to be more than its value can exceed a
-        limit, not keep below it.
+        An empty budget gives no uncertainty. A value that is only a lower bound can exceed an upper limit, but cannot
+        be shown to keep it.
         """
         if self.verdict == "INVALID":
             return replace(self, limits=limits)
@@ -124,18 +124,18 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Whom findings are of: the unit in a place, and the label under which a run measured it."""
+    """Unit and label of findings: the unit in a place, and the label of its measurement."""
 
     label: str
     place: str
     uut: str
 
     def id(self, quantity: str) -> str:
-        """The id of a finding; of one of several `tail` comes behind it."""
+        """Id of a finding; `tail` distinguishes several of one quantity."""
         return f"{self.label}/{self.place}/{quantity}"
 
     def part(self, name: str) -> Subject:
-        """One axis or direction of the unit."""
+        """Subject for one axis or direction of the unit."""
         return replace(self, place=f"{self.place}/{name}")
 
     def finding(
@@ -151,9 +151,9 @@ class Subject:
         flags: tuple[str, ...] = (),
         interval: Interval | None = None,
     ) -> Finding:
-        """A finding with what contributes of the lines of its budget, not judged yet.
+        """A finding with the lines of its budget that contribute, not judged yet.
 
-        INVALID where a line is not a finite number: how far off the value may be is not known.
+        INVALID if a line is not a finite number, because the uncertainty is then unknown.
         """
         known = [line for line in lines if math.isfinite(line.u)]
         is_known = len(known) == len(lines)
@@ -175,7 +175,7 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """That a unit was dropped from a run, and why; `bad` where the unit itself is proved to have failed."""
+    """Record that a unit was dropped from a run, with the reason; `bad` if the unit itself is proved to have failed."""
 
     at_s: float
     fault: str
@@ -187,10 +187,10 @@ class Dropped:
 class UnitResult:
     """Everything one method found of one unit.
 
-    `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole. `detail` is what the
-    method's own part of the report is drawn from; it is not kept with the results. `compensations` go into
-    the calibration file of the unit. `dropped` where it did not take part to the end: what was found before is kept,
-    and judges nothing.
+    `left_out` names the parts that could not be reduced, `flags` are those of the unit as a whole. `detail` is the data
+    for the method's own part of the report; it is not stored with the results. `compensations` go into the calibration
+    file of the unit. `dropped` is set if it did not take part to the end: earlier findings are kept, but do not count
+    for the verdict.
     """
 
     place: str
@@ -205,11 +205,11 @@ class UnitResult:
 
     @property
     def verdict(self) -> Literal["PASS", "FAIL", "INCOMPLETE", "NOT JUDGED"]:
-        """INCOMPLETE when something is left out, invalid, or nothing found (equations 1.10); else by the limits.
+        """INCOMPLETE if something is left out, invalid, or nothing found (equations 1.10); else by the limits.
 
-        NOT JUDGED where no finding has a limit.
+        NOT JUDGED if no finding has a limit.
 
-        A unit that was dropped is INCOMPLETE, or FAIL where it is proved to be bad.
+        A unit that was dropped is INCOMPLETE, or FAIL if it is proved to be bad.
         """
         if self.dropped is not None:
             return "FAIL" if self.dropped.bad else "INCOMPLETE"

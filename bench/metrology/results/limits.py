@@ -1,8 +1,8 @@
-"""Limits of a result, and the decision whether a value is accepted.
+"""Limits of a result, and the decision on conformity.
 
-A value is held against the limits as it is (simple acceptance), or, where they have a guard band, against an acceptance
+A value is compared with the limits themselves (simple acceptance) or, if they have a guard band, with an acceptance
 interval that is narrower by the band on each side (guarded acceptance; JCGM 106, 8.2 and 8.3.2). Both rules are binary:
-what is not accepted is rejected.
+a value is accepted or rejected.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from typing import Literal, NamedTuple
 
 from bench.metrology.results.coverage import COVERAGE
 
-# Why a value between its limits has another verdict than PASS.
+# Reasons why a value between its limits has another verdict than PASS.
 IN_GUARD_BAND = "guard_band"
 GUARD_BANDS_MEET = "guard_bands_meet"
 U_UNKNOWN = "u_unknown"
 
 
 class Limits(NamedTuple):
-    """What a value may be, in its unit: from `low` to `high`, both included; None leaves a side open.
+    """Limits of a value, in its unit: from `low` to `high`, both included; None leaves a side open.
 
-    `target` is the value meant, where the limits are a tolerance about one. The guard band is `guard_k` standard
-    uncertainties wide, by degrees of freedom without limit; None for simple acceptance. A value is marginal closer to a
+    `target` is the nominal value if the limits are a tolerance about it. The guard band is `guard_k` standard
+    uncertainties wide, by unlimited degrees of freedom; None for simple acceptance. A value is marginal closer to a
     limit than `marginal`; None for its expanded uncertainty.
     """
 
@@ -33,23 +33,23 @@ class Limits(NamedTuple):
     marginal: float | None = None
 
     def room(self, value: float) -> float:
-        """How far inside a value is: its distance to the nearer limit, negative outside, infinite without a limit."""
+        """Distance from a value to the nearer limit, negative outside, infinite without a limit."""
         below = math.inf if self.low is None else value - self.low
         above = math.inf if self.high is None else self.high - value
         return min(below, above)
 
     def is_marginal(self, value: float, expanded: float | None) -> bool:
-        """Whether a limit is that close, on either side of it; never when neither a width nor U is known."""
+        """True if the value is marginal, on either side of a limit; false if neither a width nor U is known."""
         width = expanded if self.marginal is None else self.marginal
         return width is not None and self.is_within(width, value)
 
     def is_within(self, width: float, value: float) -> bool:
-        """Whether a limit is closer to a value than `width`, on either side of it."""
+        """True if a limit is closer to a value than `width`, on either side of it."""
         return any(abs(value - side) < width for side in (self.low, self.high) if side is not None)
 
 
 class Judgement(NamedTuple):
-    """A verdict, whether the value is marginal, and why a value between its limits was not accepted, if it was not."""
+    """A verdict, whether the value is marginal, and the reason if a value between its limits was not accepted."""
 
     verdict: Literal["PASS", "FAIL", "INVALID"]
     marginal: bool
@@ -57,16 +57,16 @@ class Judgement(NamedTuple):
 
 
 def judge(value: float, u: float | None, limits: Limits, k: float = COVERAGE) -> Judgement:
-    """The decision on a value with the standard uncertainty `u`, None where that is not known, and coverage factor `k`.
+    """Decide on a value with the standard uncertainty `u`, None if unknown, and coverage factor `k`.
 
     With few degrees of freedom `k` is more than 2, and the guard band is wider in the same proportion.
 
-    FAIL for a value outside its limits, with `guard_band` for one inside the guard band. INVALID where the guard band
-    lets nothing be decided: u is not known (`u_unknown`), or so large that no value could be accepted
-    (`guard_bands_meet`), which is the bench's fault and not the unit's.
+    FAIL for a value outside its limits, with `guard_band` for one inside the guard band. INVALID if the guard band
+    permits no decision: u is unknown (`u_unknown`), or so large that no value could be accepted (`guard_bands_meet`),
+    which is a problem of the bench and not of the unit.
     """
     marginal, room = limits.is_marginal(value, None if u is None else k * u), limits.room(value)
-    if not room >= 0:  # not a number is outside, too
+    if not room >= 0:  # not-a-number is outside, too
         return Judgement("FAIL", marginal)
     if limits.guard_k is None:
         return Judgement("PASS", marginal)

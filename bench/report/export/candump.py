@@ -1,4 +1,4 @@
-"""CAN frames of a run as can-utils' `candump -l` writes them: those of acquisitions, or all that a trace has."""
+"""CAN frames of a run in the format of can-utils' `candump -l`: those of acquisitions, or all of a trace."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ received from when they were opened until they were closed.
 
 
 def export_candump(run: StoredRun, out: Path) -> list[Path]:
-    """`STREAM.log` for each counter, with the frames of acquisitions; the DBC of the run decodes it.
+    """Write `STREAM.log` for each counter, with the frames of acquisitions; the DBC of the run decodes it.
 
     Times are seconds since 1970, counted from the beginning of the run. `candump.txt` beside the logs states what they
     do not contain.
@@ -44,7 +44,7 @@ def export_candump(run: StoredRun, out: Path) -> list[Path]:
 
 
 def export_trace(run: StoredRun, trace: Path, out: Path) -> list[Path]:
-    """`DEVICE.log` for each device with CAN frames in the trace of a run; times as `export_candump` has them.
+    """Write `DEVICE.log` for each device with CAN frames in the trace of a run; times as in `export_candump`.
 
     Raises InputError for a file that is not a trace of this run.
     """

@@ -19,7 +19,7 @@ Exporter = Callable[[StoredRun, Path], list[Path]]
 
 
 def export_csv(run: StoredRun, out: Path) -> list[Path]:
-    """`readings.csv`, `journal.csv` and a table of each kind of output; `columns.csv` has the unit of every column.
+    """Write `readings.csv`, `journal.csv` and a table of each kind of output; `columns.csv` has the units.
 
     Times are seconds of bench time. Text that a spreadsheet would take for a formula is made harmless.
     """
@@ -47,9 +47,9 @@ def _acquired(run: StoredRun, table: Acquired) -> Iterator[Iterable[object]]:
             [f"{value:.6f}" for value in values.tolist()] if name in TIMES else map(repr, values.tolist())
             for name, values in columns.items()
         ]
-        told = [harmless(word) for word in words.values()]
+        cells = [harmless(word) for word in words.values()]
         for row in zip(*spelled, strict=True):
-            yield (*told, *row)
+            yield (*cells, *row)
 
 
 def _journal(run: StoredRun) -> Iterator[Iterable[object]]:
@@ -59,7 +59,7 @@ def _journal(run: StoredRun) -> Iterator[Iterable[object]]:
 
 
 def _columns(run: StoredRun) -> Iterator[Iterable[object]]:
-    """The unit and the meaning of each column of the other files."""
+    """Unit and meaning of each column of the other files."""
     yield ("table", "column", "unit", "description")
     outputs = {name: table.columns for name, table in acquired(run).items()}
     for table, columns in {"readings": READINGS, **outputs, "journal": JOURNAL}.items():

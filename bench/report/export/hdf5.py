@@ -17,7 +17,8 @@ from bench.report.optional import imported
 HDF5 = "run.h5"
 ROWS_OF_CHUNK = 1 << 14
 _NUMBERS: Mapping[str, Any] = {"chunks": (ROWS_OF_CHUNK,), "shuffle": True, "compression": "gzip"}
-_WORDS: Mapping[str, Any] = {"chunks": (256,)}  # HDF5 keeps words apart from their dataset, where nothing packs them
+# HDF5 stores strings of variable length outside their dataset, uncompressed
+_WORDS: Mapping[str, Any] = {"chunks": (256,)}
 _ROWS = {
     "first_row": Column("", "where its rows begin in the group rows"),
     "row_count": Column("", "how many there are"),
@@ -26,7 +27,7 @@ Values = Mapping[str, Any]
 
 
 def export_hdf5(run: StoredRun, out: Path) -> list[Path]:
-    """`run.h5`: groups `readings`, `journal` and one for each kind of output; each dataset tells unit and description.
+    """Write `run.h5`: groups `readings`, `journal` and one for each kind of output; datasets have unit and description.
 
     A channel of the readings, or an acquisition by a channel, is one element of the datasets in its group. Its values
     are `row_count` elements, from `first_row` on, of those in the group `rows` below it.
@@ -48,7 +49,7 @@ def _readings(run: StoredRun) -> Iterator[tuple[Values, Values]]:
 
 
 def _write_series(h5py: Any, group: Any, columns: Mapping[str, Column], parts: Iterator[tuple[Values, Values]]) -> None:
-    """Writes parts, each some words and the rows that they are of, one after the other."""
+    """Write parts, each with its words and rows, one after the other."""
     heads: list[Values] = []
     below = group.create_group("rows")
     first_row = 0
@@ -75,7 +76,7 @@ def _of_words(h5py: Any, words: Sequence[str]) -> Any:
 
 
 def _append(group: Any, name: str, column: Column, values: Any) -> None:
-    """Adds values (n,) to a dataset, which is made when the first ones come."""
+    """Append values (n,) to a dataset, which is created with the first ones."""
     values = np.asarray(values)
     if name not in group:
         form = _WORDS if values.dtype == object else _NUMBERS

@@ -18,11 +18,11 @@ MATLAB = "run.mat"
 
 
 def export_matlab(run: StoredRun, out: Path) -> list[Path]:
-    """`run.mat` with struct arrays `readings`, `journal` and one of each kind of output, and the struct `run`.
+    """Write `run.mat` with struct arrays `readings`, `journal` and one of each kind of output, and the struct `run`.
 
     An element of `readings` is a channel, of an output an acquisition by a channel, of `journal` an event; series are
-    columns. A variable of a MAT-file is a whole, so all of it is in memory at once; InputError where it is more
-    than the format holds.
+    columns. A variable of a MAT-file cannot be written in parts, so all data are in memory at once; InputError if they
+    exceed the format.
     """
     from scipy.io import savemat
     from scipy.io.matlab import MatWriteError
@@ -48,7 +48,7 @@ def export_matlab(run: StoredRun, out: Path) -> list[Path]:
 
 
 def _about(run: StoredRun) -> Mapping[str, Any]:
-    """What MATLAB shows for `run`: which run it is, and the unit of each column with one."""
+    """Content of `run` in MATLAB: identification of the run, and the unit of each column with one."""
     outputs = {name: table.columns for name, table in acquired(run).items()}
     units = {
         table: {name: column.unit for name, column in columns.items() if column.unit}
@@ -58,7 +58,7 @@ def _about(run: StoredRun) -> Mapping[str, Any]:
 
 
 def _structs(columns: Mapping[str, Column], rows: Iterable[tuple[object, ...]]) -> NDArray[Any]:
-    """A struct array (n, 1) with a field for each column; names are as MATLAB wants them."""
+    """A struct array (n, 1) with a field for each column; names are valid in MATLAB."""
     found = list(rows)
     array = np.empty((len(found), 1), dtype=[(name, object) for name in columns])
     for index, row in enumerate(found):

@@ -23,7 +23,7 @@ from bench.report.export.tables import (
 )
 from bench.report.optional import imported
 
-ROWS_OF_GROUP = 1 << 16  # enough for encodings to pay, and all that is in memory
+ROWS_OF_GROUP = 1 << 16  # enough for encodings to be efficient, and the maximum in memory
 _TYPES = {**dict.fromkeys((*TIMES, *FIXED, "value"), "float64"), **dict.fromkeys(WHOLE_NUMBERS, "int64")}
 _ENCODINGS = {"float64": "BYTE_STREAM_SPLIT", "int64": "DELTA_BINARY_PACKED"}
 
@@ -31,7 +31,10 @@ Batch = Mapping[str, Any]
 
 
 def export_parquet(run: StoredRun, out: Path) -> list[Path]:
-    """`readings.parquet`, `journal.parquet` and a table of each kind of output; counters and numbers as differences."""
+    """Write `readings.parquet`, `journal.parquet` and a table of each kind of output.
+
+    Counters and numbers are stored as differences.
+    """
     arrow, parquet = imported("pyarrow", "parquet"), imported("pyarrow.parquet", "parquet")
     tables = {
         "readings": (READINGS, _readings(run)),
@@ -57,7 +60,7 @@ def _journal(run: StoredRun) -> Iterator[Batch]:
 
 
 def _write(arrow: Any, parquet: Any, path: Path, columns: Mapping[str, Column], batches: Iterator[Batch]) -> Path:
-    """Writes a table; batches are collected to groups of rows, each of which is written as soon as it is whole."""
+    """Write a table; batches are collected to groups of rows, each of which is written once complete."""
     schema = arrow.schema(
         [
             arrow.field(name, _TYPES.get(name, "string"), metadata={"unit": column.unit, "description": column.meaning})

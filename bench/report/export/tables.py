@@ -1,4 +1,4 @@
-"""What a run has recorded, a piece at a time, and what its columns are called in files for other programs."""
+"""Recorded data of a run in parts, with their column descriptions in files for other programs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from drivers.can.sent_frames import Sampled
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: its unit, empty for what has none, and what it holds."""
+    """A column of a table: its unit, empty for none, and its content."""
 
     unit: str
     meaning: str
@@ -92,22 +92,22 @@ WHOLE_NUMBERS = ("seq", "sequence", "tick", "positive", "negative", "position", 
 FIXED = ("tick_period_s", "resolution_deg")
 TIMES = ("t_s", "from_s", "to_s", "device_s")
 Part = tuple[Mapping[str, str], Mapping[str, NDArray[Any]]]
-"""Words that are alike for some rows, and these rows by their columns."""
+"""Words constant for some rows, and these rows by their columns."""
 
 
 Units = Mapping[str, str]
-"""Of the values of channels that send codes or what these are decoded to."""
+"""Unit of the values of channels that send codes or decoded values."""
 
 
 @dataclass(frozen=True)
 class Acquired:
-    """A table of what was acquired: its columns, and the rows of an acquisition."""
+    """A table of acquired data: its columns, and the rows of an acquisition."""
 
     columns: Mapping[str, Column]
     rows: Callable[[Acquisition, Units], Iterator[Part]]
 
     def parts(self, run: StoredRun) -> Iterator[Part]:
-        """Every acquisition, one after the other, as it was on the wire; StoreError."""
+        """Raw data of every acquisition, one after the other; raises StoreError."""
         units = _units(run)
         labels = dict.fromkeys(event.data.get("label") for event in run.reader.events("step_ended"))
         for label in filter(None, labels):
@@ -116,12 +116,12 @@ class Acquired:
 
 
 def readings(run: StoredRun) -> Iterator[Series]:
-    """Every channel that was read, one after the other."""
+    """Readings of every channel, one after the other."""
     return map(run.reader.series, run.reader.channels())
 
 
 def acquired(run: StoredRun) -> dict[str, Acquired]:
-    """The tables of what a run acquired: counters always, what else its bench measures with, gaps where it had some."""
+    """Tables of acquired data: counters always, other instruments of the bench, gaps if there are any."""
     also = {
         "samples": bool(_units(run)),
         "positions": any(entry.encoders for entry in run.bench.devices.values()),
@@ -170,9 +170,9 @@ def _currents(acquisition: Acquisition, _: Units) -> Iterator[Part]:
 
 
 def _part(columns: Mapping[str, Column], words: tuple[str, str], of: object, **kept_as: str) -> Part:
-    """The first two columns are the words, the others are kept under their names, or under another.
+    """Part of a table: the first two columns are the words, the others have their names, or another.
 
-    What is one number for the whole acquisition is repeated in every row.
+    A number valid for the whole acquisition is repeated in every row.
     """
     names = tuple(columns)
     rows = {name: getattr(of, kept_as.get(name, name)) for name in names[2:] if name != "unit"}

@@ -1,4 +1,4 @@
-"""What a plan does against time: lines of set point, angles, rates, levels; bars of soaks, prompts, acquisitions."""
+"""A plan over time: lines of set point, angles, rates, levels; bars of soaks, prompts, acquisitions."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from bench.sequence.steps.talk import Prompt
 from bench.sequence.steps.verbs import Step
 from bench.sequence.steps.waits import Soak, Wait, WaitUntil
 
-Points = list[tuple[float, float]]  # time in s, and the value there; straight lines join them, a NaN parts them
+Points = list[tuple[float, float]]  # (time in s, value); straight lines join the points, a NaN separates them
 
 Kind = Literal["temperature", "angle", "rate", "output"]
 
 
 @dataclass
 class Panel:
-    """Lines in one unit, by role. `swings` go to either side of zero: from, to (s), and how far."""
+    """Lines in one unit, by role. `swings` are oscillations about zero: from, to (s), and amplitude."""
 
     kind: Kind
     label: str
@@ -34,17 +34,17 @@ class Panel:
     swings: list[tuple[float, float, float]] = field(default_factory=list)
 
     def go(self, role: str, begin_s: float, end_s: float, value: float, at_first: float = 0.0) -> None:
-        """A line stays until `begin_s`, and is at `value` at `end_s`."""
+        """Extend a line: constant until `begin_s`, then linear to `value` at `end_s`."""
         line = self.lines.setdefault(role, [(0.0, at_first)])
         line += [(begin_s, line[-1][1]), (end_s, value)]
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan against time; a panel for each thing that occurs.
+    """A plan over time; a panel for each kind of quantity.
 
-    `bars` are begin and end (s) under a name. `passes` are when passes after the first may be: begin, end, how many.
-    With `chosen`, one of several alternatives is shown.
+    `bars` are begin and end (s) under a name. `passes` are the times of possible passes after the first: begin, end,
+    number. With `chosen`, one of several alternatives is shown.
     """
 
     panels: tuple[Panel, ...]
@@ -54,7 +54,7 @@ class Planned:
 
 
 def planned(plan: Plan, expected: Estimate, bench: BenchFile) -> Planned:
-    """Of alternatives the one that takes longer, of passes the first, is shown."""
+    """Content of a plan: the longer one of alternatives, the first of several passes."""
     nodes = (*plan.setup, *plan.steps, *plan.teardown)
     times = {span.step.id: span for span in expected.spans}
     spans = sorted(_shown(nodes, times), key=lambda span: span.begin_s)
@@ -101,7 +101,7 @@ def _add_motion(step: Move | Rotate | Oscillate, span: Span, angle: Panel, rate:
 
 
 def _within_turns(angle_deg: float) -> float:
-    """An angle as it is, or, many turns away, as the angle within a turn that looks the same."""
+    """An angle unchanged or, many turns away, its equivalent within a turn."""
     return angle_deg if abs(angle_deg) <= 2 * TURN_DEG else angle_deg % TURN_DEG
 
 
@@ -133,7 +133,7 @@ def _passes(nodes: Nodes, times: Mapping[str, Span]) -> Iterator[tuple[float, fl
 
 
 def _bars(spans: list[Span]) -> dict[str, list[tuple[float, float]]]:
-    """What takes its time: waits first, acquisitions last, each under its label."""
+    """Bars of steps that take time: waits first, acquisitions last, each under its label."""
     order = {name: number for number, name in enumerate(("prompt", "soak", "wait", "oscillate", "measure"))}
     found: dict[str, list[tuple[float, float]]] = {}
     for span in spans:

@@ -1,4 +1,4 @@
-"""A plan drawn against time, to be hung at the bench."""
+"""Plot of a plan over time, for the wall at the bench."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from bench.sequence.estimate.estimate import Estimate
 from bench.sequence.language.values import as_written
 from bench.sequence.plan.plan import Plan
 
-WIDTH_IN, LEFT_IN = 10.7, 1.15  # of A4 on its side, between the margins
+WIDTH_IN, LEFT_IN = 10.7, 1.15  # landscape A4, between the margins
 TOP_IN, BOTTOM_IN, GAP_IN = 0.42, 0.42, 0.16
 STRIP_IN, PANEL_IN, OUTPUT_IN, BAR_IN = 0.18, 1.25, 0.6, 0.2
 TITLE_LINE_IN, TITLE_CHARACTERS = 0.17, 100
-LEAST_SPAN = 10.0  # of a panel, so that a value at rest is not shown in its last digits
-MOST_NUMBERS = 40  # of values beside a line; more cannot be read
-LONGEST_NAME = 18  # of a row of bars; it stands in the margin
+LEAST_SPAN = 10.0  # minimum range of a panel, so that a constant value does not fill it with noise in its last digits
+MOST_NUMBERS = 40  # values beside a line; more are not legible
+LONGEST_NAME = 18  # characters of the name of a row of bars, in the margin
 PHASE_COLOURS = {"setup": "#e5e7eb", "steps": "#dbeafe", "teardown": "#e5e7eb"}
 LINE_COLOURS = ("#0b5394", "#b45309", "#4d7c0f", "#7e22ce", "#be185d")
 BAR_COLOURS = {"prompt": "#b42318", "soak": "#f59e0b", "wait": "#9ca3af", "oscillate": "#a78bfa", "measure": "#0e7490"}
@@ -40,7 +40,7 @@ ACQUIRE_COLOUR = "#166534"
 
 
 def write_picture(path: Path, plan: Plan, expected: Estimate, bench: BenchFile) -> None:
-    """Writes the picture as FILE.svg, or with what it shows in words as FILE.html; InputError for any other name."""
+    """Write the picture as FILE.svg, or with a description in words as FILE.html; InputError for any other name."""
     if path.suffix not in (".svg", ".html"):
         raise InputError(f"{path}: a picture is written as .svg or .html")
     with drawing():
@@ -72,7 +72,7 @@ def _page(figure: Figure, plan: Plan, expected: Estimate, bench: BenchFile) -> s
 
 
 def plan_figure(plan: Plan, expected: Estimate, bench: BenchFile) -> Figure:
-    """The figure, made while `drawing`: a panel for each thing that occurs, over one time axis."""
+    """The figure, to be called within `drawing`: a panel for each kind of quantity, over one time axis."""
     content = planned(plan, expected, bench)
     heights_in = [STRIP_IN, *(OUTPUT_IN if panel.kind == "output" else PANEL_IN for panel in content.panels)]
     if content.bars:
@@ -82,7 +82,7 @@ def plan_figure(plan: Plan, expected: Estimate, bench: BenchFile) -> Figure:
     height_in = top_in + sum(heights_in) + GAP_IN * (len(heights_in) - 1) + BOTTOM_IN
     figure = new_figure(height_in, width_in=WIDTH_IN, top_in=top_in, bottom_in=BOTTOM_IN)
     figure.subplots_adjust(left=LEFT_IN / WIDTH_IN)
-    gaps = {"hspace": GAP_IN * len(heights_in) / sum(heights_in)}  # a part of the mean height
+    gaps = {"hspace": GAP_IN * len(heights_in) / sum(heights_in)}  # relative to the mean height
     strip, *rows = figure.subplots(
         len(heights_in), 1, sharex=True, squeeze=False, height_ratios=heights_in, gridspec_kw=gaps
     )[:, 0]  # fmt: skip
@@ -119,7 +119,7 @@ def _time_unit(total_s: float) -> tuple[str, float]:
 
 
 def _draw_phases(strip: Axes, expected: Estimate, unit_s: float) -> None:
-    """Blocks with the name and the duration of each phase, where these fit."""
+    """Draw blocks with the name and the duration of each phase, if these fit."""
     strip.set_axis_off()
     begin_s = 0.0
     for phase in PHASES:
@@ -132,7 +132,7 @@ def _draw_phases(strip: Axes, expected: Estimate, unit_s: float) -> None:
 
 
 def _draw_panel(axes: Axes, panel: Panel, unit_s: float) -> None:
-    """Lines with their names, and the values at which they stay."""
+    """Draw lines with their names, and their constant values."""
     colours = cycle(LINE_COLOURS)
     for (role, line), colour in zip(panel.lines.items(), colours, strict=False):
         points = np.array(line)
@@ -159,7 +159,7 @@ def _draw_panel(axes: Axes, panel: Panel, unit_s: float) -> None:
 
 
 def _draw_values(axes: Axes, panel: Panel, unit_s: float) -> None:
-    """The temperature at the end of each ramp."""
+    """Write the temperature at the end of each ramp."""
     ends = [end for line in panel.lines.values() for end in line[2:-1:2]]
     for at_s, value in ends if len(ends) <= MOST_NUMBERS else []:
         axes.annotate(
@@ -169,7 +169,7 @@ def _draw_values(axes: Axes, panel: Panel, unit_s: float) -> None:
 
 
 def _draw_bars(axes: Axes, content: Planned, unit_s: float) -> None:
-    """A row for each kind of step; a bar too short to be seen is a hairline."""
+    """Draw a row for each kind of step; a very short bar is a hairline."""
     for row, (name, bars) in enumerate(content.bars.items()):
         colour = BAR_COLOURS.get(name, ACQUIRE_COLOUR)
         pieces = [(begin_s / unit_s, (end_s - begin_s) / unit_s) for begin_s, end_s in bars]
@@ -181,7 +181,7 @@ def _draw_bars(axes: Axes, content: Planned, unit_s: float) -> None:
 
 
 def _draw_marks(axes: Axes, content: Planned, unit_s: float) -> None:
-    """Where a person is needed, and where a loop may go on longer or shorter."""
+    """Mark prompts, and loops with a measured end."""
     for begin_s, _ in content.bars.get("prompt", ()):
         axes.axvline(begin_s / unit_s, color=BAR_COLOURS["prompt"], linewidth=0.7, linestyle=":")
     for begin_s, end_s, count in content.passes:

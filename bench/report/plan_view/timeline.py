@@ -1,4 +1,4 @@
-"""The timeline of a plan as text: when each step begins, how long it takes, and the bench when it has ended."""
+"""Timeline of a plan as text: beginning and duration of each step, and the bench at its end."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ RESTARTED = {"begin": "again from its begin", "never": "not resumed"}
 
 
 def plan_table(plan: Plan, expected: Estimate, bench: BenchFile) -> Iterator[str]:
-    """A line for each step, and one for each decision that is left to the run; what it decides on is indented.
+    """A line for each step, and one for each decision that is left to the run, with its steps indented.
 
-    The columns in the middle are the bench after the step, one for each device that the plan acts on, and what a
-    resumed run does with the step.
+    The columns in the middle are the bench after the step, one for each device that the plan acts on, and the treatment
+    of the step by a resumed run.
     """
     rows = list(_Rows(plan, expected).rows)
     columns = [_Column(role, bench) for role in acted_on(plan, bench)]
@@ -52,7 +52,7 @@ def plan_table(plan: Plan, expected: Estimate, bench: BenchFile) -> Iterator[str
 
 
 def safe_states(bench: BenchFile) -> Iterator[str]:
-    """A line for each device that moves or energises something: what making it safe does, and within what time."""
+    """A line for each device that moves or energises something: its safe state, and the time to reach it."""
     states = {role: entry.safe_state for role, entry in bench.devices.items() if entry.safe_state.words}
     widths = [max(map(len, column), default=0) for column in (states, (state.words for state in states.values()))]
     for role, state in states.items():
@@ -62,7 +62,7 @@ def safe_states(bench: BenchFile) -> Iterator[str]:
 
 
 def acted_on(plan: Plan, bench: BenchFile) -> list[str]:
-    """The roles that the steps of a plan act on: chambers, then axes, then outputs."""
+    """Roles that the steps of a plan act on: chambers, then axes, then outputs."""
     chambers, axes, outputs = [], list[str](), []
     for planned in plan:
         match planned.step:
@@ -80,13 +80,13 @@ def acted_on(plan: Plan, bench: BenchFile) -> list[str]:
 
 
 def output_unit(role: str, bench: BenchFile) -> str:
-    """What the level of an output is in."""
+    """Unit of the level of an output."""
     device = bench.devices.get(bench.members(role)[0])
     return "A" if device is not None and "current_source" in device.description.capabilities else "V"
 
 
 def turned_by_hand(expected: Estimate, bench: BenchFile) -> Mapping[str, int]:
-    """How often somebody has to turn each head that has no motor, where a plan needs one at all."""
+    """Number of turns by hand of each head without a motor, for plans that need one."""
     times: Counter[str] = Counter()
     for span in expected.spans:
         step = span.step.step
@@ -98,7 +98,7 @@ def turned_by_hand(expected: Estimate, bench: BenchFile) -> Mapping[str, int]:
 
 
 def timeline_json(expected: Estimate, bench: BenchFile) -> dict[str, Any]:
-    """The timeline for programs; what is not known before the run is null."""
+    """Timeline for programs; null for values unknown before the run."""
     return {
         "total_s": expected.total_s,
         "size_bytes": expected.size_bytes,
@@ -136,7 +136,7 @@ def clock(seconds: float) -> str:
 
 
 def _line(begins: str, takes: str, cells: Sequence[str], widths: Sequence[int], step: str) -> str:
-    """A row, no wider than the terminal: of a step that is too long the end is kept, which tells it apart."""
+    """A row, no wider than the terminal: a long step id is shortened to its end, which identifies it."""
     state = "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
     start = f"{begins:>9}  {takes:>11}{state}  "
     room = max(WIDTH - len(start), 24)
@@ -144,7 +144,7 @@ def _line(begins: str, takes: str, cells: Sequence[str], widths: Sequence[int], 
 
 
 class _Column:
-    """What a device of the bench is told in the lines of a plan."""
+    """Column of a device in the lines of a plan."""
 
     def __init__(self, role: str, bench: BenchFile) -> None:
         self.role = role
@@ -154,7 +154,7 @@ class _Column:
         self._unit = output_unit(role, bench)
 
     def cell(self, state: BenchState) -> str:
-        """The set point, the angle, the rate or the level of the device."""
+        """Set point, angle, rate or level of the device."""
         if self._is_chamber:
             return f"{state.set_point_c:g} °C"
         if not self._is_axis:
@@ -173,14 +173,14 @@ def _level(value: float, unit: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """A step with its time, or what the run decides, which has none."""
+    """A step with its time, or a decision of the run, without one."""
 
     text: str
     span: Span | None = None
 
 
 class _Rows:
-    """The rows of a plan in its order and nesting."""
+    """Rows of a plan in its order and nesting."""
 
     def __init__(self, plan: Plan, expected: Estimate) -> None:
         self._spans = iter(expected.spans)

@@ -1,4 +1,4 @@
-"""A plan against a bench: everything that can be known before anything moves."""
+"""Check of a plan against a bench: everything that can be known before anything moves."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from drivers.schema.suggest import did_you_mean
 
 
 def check(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
-    """What is wrong with a plan: by itself, and on a bench where one is given."""
+    """Problems of a plan by itself and, if a bench is given, on that bench."""
     if bench is not None:
         yield from _needs(plan, bench)
         yield from interlocks(plan, bench)
@@ -55,11 +55,11 @@ def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
 def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
     """Problems of steps; one that recurs in every pass of a loop is reported once, with its first step.
 
-    So is one in a sequence that is called repeatedly.
+    The same holds for a sequence that is called repeatedly.
     """
-    told: set[tuple[Path, Place]] = set()
+    reported: set[tuple[Path, Place]] = set()
     needs = plan.sequence.needs
-    seen: set[tuple[Place, int, float]] = set()  # the same step from the same angle is as right in every pass
+    seen: set[tuple[Place, int, float]] = set()  # the same step from the same angle has the same problems in every pass
     for planned, from_deg in angles_before(plan, bench):
         if (once := (planned.place, id(planned.step), from_deg)) in seen:
             continue
@@ -73,8 +73,8 @@ def _steps(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
         for key, problem in found:
             place: Place = (*planned.place, key)
             owner, inner = plan.document.owner(place)
-            if (owner.path, inner) not in told:
-                told.add((owner.path, inner))
+            if (owner.path, inner) not in reported:
+                reported.add((owner.path, inner))
                 yield place, problem
 
 
@@ -103,9 +103,9 @@ def _results(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
 def _result_limits(
     entry: ResultEntry, method: MethodDescription, bench: BenchFile | None, place: Place
 ) -> Iterator[Problem]:
-    """Limits of what the method does not find, or in another unit than it finds it in on the bench.
+    """Problems of limits on results that the method does not have, or in another unit than the method gives.
 
-    Without a bench the units of every output are right, as long as all keys of a limit go with the same.
+    Without a bench the unit of any output is accepted, as long as all keys of a limit agree.
     """
     on_bench = {(bench.output_unit(place), bench.gyro_output_unit(place)) for place in bench.places} if bench else set()
     anywhere = [(unit, unit) for unit in OUTPUT_UNITS]
@@ -119,7 +119,7 @@ def _result_limits(
 
 
 def _labels(document: Document) -> Iterator[str | None]:
-    """The labels of all acquisitions, including invalid steps; None if one is unknown."""
+    """Labels of all acquisitions, including those of invalid steps; None if one is unknown."""
     for part in (document, *document.all_included()):
         yield from _labels_in([part.value.get(phase) for phase in PHASES])
 

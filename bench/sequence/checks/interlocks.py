@@ -1,4 +1,4 @@
-"""The interlocks of a sequence against a bench."""
+"""Check of the interlocks of a sequence against a bench."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bench.sequence.plan.subsequences import declared_at
 
 
 def interlocks(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
-    """What is wrong with the interlocks of a sequence on a bench, whose own stay in force beside them."""
+    """Problems of the interlocks of a sequence on a bench; interlocks of the bench stay in force beside them."""
     declared = plan.sequence.interlocks
     for name in declared:
         if name in bench.interlocks:

@@ -1,4 +1,4 @@
-"""Measured values without limits, whose run ends NOT JUDGED, and data that no result uses."""
+"""Warnings on values without limits, whose runs end NOT JUDGED, and on data that no result uses."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def not_judged(plan: Plan) -> Iterator[Remark]:
             "Add limits to results or to measure steps to get PASS or FAIL",
         )
     reduced = {label for entry in results for label in entry.labels}
-    told: set[str] = set()
+    reported: set[str] = set()
     for planned in plan:
         step = planned.step
-        if isinstance(step, Acquire) and step.label not in reduced | told:
-            told.add(step.label)
+        if isinstance(step, Acquire) and step.label not in reduced | reported:
+            reported.add(step.label)
             yield Remark(
                 "warning",
                 "label-not-reduced",

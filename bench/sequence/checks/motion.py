@@ -1,4 +1,4 @@
-"""Rules on where the head goes, and on how long is counted there."""
+"""Rules on angles of the head and on counting times."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _target_key(step: Move | Orient) -> str:
 
 
 def _outermost(step: Orient, bench: BenchFile, pose: Pose) -> tuple[float, float]:
-    """From where to where the axis that carries all others goes; nowhere when the attitude is not reached."""
+    """Start and end angle of the outermost axis; None if the attitude is not reached."""
     role = next(iter(bench.axes))
     from_deg = pose.angles_deg.get(role, 0.0)
     try:
@@ -55,7 +55,7 @@ def _outermost(step: Orient, bench: BenchFile, pose: Pose) -> tuple[float, float
 
 
 def _meet(from_deg: float, to_deg: float, low_deg: float, high_deg: float) -> bool:
-    """Whether a way has a point in common with a range of angles, which comes back every turn."""
+    """True if a movement and a range of angles, which repeats every turn, have a point in common."""
     begin, end = min(from_deg, to_deg), max(from_deg, to_deg)
     if math.isnan(end):
         return False
@@ -64,7 +64,7 @@ def _meet(from_deg: float, to_deg: float, low_deg: float, high_deg: float) -> bo
 
 
 def unreachable_attitude(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """Attitudes that the table cannot reach in the current mount of the units; one message per step."""
+    """Attitudes that the table cannot reach in the present mount of the units; one message per step."""
     why: dict[Place, dict[str, str]] = {}
     for planned, pose in poses_before(plan, bench):
         if isinstance(planned.step, Orient) and planned.waiting is None:
@@ -72,10 +72,10 @@ def unreachable_attitude(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                 targets_deg(planned.step.attitude, bench, pose)
             except Unreachable as problem:
                 name = planned.step.attitude.name
-                told = str(problem).removeprefix(f"{name} ")
-                why.setdefault(planned.place, {}).setdefault(name, told)
+                text = str(problem).removeprefix(f"{name} ")
+                why.setdefault(planned.place, {}).setdefault(name, text)
     for place, problems in why.items():
-        same = [name for name, told in problems.items() if told == next(iter(problems.values()))]
+        same = [name for name, text in problems.items() if text == next(iter(problems.values()))]
         yield (
             (*place, "orient"),
             f"{', '.join(same)} {next(iter(problems.values()))}",
@@ -84,7 +84,7 @@ def unreachable_attitude(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def short_acquisition(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A counting time below T = 1/(S q), with scale factor S and the resolution q asked for."""
+    """A counting time below T = 1/(S q), with scale factor S and requested resolution q."""
     for planned in plan:
         step = planned.step
         if not isinstance(step, Acquire) or step.resolution is None or step.duration_s is None:
@@ -104,11 +104,11 @@ def short_acquisition(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                     "µg",
                     f"Count for at least {math.ceil(needed_s)} s",
                 )
-                break  # the other places are likely alike
+                break  # the other places are likely to have the same problem
 
 
 def resolution_problems(step: Acquire) -> Iterator[tuple[str, str]]:
-    """A resolution in a unit that is none of acceleration."""
+    """A resolution that is not in a unit of acceleration."""
     if step.resolution is not None and step.resolution.dimension not in (NO_DIMENSION, G.dimension):
         yield "resolution", f"is {step.resolution}, expected a quantity in g, or a ratio to 1 g such as 1 ppm"
     elif step.resolution is not None and step.resolution.base_value <= 0:

@@ -1,4 +1,4 @@
-"""Rules on names that a sequence declares and does not use."""
+"""Rules on names that a sequence declares but does not use."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def unused_need(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def _mentioned(step: Step) -> Iterator[str]:
-    """The roles and readings that a step names."""
+    """Roles and readings that a step names."""
     for key in ("role", "of", "reading"):
         if name := getattr(step, key, None):
             yield name.partition(".")[0]

@@ -9,11 +9,11 @@ from bench.sequence.steps.fields import is_known
 from bench.sequence.steps.waits import Steady
 from drivers.quantity.units import QuantityError
 
-Found = Iterator[tuple[str, str]]  # the key that is wrong, and what is wrong with it
+Found = Iterator[tuple[str, str]]  # (key with the problem, problem)
 
 
 def steady_problems(steady: Steady, places: Iterable[str], bench: BenchFile) -> Found:
-    """What keeps the outputs of units from being held against a rule."""
+    """Reasons why the outputs of units cannot be checked against a stability criterion."""
     for name in places:
         if bench.places[name].channels is not None:
             yield "wait_until", f"'steady' is for units with one channel; place '{name}' is for an inertial unit"
@@ -27,7 +27,7 @@ def steady_problems(steady: Steady, places: Iterable[str], bench: BenchFile) -> 
 
 
 def without_nominal(key: str, places: Iterable[str], bench: BenchFile) -> Found:
-    """Units without a nominal output at 1 g in the bench file, where a step needs it."""
+    """Units without a nominal output at 1 g in the bench file, where a step needs one."""
     for name in places:
         if bench.nominal_per_g(name) is None:
             parts = bench.places[name].output_per_g_keys

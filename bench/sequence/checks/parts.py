@@ -1,4 +1,4 @@
-"""Rules on the loops and groups whose names a method looks for around the acquisitions of a result."""
+"""Rules on the loops and groups that a method finds by name around the acquisitions of a result."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from drivers.schema.suggest import nearest
 
 
 def missing_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """No acquisition is in a loop or group by whose name the method knows a part of its data."""
+    """A method's named loop or group that contains no acquisition of its data."""
     for index, entry in enumerate(plan.sequence.results):
         acquired = acquired_under(plan, entry.data)
         names = {part.partition("=")[0].partition("#")[0] for step_id in acquired for part in step_id.split("/")}
@@ -27,9 +27,9 @@ def missing_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def unnumbered(visits: Iterable[tuple[str, Hashable]], loop: str) -> Iterator[str]:
-    """Return the ids of steps that come again without being in a loop of this name.
+    """Return the ids of steps that occur again without being in a loop of this name.
 
-    `visits` are ids of steps, each with what makes two of them the same visit.
+    `visits` are ids of steps, each with the key that identifies equal visits.
     """
     seen = set()
     for step_id, key in visits:

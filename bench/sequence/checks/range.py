@@ -1,4 +1,4 @@
-"""The rule that no step takes a unit beyond its range: at an angle, on the way there, or by turning."""
+"""Rule that no step exceeds the range of a unit: at an angle, on the way there, or by rotation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bench.sequence.steps.orienting import Pose
 from bench.sequence.steps.stimulus import Move, Oscillate, Rotate
 
 RATE, ACCELERATION = "°/s", "g"
-SAME = 1e-9  # of a range: what is exactly at its end is within
+SAME = 1e-9  # relative; a value exactly at the end of a range is within it
 
 
 def beyond_unit_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
@@ -50,7 +50,7 @@ def _advice(key: str) -> str:
 
 
 def _input_deg(head_deg: float, bench: BenchFile, place: PlaceEntry, pose: Pose) -> float:
-    """The angle of the input axis above the horizontal, before the unit is clocked."""
+    """Angle of the input axis above the horizontal, before the unit is clocked."""
     axis, mount = bench.fixture.input_axis, bench.fixture.mount(pose.mount)
     if axis is None:
         return math.nan
@@ -58,7 +58,7 @@ def _input_deg(head_deg: float, bench: BenchFile, place: PlaceEntry, pose: Pose)
 
 
 def _by_gravity(step: Move, bench: BenchFile, place: PlaceEntry, pose: Pose) -> tuple[float, float]:
-    """The most of gravity along the input axis on the way of a move, but for where it begins, and at its end, in g.
+    """Largest gravity component (g) along the input axis during a move, excluding its start, and at its end.
 
     0 on tables with several axes.
     """
@@ -71,12 +71,12 @@ def _by_gravity(step: Move, bench: BenchFile, place: PlaceEntry, pose: Pose) -> 
         return 0.0, 0.0
     clock = abs(math.cos(math.radians(bench.fixture.mount(pose.mount).clock)))
     *_, at_target = along = [clock * abs(math.sin(math.radians(each))) for each in ends]
-    goes_upright = math.floor((high - 90) / 180) > math.floor((low - 90) / 180)  # through ±90°
+    goes_upright = math.floor((high - 90) / 180) > math.floor((low - 90) / 180)  # the way passes ±90°
     return clock if goes_upright else max(along), at_target
 
 
 def _while_turning(rate_dps: float, bench: BenchFile, place: PlaceEntry, unit: str) -> float:
-    """The most input of a unit on a table that turns at a rate: that, or what its arm along x makes of it."""
+    """Largest input of a unit on a rotating table: the rate, or the centripetal acceleration of its arm along x."""
     if unit == RATE:
         return abs(rate_dps)
     along_m = abs(place.arm.x) if place.arm is not None else 0.0
@@ -84,7 +84,7 @@ def _while_turning(rate_dps: float, bench: BenchFile, place: PlaceEntry, unit: s
 
 
 def _while_swinging(step: Oscillate, bench: BenchFile, place: PlaceEntry, unit: str) -> float:
-    """The same on a table that swings: its largest rate, or what the arm along y makes of how that changes."""
+    """Largest input of a unit on an oscillating table: peak rate, or tangential acceleration of its arm along y."""
     turn_hz = 2 * math.pi * step.highest_hz
     peak_dps = step.amplitude_deg * turn_hz
     if unit == RATE:

@@ -11,11 +11,11 @@ from bench.config.models import BenchFile
 from bench.sequence.plan.plan import Plan
 
 Severity = Literal["error", "warning"]
-Found = tuple[Place, str, str]  # where a plan is not as it should be, what is wrong there, and what to do instead
+Found = tuple[Place, str, str]  # (place in the plan, problem, advice)
 
 
 class Rule(NamedTuple):
-    """One rule on a whole plan; `name` is stable, `title` states what holds if nothing is found."""
+    """One rule on a whole plan; `name` is stable, `title` states the property that a plan without remarks has."""
 
     name: str
     severity: Severity
@@ -25,9 +25,9 @@ class Rule(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What a rule found: a run with an error is refused, a run with a warning goes on.
+    """Remark of a rule: a run with an error is refused, a run with a warning is allowed.
 
-    `elsewhere` is the document that `place` is in, where that is not the sequence.
+    `elsewhere` is the document of `place` if it is not the sequence.
     """
 
     severity: Severity
@@ -38,10 +38,10 @@ class Remark:
     elsewhere: Document | None = field(default=None, compare=False, repr=False)
 
     def document(self, sequence: Document) -> Document:
-        """The document that it is on."""
+        """The document that the remark refers to."""
         return self.elsewhere or sequence
 
     @property
     def text(self) -> str:
-        """All of it but the place, in one line."""
+        """Problem, advice and rule in one line, without the place."""
         return f"{self.problem}. {self.advice} [{self.rule}]"

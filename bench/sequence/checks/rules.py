@@ -1,4 +1,4 @@
-"""The rules that a plan is held against as a whole, once each of its steps is right by itself."""
+"""Rules on a plan as a whole, applied once every single step is valid."""
 
 from __future__ import annotations
 
@@ -41,21 +41,21 @@ GENERIC = (
 
 
 def rules_of(methods: Iterable[MethodDescription]) -> tuple[Rule, ...]:
-    """The rules on every plan, and those that these methods bring."""
+    """Rules that apply to every plan, and those of these methods."""
     targets = dict.fromkeys(method.rules for method in methods if method.rules)
     return (*GENERIC, *chain.from_iterable(loaded(target) for target in targets))
 
 
 def every_rule() -> tuple[Rule, ...]:
-    """The rules of all installed methods too."""
+    """Rules that apply to every plan, and those of all installed methods."""
     return rules_of(known_methods().values())
 
 
 def judge(plan: Plan, bench: BenchFile) -> tuple[Remark, ...]:
-    """What the rules find in a plan without other problems, in the order of the file; each place once for each rule."""
+    """Remarks of the rules on a plan without other problems, in file order; one for each place and rule."""
     found = {
         (rule.name, place): Remark(rule.severity, rule.name, place, problem, advice)
         for rule in rules_of(known_methods()[entry.method] for entry in plan.sequence.results)
-        for place, problem, advice in reversed(list(rule.find(plan, bench)))  # of many passes the first is kept
+        for place, problem, advice in reversed(list(rule.find(plan, bench)))  # of several passes the first is kept
     }
     return tuple(sorted(found.values(), key=lambda remark: (plan.document.mark(remark.place), remark.rule)))

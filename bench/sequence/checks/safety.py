@@ -1,4 +1,4 @@
-"""Rules on how a run leaves the bench and the unit, and on what watches over the unit meanwhile."""
+"""Rules on the state in which a run leaves bench and unit, and on the monitoring of the unit."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from bench.sequence.plan.plan import Plan, PlannedStep
 from bench.sequence.steps.orienting import Orient
 from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 
-DRY_FROM_C = 15.0  # the dew point of a laboratory is below it
+DRY_FROM_C = 15.0  # above the dew point of a laboratory
 
 
 def left_energised(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """An output that is switched on and that the teardown, which runs even when a step fails, does not switch off."""
+    """An output that is switched on and that the teardown does not switch off."""
     on: dict[str, PlannedStep] = {}
     for planned in plan:
         step = planned.step
@@ -32,7 +32,7 @@ def left_energised(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def no_teardown(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A bench that is moved or heated, and not returned by the teardown."""
+    """A bench that is moved or heated and that no teardown returns."""
     for planned in plan if not plan.teardown else ():
         if isinstance(planned.step, (Move, Orient, Rotate, Oscillate, Ramp)):
             yield (
@@ -60,7 +60,7 @@ def left_cold(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def limit_below_window(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A supply whose current limit is below the supply windows of its units, so that they never trip."""
+    """A supply whose current limit is below the supply windows of its units, so that these never trip."""
     for planned in plan:
         step = planned.step
         if not isinstance(step, SetOutput) or step.current_limit_a is None:

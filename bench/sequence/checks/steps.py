@@ -1,6 +1,6 @@
-"""A step against the bench it is to be done on: what it acts on, and values beyond what the bench file allows.
+"""Check of a step against its bench: the device it acts on, and values beyond the limits of the bench file.
 
-The same rules hold before the run, and in it for a step whose values were measured on the way.
+The same check is made before the run and, for steps with measured values, during it.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from drivers.quantity.units import QuantityError, quoted
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import in_plain_words
 
-COUNTS_OF_A_SINE = 20  # of the encoder, that its peak angle must be at least
-Found = Iterator[tuple[str, str]]  # the key that is wrong, and what is wrong with it
+COUNTS_OF_A_SINE = 20  # of the encoder; the peak angle must be at least this
+Found = Iterator[tuple[str, str]]  # (key with the problem, problem)
 
 
 def role_problems(step: Step, needs: Mapping[str, str], bench: BenchFile | None) -> Found:
-    """Problems of a role or reading: not among the needs, or unable to do the step."""
+    """Problems of a role or reading: not among the needs, or not capable of the step."""
     match step:
         case Wait() | Note() | Alarm() | Prompt():
             return
@@ -73,7 +73,7 @@ def _role(role: str, key: str, kinds: tuple[str, ...], needs: Mapping[str, str])
 
 
 def _without_axes(bench: BenchFile | None) -> Found:
-    """Why nothing can be oriented on a bench."""
+    """Reason why a bench cannot orient units; "" if it can."""
     if bench is None:
         return
     if not bench.axes:
@@ -111,7 +111,7 @@ def _custom(step: Custom, needs: Mapping[str, str]) -> Found:
 
 
 def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
-    """Whether the bench has the device of the step; a missing one is reported with the needs."""
+    """True if the bench has the device of the step; a missing one is reported with the needs."""
     if isinstance(step, WaitUntil) and step.steady is not None:
         return bool(units_at(step.reading, bench))
     if isinstance(step, (WaitUntil, Measure, Tare)):
@@ -125,7 +125,7 @@ def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
 def limit_problems(  # noqa: C901  one case for each kind of step
     step: Step, bench: BenchFile, from_deg: float = 0.0
 ) -> Found:
-    """Values beyond what the bench file allows; a move begins where the last one ended, at `from_deg`."""
+    """Values beyond the limits of the bench file; a move begins at the target of the last one, `from_deg`."""
     match step:
         case Move():
             yield from _move(step, bench.devices[step.role], step.target_deg(from_deg))
@@ -196,9 +196,9 @@ def _rotate(step: Rotate, table: DeviceEntry, from_deg: float) -> Found:
 
 
 def _oscillate(step: Oscillate, table: DeviceEntry) -> Found:
-    """A sine asks for amplitude x omega of rate and amplitude x omega squared of acceleration (equations 5.1).
+    """Limits of a sine: it needs a rate of amplitude × ω and an acceleration of amplitude × ω² (equations 5.1).
 
-    The acceleration asks for a torque, and the amplitude must be at least 20 counts of the encoder.
+    The acceleration needs torque, and the amplitude must be at least 20 counts of the encoder.
     """
     omega = 2 * math.pi * step.highest_hz
     yield from _beyond(table, step.role, "sweep" if step.sweep else "frequency", "frequency", step.highest_hz, "Hz")

@@ -1,4 +1,4 @@
-"""Rules on how the steps of a plan go together: at the same time, one after the other, or never."""
+"""Rules on the combination of steps in a plan: simultaneous, consecutive, or never reached."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _parallel(nodes: Nodes) -> Iterator[Branches]:
 
 
 def _used(nodes: Nodes, bench: BenchFile) -> dict[str, PlannedStep]:
-    """The devices that steps act on, each with the first step that does; readings are for everybody."""
+    """Devices that steps act on, each with its first step; readings may be shared."""
     used: dict[str, PlannedStep] = {}
     for planned in leaves(nodes):
         if isinstance(planned.step, Orient):
@@ -100,7 +100,7 @@ def _ifs_in(raw: Any, place: Place) -> Iterator[tuple[Place, dict[str, Any]]]:
 
 
 def _constant(raw: Any) -> bool | None:
-    """What a condition without names comes to; None for one with names."""
+    """Value of a condition without names; None for one with names."""
     if holds_expression(raw) and names_in(raw[2:-1]):
         return None
     try:

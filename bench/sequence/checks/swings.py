@@ -1,4 +1,4 @@
-"""The rule on swings that are sampled at few phases, and which acquisitions a plan makes during a motion."""
+"""Rule on oscillations sampled at few phases, and the acquisitions that a plan makes during a motion."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from bench.sequence.plan.plan import Plan, PlannedStep
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Oscillate, Rotate
 
-FEW_PHASES = 100  # of a swing that the samples come back to; their number divides the errors of the encoder
-Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition, and what turns the table meanwhile
+FEW_PHASES = 100  # maximum number of repeated phases; encoder errors are reduced by their number only
+Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition and the motion of the table during it
 
 
 def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A swing sampled at only a few phases: the quantisation of the encoder does not average out."""
+    """An oscillation sampled at only a few phases, so that the quantisation of the encoder does not average out."""
     for planned, motion in acquired_inside(plan, None):
         step = planned.step
         if not isinstance(step, Acquire) or not isinstance(motion, Oscillate) or step.duration_s is None:
             continue
         for period_s in _periods_s(bench, step.role, motion.role):
-            turns = motion.highest_hz * period_s  # of the swing, from sample to sample
+            turns = motion.highest_hz * period_s  # periods of the oscillation from sample to sample
             near = Fraction(turns).limit_denominator(FEW_PHASES)
             drift = abs(turns - near) * step.duration_s / period_s
             if drift * near.denominator < 1:
@@ -35,7 +35,7 @@ def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def _periods_s(bench: BenchFile, role: str, device: str) -> Iterator[float]:
-    """From latch to latch of what latches the encoder of a device in an acquisition."""
+    """Periods (s) of the devices that latch the encoder of a device in an acquisition."""
     for each in bench.acquired_from(role):
         encoders = bench.devices[each].encoders
         if device in encoders:
@@ -43,7 +43,7 @@ def _periods_s(bench: BenchFile, role: str, device: str) -> Iterator[float]:
 
 
 def acquired_inside(plan: Plan, label: str | None) -> Iterator[Inside]:
-    """The acquisitions under a label, or all, each with what turns the table while it is done."""
+    """Acquisitions under a label, or all, each with the motion of the table during it."""
     turning = {planned.id: planned.step for planned in plan if isinstance(planned.step, (Oscillate, Rotate))}
     for planned in plan:
         if isinstance(planned.step, Acquire) and label in (None, planned.step.label):
@@ -52,5 +52,5 @@ def acquired_inside(plan: Plan, label: str | None) -> Iterator[Inside]:
 
 
 def place_of(plan: Plan, motion: Oscillate) -> tuple[str | int, ...]:
-    """The place of a swing in the document."""
+    """Place of an oscillation in the document."""
     return next(planned.place for planned in plan if planned.step is motion)

@@ -1,4 +1,4 @@
-"""Rules on units in their places: that a method is for them, and what is connected to their converters."""
+"""Rules on units in their places: suitability of the method, and connections of their converters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bench.sequence.steps.talk import Prompt
 
 
 def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A method whose kind of unit, or whose bench entries, a place does not have."""
+    """A method for another kind of unit than a place has, or one that needs an entry missing in the bench file."""
     for index, entry in enumerate(plan.sequence.results):
         method = known_methods()[entry.method]
         wanted = method.measures
@@ -37,11 +37,11 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def source_unplugged(plan: Plan, bench: BenchFile) -> Iterator[Found]:
-    """A source that is on while disconnected from the converter, or while a prompt asks to change that."""
+    """A source that is on while not connected to the converter, or while a prompt asks to change that."""
     sources = {place.source for place in bench.places.values() if place.source}
     at_levels = any(known_methods()[entry.method].counts_at == "levels" for entry in plan.sequence.results)
     if not at_levels and not any(_plugs(planned) == "source" for planned in plan):
-        return  # a bench may be wired for good, and such a sequence says nothing of it
+        return  # the wiring of a bench may be permanent; such a sequence contains no prompt for it
     plugged_in, on = False, set[str]()
     for planned in plan:
         step, plugs = planned.step, _plugs(planned)
@@ -66,6 +66,6 @@ def source_unplugged(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 
 def _plugs(planned: PlannedStep) -> str | None:
-    """What a person is to plug into the converters in a step."""
+    """Input of the converters that a person is asked to connect in a step."""
     step = planned.step
     return step.expect.input if isinstance(step, Prompt) and step.expect is not None else None

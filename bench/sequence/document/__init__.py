@@ -1,1 +1,1 @@
-"""A sequence file as a document: its parts, its schema, a file to start from."""
+"""Sequence files as documents: model, schema, starter file."""

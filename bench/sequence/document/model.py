@@ -1,4 +1,4 @@
-"""What a sequence file says."""
+"""Model of a sequence file."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ Limit = Annotated[Quantity | None, PlainValidator(quantity), WithJsonSchema(QUAN
 
 
 class Parameter(StrictModel):
-    """A value that a run may choose: its kind and unit are those of the default, its range is checked."""
+    """A value that a run may choose; kind and unit are those of the default, the range is checked."""
 
-    help: Text = Field(description="what it is, for the person who chooses")
+    help: Text = Field(description="meaning, for the person who chooses")
     default: AnyValue = Field(description="gives the kind and the unit")
     min: Limit = Field(None, description="the lowest value allowed, of each in a list")
     max: Limit = Field(None, description="the highest value allowed, of each in a list")
@@ -73,7 +73,7 @@ class Parameter(StrictModel):
         return one
 
     def problem_with(self, value: Value) -> str:
-        """What is wrong with a value for this parameter; empty when nothing is."""
+        """Problem of a value for this parameter; empty if it has none."""
         if isinstance(value, tuple) != isinstance(self.default, tuple):
             return "is a list, expected one value" if isinstance(value, tuple) else "is one value, expected a list"
         if value == ():
@@ -101,7 +101,7 @@ class Parameter(StrictModel):
 
 
 def _unit_as_written(quantity: Quantity) -> str:
-    """The unit in which a quantity was written."""
+    """Unit in which a quantity was written."""
     number, _, unit = quantity.written.partition(" ")
     return (
         unit if number and unit and not any(letter.isdigit() for letter in unit) else customary_unit(quantity.dimension)
@@ -111,12 +111,12 @@ def _unit_as_written(quantity: Quantity) -> str:
 class Preset(StrictModel):
     """Values for several parameters under one name."""
 
-    help: Text = Field(description="what it is for")
-    set: Mapping[Name, AnyValue] = Field(description="the parameters and what they are")
+    help: Text = Field(description="purpose")
+    set: Mapping[Name, AnyValue] = Field(description="values of the parameters")
 
 
 def _without_names(raw: Any, _handler: Any) -> LimitEntry:
-    """Limits whose expressions are evaluated at once: those of a result have no names that could be known later."""
+    """Validate limits with their expressions evaluated at once: those of a result have no names with later values."""
     return LimitEntry.model_validate(raw)
 
 
@@ -125,15 +125,15 @@ class ResultEntry(StrictModel):
 
     method: str = Field(description="the name of an installed method")
     data: Name = Field(description="the label of the acquisitions")
-    settings: Any = Field(default_factory=dict, description="the method's own")
+    settings: Any = Field(default_factory=dict, description="settings of the method")
     closure: Name | None = Field(
-        None, description="the label of what is acquired at the beginning and again at the end, to see what has changed"
+        None, description="the label of acquisitions at the beginning and at the end, compared as a stability check"
     )
     limits: Mapping[str, Annotated[LimitEntry, WrapValidator(_without_names)]] = {}
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Those of all that it reduces."""
+        """Labels of all acquisitions that it reduces."""
         return (self.data,) if self.closure is None else (self.data, self.closure)
 
 
@@ -143,7 +143,7 @@ class Outline(StrictModel):
     schema_: Literal["itb-sequence/1"] = Field(alias="schema", description="version of the file format")
     title: Text = Field(description="the title in the report")
     needs: Mapping[Name, Annotated[str, AfterValidator(_kind), WithJsonSchema({"enum": list(KINDS)})]] = Field(
-        description="what the steps act on, called as on the bench"
+        description="the devices and readings of the steps, named as on the bench"
     )
     parameters: Mapping[Name, Parameter] = {}
     presets: Mapping[Name, Preset] = {}
@@ -152,8 +152,8 @@ class Outline(StrictModel):
 
 
 class SequenceFile(Outline):
-    """One `sequences/*.yaml`."""
+    """One file `sequences/*.yaml`."""
 
     setup: tuple[AnyBlock, ...] = Field((), description="before the measurement")
     steps: Steps = Field(description="the measurement")
-    teardown: tuple[AnyBlock, ...] = Field((), description="at the end, whatever happened before")
+    teardown: tuple[AnyBlock, ...] = Field((), description="at the end, also after a failure")

@@ -14,7 +14,7 @@ _LISTS = (*PHASES, "then", "else", "during")
 
 
 def outline_of(document: Document) -> tuple[Outline, list[Problem]]:
-    """The outline of a sequence and what is wrong with its steps; InputError when the outline itself is wrong."""
+    """Outline of a sequence and the problems of its steps; InputError if the outline itself is invalid."""
     value = document.value
     try:
         context = {**DEFERRED, "folder": document.path.parent}
@@ -27,7 +27,7 @@ def outline_of(document: Document) -> tuple[Outline, list[Problem]]:
 
 
 def block_around(place: Place) -> Place | None:
-    """The innermost step or block that a place belongs to: it ends with its number in a list of steps."""
+    """Innermost step or block that contains a place: its path ends with its index in a list of steps."""
     if not place or place[0] not in PHASES:
         return None
     numbers = [

@@ -12,12 +12,12 @@ from bench.sequence.method import known_methods
 from bench.sequence.steps.nested import BLOCKS
 from drivers.schema.fields import UNIT_KEYWORD
 
-_WORDS = {"description", "default"}  # of a schema that says nothing of the value itself
+_WORDS = {"description", "default"}  # for parts whose value the schema does not describe
 _STEP = {"$ref": "#/$defs/AnyBlock"}
 
 
 def sequence_schema() -> Schema:
-    """The schema of sequence files, with the settings and results of every installed method."""
+    """Schema of sequence files, with the settings and results of every installed method."""
     methods = known_methods()
     schema, refs = schema_of(
         SequenceFile, [ResultEntry, *BLOCKS.values(), *(method.settings for method in methods.values())]
@@ -33,7 +33,7 @@ def sequence_schema() -> Schema:
     for model in BLOCKS.values():
         properties = schema["$defs"][model.__name__]["properties"]
         properties.update({key: VALUE_SCHEMA | found for key, found in properties.items() if not found.keys() - _WORDS})
-    interlocks = {model.__name__ for model in INTERLOCKS.values()}  # hold no expressions, and no steps
+    interlocks = {model.__name__ for model in INTERLOCKS.values()}  # contain neither expressions nor steps
     _complete([part for name, part in schema["$defs"].items() if name not in interlocks])
     schema["$defs"]["AnyBlock"] = {
         "description": "A step or a loop; its first key is its verb.",
@@ -45,7 +45,7 @@ def sequence_schema() -> Schema:
 def _complete(node: Any) -> None:
     """Allow an expression for every quantity, and steps in every untyped list.
 
-    Pydantic cannot know either: a step's model is chosen by its verb, while it is validated.
+    Pydantic generates neither: the model of a step is chosen by its verb during validation.
     """
     if isinstance(node, list):
         for item in node:

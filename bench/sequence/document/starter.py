@@ -1,4 +1,4 @@
-"""A new sequence file to start from: `starter.yaml` beside this module, under a name of its own."""
+"""Starter for a new sequence file: a copy of `starter.yaml` beside this module, renamed."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from drivers.schema.fields import Name
 from drivers.schema.wording import in_plain_words
 
 _PACKAGE = Path(str(files("bench")))
-_SCHEMA = "../../../docs/schema/sequence.schema.json"  # as the starter names it
+_SCHEMA = "../../../docs/schema/sequence.schema.json"  # name in the starter
 
 
 def write_starter(name: str, folder: Path) -> Path:
-    """Writes `FOLDER/NAME.yaml`; InputError when that is no name, the file is there already, or cannot be written."""
+    """Write `FOLDER/NAME.yaml`; InputError if the name is invalid, the file exists, or it cannot be written."""
     try:
         TypeAdapter(Name).validate_python(name)
     except ValidationError as error:
@@ -35,7 +35,7 @@ def write_starter(name: str, folder: Path) -> Path:
 
 
 def _starter(name: str, schema: str) -> str:
-    """The text, with the title and with the way from its folder to the schema."""
+    """Text of the starter with its title and the relative path to the schema."""
     text = (_PACKAGE / "sequence" / "document" / "starter.yaml").read_text("utf-8")
     title = name.replace("_", " ").capitalize()
     return text.replace(_SCHEMA, schema, 1).replace("title: Starter", f"title: {title}", 1)

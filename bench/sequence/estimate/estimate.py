@@ -1,4 +1,4 @@
-"""How long a plan takes and how much it writes, worked out from the plan and the bench alone."""
+"""Estimate of the duration of a plan and of its data volume, from plan and bench alone."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from bench.sequence.steps.verbs import Step
 from bench.sequence.steps.waits import Soak, Wait, WaitUntil
 
 COMMAND_S = 0.05
-ANSWER_S = 60.0  # what a person takes to read a question, do what it asks, and answer
-# What the run store was found to take: for a latch of three axes after compression, a reading, a step, and itself.
+ANSWER_S = 60.0  # for a person to read a question, carry out the request and answer
+# Sizes found in run stores: a latch of three axes after compression, a reading, a step, and an empty store.
 STORED_BYTES_PER_LATCH, STORED_BYTES_PER_READING, STORED_BYTES_PER_STEP, STORED_BYTES = 36, 25, 250, 25_000
 
 
 class BenchState(NamedTuple):
-    """State of a bench: the chamber's set point, the angle and the rate of each axis, the level of each output.
+    """State of a bench: set point of the chamber, angle and rate of each axis, level of each output.
 
     `outputs` are volts or amperes by role, of those that are on; not-a-number where it depends on a measurement.
     `rates_dps` are those of tables that keep turning.
@@ -52,7 +52,7 @@ class BenchState(NamedTuple):
 
 
 class Span(NamedTuple):
-    """A step on the time axis of a plan when it is first done, the bench when it ends, and how often it may be done."""
+    """First execution of a step on the time axis: state of the bench at its end, maximum number of executions."""
 
     step: PlannedStep
     begin_s: float
@@ -62,15 +62,15 @@ class Span(NamedTuple):
 
     @property
     def end_s(self) -> float:
-        """When it ends."""
+        """Time at which it ends."""
         return self.begin_s + self.duration_s
 
 
 class Estimate(NamedTuple):
-    """The steps of a plan in its order, each with its time, how long each phase takes, and bytes in the run store.
+    """Steps of a plan in order with their times, duration of each phase, and size of the run store.
 
-    Of alternatives both are there, and the longer one counts. A loop whose end is measured counts as often as it may be
-    gone through, attempts once.
+    Both alternatives are included, and the longer one counts. A loop with a measured end counts with its maximum number
+    of passes, attempts count once.
     """
 
     spans: tuple[Span, ...]
@@ -79,21 +79,21 @@ class Estimate(NamedTuple):
 
     @property
     def total_s(self) -> float:
-        """From the beginning of the first phase to the end of the last."""
+        """Time from the beginning of the first phase to the end of the last."""
         return math.fsum(self.phases_s.values())
 
     @property
     def steps_s(self) -> tuple[float, ...]:
-        """How long each step takes, once."""
+        """Duration of each step, executed once."""
         return tuple(span.duration_s for span in self.spans)
 
     def of_phase(self, phase: Phase) -> float:
-        """How long a phase takes; 0 without steps."""
+        """Duration of a phase; 0 without steps."""
         return self.phases_s[phase]
 
 
 def estimate(plan: Plan, bench: BenchFile) -> Estimate:
-    """The estimate; roles that the bench lacks count as instantaneous."""
+    """Estimate of a plan; roles that the bench lacks count as instantaneous."""
     course = _Course(bench)
     phases_s: dict[Phase, float] = {}
     at_s = 0.0
@@ -120,7 +120,7 @@ def _size_bytes(spans: tuple[Span, ...], total_s: float, bench: BenchFile) -> in
 
 
 def _frame_period_s(entry: DeviceEntry) -> float:
-    """From latch to latch, or from sample to sample, of a device that sends frames."""
+    """Period of latches or samples of a device that sends frames."""
     return min((output.period_s for output in entry.outputs.values()), default=1.0)
 
 
@@ -136,7 +136,7 @@ class _Course:
         self.spans: list[Span] = []
 
     def nodes(self, nodes: Nodes, at_s: float) -> float:
-        """Takes up steps that begin at `at_s`; when they have ended."""
+        """Add steps that begin at `at_s`; return the time of their end."""
         for node in nodes:
             match node:
                 case PlannedStep():
@@ -160,7 +160,7 @@ class _Course:
         return at_s
 
     def _alternatives(self, node: Alternatives, at_s: float) -> float:
-        """Both begin with the same bench; what comes after them begins with that of the longer one."""
+        """Both alternatives begin with the same bench; later steps begin with the bench of the longer one."""
         before = self._state, copy(self._settling)
         then_s = self.nodes(node.then, at_s)
         after = self._state, self._settling
@@ -171,7 +171,7 @@ class _Course:
         return max(then_s, otherwise_s)
 
     def _meanwhile(self, node: Meanwhile, at_s: float) -> float:
-        """The step lasts as long as those inside; what it turns comes to rest with them."""
+        """Duration of a step that lasts as long as the steps inside it; its motion stops with them."""
         index = len(self.spans)
         began_s = self._step(node.step, at_s)
         end_s = self.nodes(node.body, began_s)
@@ -235,7 +235,7 @@ class _Course:
         return move_s(step, from_deg, target_deg, self._options(step.role))
 
     def _orient_s(self, step: Orient) -> float:
-        """One axis after the other; an unreachable attitude takes no time, and the check reports it."""
+        """Duration of the moves, one axis after the other; 0 for an unreachable attitude, which the check reports."""
         try:
             targets = targets_deg(step.attitude, self._bench, Pose(self._state.angles_deg, self._mount))
         except Unreachable:
@@ -249,7 +249,7 @@ class _Course:
         return taken_s
 
     def _rotate_s(self, step: Rotate) -> float:
-        """With steps inside, the time until the rate is reached."""
+        """Duration of a rotation; with steps inside, the time until the rate is reached."""
         change_s = rate_change_s(step, self._options(step.role))
         self._turn(step.role, step.rate_dps, change_s)
         if step.during is not None:
@@ -259,7 +259,7 @@ class _Course:
         return REST_S + step.least_s + 2 * change_s
 
     def _turn(self, role: str, rate_dps: float, duration_s: float) -> None:
-        """The angle goes on; speeding up and coming to rest go as far together as the rate in the time of one."""
+        """Advance the angle; acceleration and deceleration together cover the angle of one of them at full rate."""
         way_deg = rate_dps * duration_s
         if math.isfinite(way_deg):
             angles_deg = {**self._state.angles_deg, role: self._angle_deg(role) + way_deg}
@@ -281,7 +281,7 @@ class _Course:
         self._settling.power(step.role, step.output == "on", at_s)
 
     def _level(self, step: SetOutput) -> float:
-        """Volts or amperes; not a number where they cannot be known."""
+        """Output level in volts or amperes; not-a-number if it is not known before the run."""
         if step.acceleration_g is not None:
             place = self._bench.places.get(step.place or "")
             return step.acceleration_g * place.nominal.amperes_per_g if place and place.nominal else math.nan
@@ -303,7 +303,7 @@ class _Course:
 
 
 def _known(duration_s: float) -> float:
-    """A time; 0 if it depends on a measurement."""
+    """A duration; 0 if it depends on a measurement."""
     return 0.0 if math.isnan(duration_s) else duration_s
 
 

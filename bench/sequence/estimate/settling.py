@@ -1,7 +1,7 @@
 """Time for a unit to reach the temperature of its chamber, estimated from the bench file.
 
-The air follows the set point as `simulation.chamber` says, a unit follows the air as `places.*.nominal` says, and its
-thermometer follows the unit as `simulation.thermometer` says; without these entries the defaults apply.
+The air follows the set point by `simulation.chamber`, a unit the air by `places.*.nominal`, and its thermometer the
+unit by `simulation.thermometer`; without these entries the defaults apply.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from bench.sequence.steps.fields import is_known
 from bench.sequence.steps.waits import LOOK_EVERY_S, WINDOW_COVERAGE, Soak, Stable, WaitUntil
 from drivers.quantity.quantities import Quantity
 
-PEAK_TO_PEAK_SD = 6.0  # what noise spans over a soak, in its standard deviations
-SAMPLES_OF_A_HOLD = 200  # at most; a longer hold time is looked at less often than in the run
-_USUAL_UNIT = Nominal.model_validate({"K1": "1 A/g"})  # only its thermal behaviour is asked for
+PEAK_TO_PEAK_SD = 6.0  # peak-to-peak noise over a soak, in standard deviations
+SAMPLES_OF_A_HOLD = 200  # samples of a window at most; a longer hold time is sampled more coarsely than in the run
+_USUAL_UNIT = Nominal.model_validate({"K1": "1 A/g"})  # only the thermal properties are used
 
 
 class _Reading(NamedTuple):
-    """How a temperature follows the set point, and the supply of the unit that it is measured at.
+    """Response of a temperature to the set point, and the supply of the unit at which it is measured.
 
-    `restless_c` is what it spans, peak to peak, when all has settled.
+    `restless_c` is its peak-to-peak noise in the settled state.
     """
 
     behind_set_point: Poles
@@ -41,7 +41,7 @@ class _Reading(NamedTuple):
 
 
 class _Change(NamedTuple):
-    """The set point goes evenly by `by`, in °C; or, with a supply, units on it begin (1) or cease (-1) to warm."""
+    """Linear change of the set point by `by` (°C), or with a supply start (1) or end (-1) of self-heating."""
 
     at_s: float
     by: float
@@ -51,18 +51,18 @@ class _Change(NamedTuple):
 
 @dataclass(frozen=True)
 class _Course:
-    """A temperature to come: where it would stay, and the changes that it still follows."""
+    """A predicted temperature: its final value, and the changes it still follows."""
 
     still_c: float
-    moving: tuple[tuple[float, Poles, float, float], ...]  # by how much, through what, from when on, over how long
+    moving: tuple[tuple[float, Poles, float, float], ...]  # (amount, poles, start, duration)
 
     @property
     def over_s(self) -> float:
-        """From when on nothing changes any more."""
+        """Time after which nothing changes any more."""
         return max((at_s + over_after_s(poles, over_s) for _, poles, at_s, over_s in self.moving), default=0.0)
 
     def temperature_c(self, now_s: float) -> float:
-        """What it is at a time."""
+        """Temperature at a time."""
         if now_s >= self._ended_s:
             since_s = now_s - self._ended_s
             return self._end_c + sum([(part_c * cmath.exp(pole * since_s)).real for pole, part_c in self._parts])
@@ -80,7 +80,7 @@ class _Course:
 
     @cached_property
     def _parts(self) -> list[tuple[complex, complex]]:
-        """Exponentials whose sum is left of all changes when the last has ended."""
+        """Exponentials whose sum is the remainder of all changes after the last has ended."""
         parts: dict[complex, complex] = {}
         for by_c, poles, at_s, over_s in self.moving:
             for pole, weight in after_its_end(poles, over_s):
@@ -90,7 +90,7 @@ class _Course:
 
 
 class Settling:
-    """What has changed the temperatures so far, and when a unit has settled after it; a copy goes on by itself."""
+    """Temperature changes so far, and the settling time of units after them; a copy continues independently."""
 
     def __init__(self, bench: BenchFile) -> None:
         self._bench = bench
@@ -98,12 +98,12 @@ class Settling:
         self._powered: frozenset[str] = frozenset()
 
     def ramp(self, from_c: float, to_c: float, at_s: float, duration_s: float) -> None:
-        """The set point goes from one temperature to another."""
+        """Add a linear change of the set point."""
         if to_c != from_c:
             self._changes += (_Change(at_s, to_c - from_c, duration_s),)
 
     def power(self, supply: str, on: bool, at_s: float) -> None:
-        """The output of a supply goes on or off, and with it the units on it."""
+        """Add the switching of a supply, which heats the units on it."""
         for member in self._bench.members(supply):
             if on != (member in self._powered):
                 self._powered ^= {member}
@@ -118,7 +118,7 @@ class Settling:
         if stable is None or reading is None or step.give_up_after_s is None:
             return step.least_s
         if math.isnan(stable.band_c + stable.slope_c_per_h + stable.hold_s + step.at_least_s + step.give_up_after_s):
-            return step.least_s  # a measurement will tell
+            return step.least_s  # only a measurement decides
         longest_s = max(step.give_up_after_s, step.at_least_s)
         every_s = max(LOOK_EVERY_S, stable.hold_s / SAMPLES_OF_A_HOLD)
         count = max(round(stable.hold_s / every_s), 2)
@@ -129,7 +129,7 @@ class Settling:
         for look in range(-count, math.ceil((last_s - first_s) / every_s) + 1):
             now_s = first_s + look * every_s
             window.append(course.temperature_c(now_s))
-            is_covered = now_s >= WINDOW_COVERAGE * stable.hold_s  # by readings, which begin with the run
+            is_covered = now_s >= WINDOW_COVERAGE * stable.hold_s  # readings begin with the run
             if look >= 0 and is_covered and _is_stable(window, every_s, stable, reading.restless_c):
                 return now_s - at_s
         return longest_s
@@ -137,8 +137,7 @@ class Settling:
     def wait_s(self, step: WaitUntil, at_s: float) -> float:
         """Time for a temperature to fulfil a condition; the maximum if it is not known to.
 
-        A reading in s is assumed to count from the beginning of the run. For others only the
-        time for which the condition must hold is known.
+        A reading in s is assumed to count from the beginning of the run. For others only the hold time is known.
         """
         return max(self._wait_s(step, name, at_s) for name in self._bench.members(step.reading))
 
@@ -151,7 +150,7 @@ class Settling:
         low_c, high_c = _celsius(step.above, -math.inf), _celsius(step.below, math.inf)
         needed_s = math.ceil(WINDOW_COVERAGE * step.hold_s / LOOK_EVERY_S) * LOOK_EVERY_S
         course = self._course(reading, at_s)
-        begun_s: float | None = None  # since when it has been so
+        begun_s: float | None = None  # start of the time for which the condition holds
         for look in range(math.ceil((min(step.give_up_after_s, max(course.over_s - at_s, 0.0))) / LOOK_EVERY_S) + 1):
             waited_s = look * LOOK_EVERY_S
             is_so = low_c < course.temperature_c(at_s + waited_s) < high_c
@@ -161,7 +160,7 @@ class Settling:
         return min(begun_s + needed_s, step.give_up_after_s) if begun_s is not None else step.give_up_after_s
 
     def _course(self, reading: _Reading, from_s: float) -> _Course:
-        """How a reading goes on from `from_s`."""
+        """Predicted temperature of a reading from `from_s` on."""
         still_c, moving = self._bench.simulation.chamber.start, []
         for change in self._changes:
             if change.supply not in ("", reading.supply):
@@ -175,7 +174,7 @@ class Settling:
         return _Course(still_c, tuple(moving))
 
     def _reading(self, name: str) -> _Reading | None:
-        """What is known of a temperature: that of the air, and those at the units; None of any other reading."""
+        """Model of a temperature of the air or of units; None for any other reading."""
         bench, chamber = self._bench, self._bench.simulation.chamber
         if unit_of(name, bench) != "°C":
             return None
@@ -218,7 +217,7 @@ class Settling:
 
 
 def _is_stable(window: deque[float], every_s: float, stable: Stable, restless_c: float) -> bool:
-    """Whether temperatures at even times are within the band, and the line fitted to them is flat enough."""
+    """True if equidistant temperatures are within the band and their fitted line is flat enough."""
     if max(window) - min(window) + restless_c > stable.band_c:
         return False
     middle = (len(window) - 1) / 2

@@ -1,1 +1,1 @@
-"""The value language of a sequence: expressions, lists and ranges, units of what is read."""
+"""Value language of a sequence: expressions, lists and ranges, units of readings."""

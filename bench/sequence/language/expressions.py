@@ -32,7 +32,7 @@ class ValueProblem(ValueError):
 
 
 def scalar_of(raw: object) -> Scalar:
-    """A number as a ratio, text that is a quantity as one, other text and truths as they are; raises ValueProblem.
+    """Read a number as a ratio and text as a quantity if it is one; return other values unchanged; raises ValueProblem.
 
     Text that begins like a number must be a quantity.
     """
@@ -51,7 +51,7 @@ def scalar_of(raw: object) -> Scalar:
 
 
 def evaluate(expression: str, names: Mapping[str, Value]) -> Value:
-    """The value of an expression; raises ValueProblem."""
+    """Value of an expression; raises ValueProblem."""
     try:
         read = _read(expression)
         for what, used, known in (("name", read.names, names), ("function", read.functions, _FUNCTIONS)):
@@ -76,7 +76,7 @@ def names_in(expression: str) -> frozenset[str]:
 
 
 class _Read(NamedTuple):
-    """An expression as a tree, and the names of values and functions in it."""
+    """An expression as a tree, with the names of its values and functions."""
 
     tree: ast.expr
     names: frozenset[str]
@@ -85,14 +85,14 @@ class _Read(NamedTuple):
 
 @functools.lru_cache(maxsize=256)
 def _read(expression: str) -> _Read:
-    """Reads an expression; raises ValueProblem for all of Python that is not understood here."""
+    """Parse an expression; raises ValueProblem for any Python that is not supported here."""
     if len(expression) > LENGTH_LIMIT:
         raise ValueProblem(f"has more than {LENGTH_LIMIT} characters")
-    if "\\" in expression:  # Python would make control characters and half characters of it
+    if "\\" in expression:  # Python would turn it into control characters and surrogates
         raise ValueProblem("a backslash has no meaning in an expression")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # what Python will no longer read one day, such as 1if
+            warnings.simplefilter("error")  # syntax that a later Python will reject, such as 1if
             tree = ast.parse(expression.strip(), mode="eval").body
     except SyntaxError:
         bare = _BARE_QUANTITY.search(_QUOTED.sub("", expression))
@@ -110,7 +110,7 @@ def _read(expression: str) -> _Read:
 
 
 def _evaluated(expression: str, tree: ast.expr, names: Mapping[str, Value]) -> Value:
-    from simpleeval import SimpleEval  # only where a sequence has expressions
+    from simpleeval import SimpleEval  # imported on demand: few sequences have expressions
 
     evaluator = SimpleEval(operators=_OPERATORS, functions=_FUNCTIONS, names=dict(names))
 
@@ -127,7 +127,7 @@ def _evaluated(expression: str, tree: ast.expr, names: Mapping[str, Value]) -> V
 
 
 def _truth(value: object) -> bool:
-    """A truth as it is; `on` and `off` are text, which Python would take for true, both."""
+    """A truth value; `on` and `off` are text, and both would be true in Python."""
     if isinstance(value, bool):
         return value
     what = {Quantity: "a quantity", tuple: "a list"}.get(type(value)) or quoted(value)
@@ -135,7 +135,7 @@ def _truth(value: object) -> bool:
 
 
 def _numbers(values: tuple[object, ...]) -> Iterator[Quantity]:
-    """Quantities, those in lists too."""
+    """Quantities, including those in lists."""
     for value in values:
         yield from map(as_quantity, value if isinstance(value, tuple) else (value,))
 

@@ -16,11 +16,11 @@ from drivers.quantity.units import parse_unit
 from drivers.schema.suggest import did_you_mean
 
 PULSE_RATE = Counted.unit
-BY_NOMINAL = "g"  # the unit that an output is told in where what measures it does not matter
+BY_NOMINAL = "g"  # unit of an output, independent of the instrument that measures it
 
 
 def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
-    """Why a reading cannot be used; empty if it can. Needs that the bench lacks are reported elsewhere."""
+    """Reason why a reading cannot be used; empty if it can. Needs that the bench lacks are reported elsewhere."""
     device, dot, channel = name.partition(".")
     if needs.get(device) == OUTPUT:
         return _problem_with_unit(name, bench)
@@ -39,7 +39,7 @@ def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -
 
 
 def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
-    """Why the output of a unit cannot be measured by itself; empty when it can."""
+    """Reason why the output of a single unit cannot be measured; empty if it can."""
     role, dot, place = name.partition(".")
     if not dot:
         known = next(iter(bench.places), "PLACE") if bench is not None else "PLACE"
@@ -52,18 +52,18 @@ def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
         return f"the inertial unit in place '{place}' has several outputs; name a channel of its counter"
     if bench.nominal_per_g(place) is None:
         parts = " and ".join(bench.places[place].output_per_g_keys)
-        return f"places.{place} of the bench file has no nominal {parts}, by which its output is told in g"
+        return f"places.{place} of the bench file has no nominal {parts}, which its output in g needs"
     return ""
 
 
 def measured_place(name: str, bench: BenchFile) -> str | None:
-    """The place whose unit's output is meant by ROLE.PLACE; None of any other reading."""
+    """Place of the unit whose output ROLE.PLACE means; None for any other reading."""
     role, _, place = name.partition(".")
     return place if role not in bench.devices and place in bench.places else None
 
 
 def problem_with_output(name: str, needs: Mapping[str, str], bench: BenchFile | None) -> str:
-    """Why outputs cannot be looked at: of all units, of those of one device or channel of it; empty when they can."""
+    """Reason why outputs of all units, or those of one device or channel, cannot be monitored; empty if they can."""
     device, dot, channel = name.partition(".")
     kind = needs.get(device)
     if kind is None:
@@ -74,11 +74,11 @@ def problem_with_output(name: str, needs: Mapping[str, str], bench: BenchFile | 
         return ""
     if dot and channel not in (known := _outputs(device, bench)):
         return f"'{device}' has no output on a channel '{channel}'{did_you_mean(channel, known)}"
-    return "" if units_at(name, bench) else f"no unit puts out anything that '{name}' measures"
+    return "" if units_at(name, bench) else f"no unit has an output that '{name}' measures"
 
 
 def units_at(name: str, bench: BenchFile) -> tuple[str, ...]:
-    """The places of the units whose output a role measures, or one channel of it."""
+    """Places of the units whose output a role, or one channel of it, measures."""
     device, _, channel = name.partition(".")
     roles = set(bench.acquired_from(device))
     return tuple(
@@ -89,7 +89,7 @@ def units_at(name: str, bench: BenchFile) -> tuple[str, ...]:
 
 
 def unit_of(name: str, bench: BenchFile) -> str | None:
-    """The unit of a reading; None when the bench has no such reading."""
+    """Unit of a reading; None if the bench has no such reading."""
     if measured_place(name, bench) is not None:
         return BY_NOMINAL
     name = bench.members(name)[0]
@@ -103,13 +103,13 @@ def unit_of(name: str, bench: BenchFile) -> str | None:
 
 
 def is_pulse_rate(name: str, bench: BenchFile) -> bool:
-    """Whether a reading is the pulse rate of a counter's channel, which is counted rather than polled."""
+    """True if a reading is the pulse rate of a counter channel, which is counted rather than polled."""
     device, _, channel = name.partition(".")
     return device in bench.devices and channel in _counted(device, bench)
 
 
 def example_of(name: str, bench: BenchFile | None) -> Value | None:
-    """A value of a reading's kind, for checking expressions; None when its unit is not known."""
+    """Example of a value of a reading, for checking expressions; None if its unit is unknown."""
     unit = unit_of(name, bench) if bench is not None else None
     if unit is None:
         return None
@@ -125,7 +125,7 @@ def _counted(device: str, bench: BenchFile) -> tuple[str, ...]:
 
 
 def _outputs(device: str, bench: BenchFile) -> tuple[str, ...]:
-    """The channels on which a device measures outputs, or units send them; none of a voltmeter."""
+    """Channels on which a device measures or receives outputs of units; none for a voltmeter."""
     return tuple(bench.devices[device].outputs) if device in bench.devices else ()
 
 

@@ -1,4 +1,4 @@
-"""Values of parameters and loop variables as documents write them: quantities, lists, ranges, expressions."""
+"""Values of parameters and loop variables as written in documents: quantities, lists, ranges, expressions."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from drivers.schema.suggest import did_you_mean
 
 LIST_LIMIT = 10_000
 _KEYS = ("from", "to", "step")
-_MARGIN = Decimal("1e-9")  # of a step: for units whose numbers are no decimals, such as radians
+_MARGIN = Decimal("1e-9")  # relative to a step: for units without exact decimals, such as radians
 
-# For editors: how a document may write a value, see value_of.
+# For the schema: permitted forms of a value, see value_of.
 QUANTITY_SCHEMA = {"type": ["string", "number"], "minLength": 1}
 _ONE = {"type": ["string", "number", "boolean"], "minLength": 1}
 _RANGE = {
@@ -30,12 +30,12 @@ VALUE_SCHEMA = {"anyOf": [_ONE, _RANGE, _LIST], "description": "a value, a list 
 
 
 def holds_expression(raw: object) -> bool:
-    """Whether a raw value is an expression, or text with one in it."""
+    """True if a raw value is an expression or a text that contains one."""
     return isinstance(raw, str) and "${" in raw
 
 
 def value_of(raw: Any, names: Mapping[str, Value] | None = None) -> Value:
-    """The value that a document's value means, expressions evaluated over `names`; raises ValueProblem.
+    """Value of a raw value, with expressions evaluated over `names`; raises ValueProblem.
 
     Numbers are ratios or counts, text that is a quantity is one, `{from, to, step}` is a range with both its ends, and
     lists of these are flattened.
@@ -59,7 +59,7 @@ def value_of(raw: Any, names: Mapping[str, Value] | None = None) -> Value:
 
 
 def _range(raw: Mapping[str, Any], names: Mapping[str, Value]) -> tuple[Quantity, ...]:
-    """`{from, to, step}` as values, worked out in decimals as a person would; without a step, counts go by 1."""
+    """Values of `{from, to, step}`, computed in decimals; without a step, counts increase by 1."""
     if unknown := [key for key in raw if key not in _KEYS]:
         raise ValueProblem(f"unknown key {quoted(unknown[0])} in a range{did_you_mean(unknown[0], _KEYS)}")
     if missing := [key for key in ("from", "to") if key not in raw]:
@@ -90,7 +90,7 @@ def _values(first: Quantity, last: Quantity, step: Quantity) -> tuple[Quantity, 
     signed = stride if end >= begin else -stride
     factor = parse_unit(unit).factor
     between = (Quantity(float(Fraction(begin + signed * index) * factor), first.dimension) for index in range(1, count))
-    ends = [Quantity(end.base_value, end.dimension) for end in (first, last)]  # all values spelled in one unit
+    ends = [Quantity(end.base_value, end.dimension) for end in (first, last)]  # all values are written in one unit
     return (ends[0], *between, ends[1]) if count else (ends[0],)
 
 
@@ -102,7 +102,7 @@ def _quantity(raw: Any, names: Mapping[str, Value], what: str) -> Quantity:
 
 
 def spelled(value: Value) -> str:
-    """A value for a step's id or a message: "20", "-40", "0.5"; the number in its customary unit without it."""
+    """A value for the id of a step or a message, "20", "-40": the number in its customary unit, without it."""
     if isinstance(value, Quantity):
         return spell(value).split(" ")[0]
     if isinstance(value, tuple):
@@ -111,14 +111,14 @@ def spelled(value: Value) -> str:
 
 
 def in_words(value: Value) -> str:
-    """A value with its unit, for a person: "20 °C, 30 °C"."""
+    """A value with its unit, for people: "20 °C, 30 °C"."""
     if isinstance(value, tuple):
         return ", ".join(in_words(item) for item in value)
     return spell(value) if isinstance(value, Quantity) else spelled(value)
 
 
 def as_written(value: Value) -> str:
-    """A value as its document writes it, like "2.5 µg"; what was computed in its customary unit."""
+    """A value as written in its document, like "2.5 µg"; computed values in their customary unit."""
     if isinstance(value, tuple):
         return ", ".join(as_written(item) for item in value)
     return value.written or spell(value) if isinstance(value, Quantity) else spelled(value)

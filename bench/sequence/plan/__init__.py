@@ -1,1 +1,1 @@
-"""The plan of a sequence: its steps in order, loops unrolled, subsequences inserted; poses and motion on the way."""
+"""Plan of a sequence: steps in order, loops unrolled, subsequences inserted; poses and motion in between."""

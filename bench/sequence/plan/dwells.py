@@ -1,15 +1,15 @@
-"""Which dwell an acquisition belongs to, by the ids of the steps: of a plan before the run, of its record after it."""
+"""Assignment of acquisitions to dwells by the ids of steps, of a plan or of a record."""
 
 from __future__ import annotations
 
 
 def first_visit(step_id: str) -> str:
-    """The id of a step, without the `~2`, `~3`, … that it has in a record when it was done again."""
+    """Id of a step without the suffix `~2`, `~3`, … of a repeated execution."""
     return step_id.partition("~")[0]
 
 
 def loop_values(step_id: str) -> dict[str, float]:
-    """The numbers that the loop variables around a step had, in the customary units of ids."""
+    """Values of the loop variables around a step, in the customary units of ids."""
     found = {}
     for part in step_id.split("/"):
         name, equals, value = part.partition("=")
@@ -22,21 +22,21 @@ def loop_values(step_id: str) -> dict[str, float]:
 
 
 class DwellNames:
-    """Names dwells during a pass through the steps of a run.
+    """Names of dwells during a pass through the steps of a run.
 
-    A dwell begins with a ramp, extends over the block that contains the ramp, and is named after it. Without a ramp
-    it is the block around that of the acquisition.
+    A dwell begins with a ramp, extends over the block that contains the ramp, and is named after it. Without a ramp it
+    is the block around that of the acquisition.
     """
 
     def __init__(self) -> None:
         self._block = self._dwell = ""
 
     def ramped(self, step_id: str) -> None:
-        """A ramp: what is acquired from now on in its block is another dwell."""
+        """Note a ramp: later acquisitions in its block belong to another dwell."""
         self._block, _, visit = step_id.rpartition("/")
         self._dwell = self._block if visit == "ramp" else step_id
 
     def of(self, step_id: str) -> str:
-        """The dwell of an acquisition."""
+        """Name of the dwell of an acquisition."""
         inside = self._block and step_id.startswith(f"{self._block}/")
         return self._dwell if inside else step_id.rsplit("/", 2)[0]

@@ -1,4 +1,4 @@
-"""Makes a plan of a sequence: unrolls loops, evaluates expressions, takes in the sequences that it calls."""
+"""Expand a sequence to a plan: unroll loops, evaluate expressions, insert called sequences."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from bench.sequence.steps.verbs import STEPS, Step
 from drivers.schema.fields import DEFERRED
 
 STEP_LIMIT = 10_000
-Measured = Callable[[str], Value | None]  # an example of what a reading gives; None when its unit is not known
+Measured = Callable[[str], Value | None]  # example of a reading; None if its unit is unknown
 
 
 def expand(
@@ -37,10 +37,10 @@ def expand(
     broken: Collection[Place] = (),
     measured: Measured = lambda _: None,
 ) -> tuple[Plan, list[Problem]]:
-    """The plan of a sequence with these parameters, without what is wrong, and what is wrong.
+    """Plan of a sequence with these parameters, without its invalid parts, and the problems.
 
-    `broken` are the places of steps and blocks that are not to be looked at. A sequence that is called is kept with the
-    document, what it needs and its interlocks with the outline.
+    `broken` are the places of steps and blocks to be passed over. A sequence that is called is kept with the document,
+    what it needs and its interlocks with the outline.
     """
     expansion = DocumentPass(document, outline, broken, measured)
     known: dict[str, Value | None] = {}
@@ -62,7 +62,7 @@ def expand(
 
 
 class TooMany(Exception):
-    """The plan has more steps, or its loops have more passes, than there may be; `place` is where it has."""
+    """The plan has more steps, or its loops more passes, than permitted; `place` is where."""
 
     def __init__(self, place: Place, what: str) -> None:
         super().__init__(f"the plan has more than {STEP_LIMIT} {what}")
@@ -70,7 +70,7 @@ class TooMany(Exception):
 
 
 class DocumentPass:
-    """One pass over a document, collecting problems on the way; what was wrong once is not looked at again."""
+    """One pass over a document that collects problems; an invalid part is not examined again."""
 
     def __init__(self, document: Document, outline: Outline, broken: Collection[Place], measured: Measured) -> None:
         self._document = document
@@ -78,15 +78,15 @@ class DocumentPass:
         self._measured = measured
         self._made: dict[tuple[Place, tuple[object, ...]], Step] = {}  # by the values of the names that a step mentions
         self._mentioned: dict[Place, tuple[str, ...]] = {}
-        self._lists: dict[int, Value] = {}  # lists among those values, by identity, which they keep while they are here
+        self._lists: dict[int, Value] = {}  # lists among those values, by identity; kept here so that it stays unique
         self._count = self._passes = 0
         self._callers: tuple[Path, ...] = (document.path.resolve(),)
-        self._read: dict[Path, Called] = {}  # by their files
+        self._read: dict[Path, Called] = {}  # by file
         self.needs, self.interlocks = dict(outline.needs), dict(outline.interlocks)
         self.problems: list[Problem] = []
 
     def nodes(self, raw: Sequence[Raw], place: Place, scope: Scope, taken: Collection[str] = ()) -> Nodes:
-        """The nodes of a list of steps and blocks; `taken` are labels already used in its ids."""
+        """Nodes of a list of steps and blocks; `taken` are labels already used in its ids."""
         seen: Counter[str] = Counter(taken)
         found: list[Node] = []
         self._passes += 1
@@ -104,19 +104,19 @@ class DocumentPass:
         return tuple(found)
 
     def step(self, verb: str, block: Raw, here: Place, scope: Scope) -> Step | None:
-        """The step with its expressions evaluated; None, and its problems noted, when it does not validate."""
+        """The step with its expressions evaluated; None, with its problems recorded, if it is invalid."""
         self._count += 1
         if self._count > STEP_LIMIT:
             raise TooMany(here, "steps")
         if here not in self._mentioned:
             self._mentioned[here] = tuple(names_mentioned(block))
-        key = (here, tuple(self._told_apart(scope.names.get(name)) for name in self._mentioned[here]))
+        key = (here, tuple(self._key_part(scope.names.get(name)) for name in self._mentioned[here]))
         if key not in self._made and (step := self._made_anew(verb, block, here, scope)):
             self._made[key] = step
         return self._made.get(key)
 
-    def _told_apart(self, value: Value | None) -> object:
-        """A value for a key: a list may be long, and stands for itself alone."""
+    def _key_part(self, value: Value | None) -> object:
+        """A value as part of a key: a list may be long, and is identified by its id."""
         if not isinstance(value, tuple):
             return value
         self._lists[id(value)] = value
@@ -145,7 +145,7 @@ class DocumentPass:
         return None
 
     def call(self, block: Raw, here: Place, scope: Scope) -> tuple[Scope, Mapping[str, Any], Place]:
-        """Takes a called sequence in; where it is looked at, what its phases hold, and its place."""
+        """Enter a called sequence; return its scope, its phases and its place."""
         path = self._document.owner(here)[0].path.parent / block["call"]
         with wrong_at("call"):
             refuse_too_deep(path, self._callers)
@@ -153,7 +153,7 @@ class DocumentPass:
                 self._read[path] = read_called(path)
         document, outline, found = self._read[path]
         place = (*here, "call")
-        if self._document.owner((*place, "title"))[0] is not document:  # in the first pass that comes here
+        if self._document.owner((*place, "title"))[0] is not document:  # first pass through this call
             self._document.include(place, document)
             self._broken |= {(*place, *inner) for at, _ in found if (inner := block_around(at)) is not None}
             self.problems += [((*place, *at), problem) for at, problem in found]
@@ -172,11 +172,11 @@ class DocumentPass:
                 raise Wrong("call", f"its interlock '{name}' differs from that of the calling sequence")
 
     def returned(self) -> None:
-        """The called sequence is at its end."""
+        """Leave a called sequence."""
         self._callers = self._callers[:-1]
 
     def note_measured(self, step: Step, scope: Scope) -> None:
-        """What later expressions know the step's value by."""
+        """Record the name under which later expressions use the value of a step."""
         if isinstance(step, Measure) and step.name is not None:
             scope.measured[step.name] = self._measured(step.reading)
         elif isinstance(step, Prompt) and step.name is not None:

@@ -1,4 +1,4 @@
-"""How long the axes of a bench take to go where a step sends them, by the rates and accelerations of the bench file."""
+"""Duration of motions of the axes, from rates and accelerations in the bench file."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from typing import Any, Literal
 from bench.sequence.steps.stimulus import Move, Oscillate, Rotate
 from drivers.capabilities import Approach
 
-SEEN_AFTER_S = 0.1  # an axis has arrived, until that is seen
-USUAL_RATE_DPS, USUAL_ACCELERATION_DPS2 = 20.0, 40.0  # of an axis whose driver has no such options
-REST_S = 0.6  # of a table before it turns or swings after something else
-SINE_GROWS_S, SINE_GROWS_PERIODS = 2.0, 4.0  # until a sine has its amplitude: the longer of both
+SEEN_AFTER_S = 0.1  # from the arrival of an axis until it is detected
+USUAL_RATE_DPS, USUAL_ACCELERATION_DPS2 = 20.0, 40.0  # for an axis whose driver has no such options
+REST_S = 0.6  # before a table rotates or oscillates after another motion
+SINE_GROWS_S, SINE_GROWS_PERIODS = 2.0, 4.0  # until a sine reaches its amplitude: the longer of both
 Side = Literal["below", "above", "stood"]
-"""Where an axis comes from; it stood there already when nothing moves it."""
+"""Side from which an axis comes; none if nothing moves it."""
 _SIDES = {"direct": 0.0, "from_below": -1.0, "from_above": 1.0}
 
 
 def travel_s(way_deg: float, rate_dps: float, acceleration_dps2: float) -> float:
-    """How long an axis takes over a way from rest to rest: a trapezoid of rate, a triangle when the way is short."""
+    """Time of a movement from rest to rest: trapezoidal rate profile, triangular for short distances."""
     ramp_s = min(rate_dps / acceleration_dps2, math.sqrt(abs(way_deg) / acceleration_dps2))
     return abs(way_deg) / (ramp_s * acceleration_dps2) + ramp_s if way_deg else 0.0
 
 
 def move_s(step: Move, from_deg: float, target_deg: float, options: Any) -> float:
-    """How long a move takes on an axis with these driver options, with its settling."""
+    """Time of a move, with settling, of an axis with these driver options."""
     return way_s(step.approach, from_deg, target_deg, options) + step.settle_s
 
 
 def way_s(approach: Approach, from_deg: float, target_deg: float, options: Any) -> float:
     """Time for an axis with these driver options to settle at an angle.
 
-    An approach overshoots the angle only if the axis does not already come from that side. A person who
-    turns the axis takes his `turn_time`, unless nothing needs turning.
+    An approach overshoots the angle only if the axis does not already come from that side. An axis turned by hand takes
+    its `turn_time`, unless it is there already.
     """
     if (hand_s := getattr(options, "turn_time", None)) is not None:
         return float(hand_s) if approach != "direct" or from_deg != target_deg else 0.0
@@ -42,14 +42,14 @@ def way_s(approach: Approach, from_deg: float, target_deg: float, options: Any) 
 
 
 def corners_deg(approach: Approach, from_deg: float, target_deg: float, options: Any) -> list[float]:
-    """Where the way of an axis begins, turns and ends."""
+    """Angles at which the path of an axis begins, reverses and ends."""
     side = _SIDES[approach]
     begin_deg = target_deg + side * getattr(options, "approach_distance", 0.0)
     return [from_deg, begin_deg, target_deg] if (from_deg - begin_deg) * side < 0 else [from_deg, target_deg]
 
 
 def came_from(approach: Approach, from_deg: float | None, target_deg: float) -> Side | None:
-    """The side from which an axis comes to its angle; None where it is not known from where it comes."""
+    """Side from which an axis comes to its angle; None if its start is unknown."""
     if approach != "direct":
         return "below" if approach == "from_below" else "above"
     if from_deg is None:
@@ -65,9 +65,9 @@ def rate_change_s(step: Rotate, options: Any) -> float:
 
 
 def oscillation_s(step: Oscillate, options: Any) -> float:
-    """How long an oscillation takes on an axis with these driver options.
+    """Duration of an oscillation of an axis with these driver options.
 
-    Each frequency of a sweep begins with a rest, and with the sine growing; the table goes back in between.
+    Each frequency of a sweep begins with a rest and a growing sine; the table returns in between.
     """
     growing_s = math.fsum(REST_S + max(SINE_GROWS_S, SINE_GROWS_PERIODS / each) for each in step.frequencies_hz)
     back_s = REST_S + _leg_s(step.amplitude_deg, options) + _hold_s(options)

@@ -1,7 +1,7 @@
-"""A plan: every step of a run with its values and a stable id, in the order and nesting in which they are done.
+"""A plan: every step of a run with its values and a stable id, in the order and nesting of execution.
 
-Data; it can be listed, counted, checked. What is known before the run is unrolled. What depends on measurements stays a
-node: alternatives, passes, attempts.
+It is data that can be listed, counted and checked. Everything known before the run is unrolled; a part that depends on
+measurements remains a node: alternatives, passes, attempts.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class PlannedStep(NamedTuple):
     """One step of a run.
 
     `id` names it by its loops (`steps/temperature=-40/position=90#2/acquire`; `#n` marks the n-th visit of the same
-    value). `loops` holds the variables around it, outermost first; `place` is its place in the document. Where it
-    has expressions over measurements they are `waiting`, and its numbers not-a-number until they are known.
+    value). `loops` holds the variables around it, outermost first; `place` is its place in the document. Expressions
+    over measurements are in `waiting`; their numbers are not-a-number until they are known.
     """
 
     id: str
@@ -48,7 +48,7 @@ class Meanwhile(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Steps with a teardown of their own, or with something to happen when they fail or are interrupted."""
+    """Steps with their own teardown, or with a reaction to their failure or interruption."""
 
     id: str
     body: Nodes
@@ -59,7 +59,7 @@ class Section(NamedTuple):
 
 
 class Alternatives(NamedTuple):
-    """What is done when a condition over measurements is true, and what when it is not."""
+    """Steps for a condition over measurements that is true, and those for one that is false."""
 
     id: str
     condition: Waiting
@@ -69,7 +69,7 @@ class Alternatives(NamedTuple):
 
 
 class Passes(NamedTuple):
-    """What is done again as long as a condition over measurements is true; ids are those of the first pass."""
+    """Steps repeated while a condition over measurements is true; ids are those of the first pass."""
 
     id: str
     condition: Waiting
@@ -78,12 +78,12 @@ class Passes(NamedTuple):
     place: Place
 
     def numbered(self, number: int) -> Nodes:
-        """The nodes of a pass, with its number in their ids."""
+        """Nodes of a pass, with its number in their ids."""
         return renamed(self.body, f"{self.id}/pass=1/", f"{self.id}/pass={number}/")
 
 
 class Branches(NamedTuple):
-    """What is done at the same time."""
+    """Steps executed in parallel."""
 
     id: str
     branches: Mapping[str, Nodes]
@@ -91,7 +91,7 @@ class Branches(NamedTuple):
 
 
 class Attempts(NamedTuple):
-    """What is done again when it fails with one of these kinds of errors."""
+    """Steps repeated if they fail with one of these kinds of errors."""
 
     id: str
     at_most: int
@@ -106,7 +106,7 @@ Nodes = tuple[Node, ...]
 
 
 def within(node: Node) -> tuple[Nodes, ...]:
-    """The nodes inside a node, by the lists that it has."""
+    """Nodes inside a node, by its lists."""
     match node:
         case PlannedStep():
             return ()
@@ -121,7 +121,7 @@ def within(node: Node) -> tuple[Nodes, ...]:
 
 
 def leaves(nodes: Nodes) -> Iterator[PlannedStep]:
-    """The steps of nodes in the order of the document: of all alternatives, of one pass and one attempt."""
+    """Steps of nodes in document order: of all alternatives, of one pass and one attempt."""
     for node in nodes:
         if isinstance(node, PlannedStep):
             yield node
@@ -132,7 +132,7 @@ def leaves(nodes: Nodes) -> Iterator[PlannedStep]:
 
 
 def renamed(nodes: Nodes, old: str, new: str) -> Nodes:
-    """The same nodes with another beginning of their ids."""
+    """The same nodes with another prefix of their ids."""
     return tuple(_renamed(node, old, new) for node in nodes)
 
 
@@ -173,16 +173,16 @@ class Plan:
 
     @property
     def name(self) -> str:
-        """The file's name without its ending."""
+        """Name of the file without its suffix."""
         return self.document.path.stem
 
     def __iter__(self) -> Iterator[PlannedStep]:
-        """Every step, as `leaves` gives them."""
+        """Iterate over the steps, in the order of `leaves`."""
         return iter(self._flat)
 
     def __len__(self) -> int:
         return len(self._flat)
 
     def where(self, place: Place) -> str:
-        """`file:line:column` of a step, also of one in a sequence that this one calls."""
+        """`file:line:column` of a step, also of one in a called sequence."""
         return self.document.where(place)

@@ -1,4 +1,4 @@
-"""Angles of the axes of a bench before each step of a plan, as the encoder counts them, over whole turns."""
+"""Angles of the axes of a bench before each step of a plan, as read by the encoder, including whole turns."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_de
 from bench.sequence.steps.stimulus import Move, Rotate
 from bench.sequence.steps.talk import Prompt
 
-PASSES_LOOKED_AT = 1000  # of a loop whose end is measured; what travels further is told by then
+# passes of a loop with a measured end; an axis that moves beyond its limits has done so by then
+PASSES_LOOKED_AT = 1000
 
 
 def angles_before(plan: Plan, bench: BenchFile | None = None) -> Iterator[tuple[PlannedStep, float]]:
     """Each step with the angle of its axis before it, in °; 0 for steps without one.
 
-    Without a bench nothing is known of where the axes of a table go for an attitude.
+    Without a bench the angles of a table for an attitude are unknown.
     """
     for planned, pose in poses_before(plan, bench):
         yield planned, pose.angles_deg.get(getattr(planned.step, "role", ""), 0.0)
@@ -74,7 +75,7 @@ class _Travel:
                         yield from self.nodes(branch)
 
     def _passes(self, node: Passes) -> Iterator[tuple[PlannedStep, Pose]]:
-        """As many passes as there may be; no more once a pass ends where it began."""
+        """Maximum number of passes; fewer if a pass ends where it began."""
         for number in range(1, min(node.at_most, PASSES_LOOKED_AT) + 1):
             before = dict(self._angles_deg)
             yield from self.nodes(node.numbered(number))
@@ -97,7 +98,7 @@ class _Travel:
         return planned, pose
 
     def _orient(self, step: Orient, bench: BenchFile, pose: Pose) -> None:
-        """An unreachable attitude changes nothing; it is reported elsewhere."""
+        """Pose after an attitude; an unreachable one changes nothing and is reported elsewhere."""
         try:
             self._angles_deg |= targets_deg(step.attitude, bench, pose)
         except Unreachable:

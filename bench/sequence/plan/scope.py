@@ -1,4 +1,4 @@
-"""Names visible to expressions in a part of a sequence, and their values while the plan is made."""
+"""Names visible to expressions in a part of a sequence, and their values during expansion."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import QuantityError, customary_unit, quoted
 from drivers.schema.fields import InUnit
 
-TEXTS = ("note", "alarm", "prompt")  # keys of texts, which may hold expressions between words
+TEXTS = ("note", "alarm", "prompt")  # keys of texts, which may contain expressions
 _IN_TEXT = re.compile(r"\$\{([^{}]*)\}")
-Examples = Mapping[str, Value | None]  # by the names of measurements; None where the unit is not known
+Examples = Mapping[str, Value | None]  # by the names of measurements; None if the unit is unknown
 
 
 class Scope(NamedTuple):
-    """The scope of a step in a sequence.
+    """Scope of a step in a sequence.
 
     `names` are parameters and loop variables, of which `loops` are those around the step. `measured` are the names of
-    measurements that come before it, each with an example of its kind; one that a sequence calls may be of the same
-    name as a parameter, which is then meant. `path` is the prefix of the ids in this scope.
+    measurements that come before it, each with an example of its kind; in a called sequence one may have the name of a
+    parameter, which then takes precedence. `path` is the prefix of the ids in this scope.
     """
 
     phase: Phase
@@ -38,13 +38,13 @@ class Scope(NamedTuple):
     measured: dict[str, Value | None]
 
     def inside(self, label: str, **own: Value) -> Scope:
-        """One level further in, under a label, with the names that are added there."""
+        """Scope one level further in, under a label, with additional names."""
         return self._replace(
             path=f"{self.path}/{label}", names={**self.names, **own}, loops={**self.loops, **own}
         )  # fmt: skip
 
     def waits(self, raw: Any) -> bool:
-        """Whether a value has an expression over measurements."""
+        """True if a value contains an expression over measurements."""
         if isinstance(raw, Mapping):
             return any(self.waits(value) for value in raw.values())
         if isinstance(raw, (list, tuple)):
@@ -55,7 +55,7 @@ class Scope(NamedTuple):
         return any(names_in(inside) & awaited for inside in _IN_TEXT.findall(raw))
 
     def evaluated(self, raw: Any, place: Place, found: list[Problem]) -> Any:
-        """A value of a step, with its expressions evaluated but for those that wait; `found` takes what is wrong."""
+        """Value of a step with its expressions evaluated except those that wait; problems are added to `found`."""
         if isinstance(raw, Mapping):
             return {key: self.evaluated(value, (*place, key), found) for key, value in raw.items()}
         if isinstance(raw, list) and any(holds_expression(item) or isinstance(item, Mapping) for item in raw):
@@ -70,7 +70,7 @@ class Scope(NamedTuple):
         return raw if self.waits(raw) else value
 
     def value(self, raw: Any, *, text: bool = False) -> Value | None:
-        """What a value is, worked out with examples where it waits; None when those are not known. ValueProblem."""
+        """Value of an expression, evaluated with examples if it waits; None if unknown; raises ValueProblem."""
         names: dict[str, Value] = dict(self.names)
         for name, example in self.measured.items():
             if example is None and isinstance(raw, str) and name in raw and self.waits(raw):
@@ -80,7 +80,7 @@ class Scope(NamedTuple):
         return filled(raw, names) if text else value_of(raw, names)
 
     def condition(self, raw: Any) -> bool | Waiting:
-        """A condition: true, false, or to be seen in the run; ValueProblem when it is none."""
+        """Value of a condition: true, false, or to be decided in the run; raises ValueProblem."""
         value = self.value(raw)
         if value is not None and not isinstance(value, bool):
             raise ValueProblem(f"is {in_words(value)}, expected something true or false such as ${{a > '5 °C'}}")
@@ -91,7 +91,7 @@ class Scope(NamedTuple):
     def misfits(
         self, model: type[BaseModel], raw: Mapping[str, Any], place: Place, reading: Value | None
     ) -> list[Problem]:
-        """Expressions that wait and are in another unit than their key takes, or than the reading of the step."""
+        """Waiting expressions in another unit than that of their key or of the reading of the step."""
         found: list[Problem] = []
         for keys, unit in _units(model, reading) if self.waits(raw) else ():
             part: Any = raw
@@ -129,7 +129,7 @@ def _in_text(value: Value) -> str:
 
 
 def _units(model: type[BaseModel], reading: Value | None) -> Iterator[tuple[tuple[str, ...], str]]:
-    """The keys of a step that take one unit; `reading` is an example of what the step looks at."""
+    """Keys of a step that have one unit; `reading` is an example of the reading of the step."""
     for name, info in model.model_fields.items():
         unit = unit_of((info.annotation, *info.metadata))
         if unit is not None:
@@ -141,7 +141,7 @@ def _units(model: type[BaseModel], reading: Value | None) -> Iterator[tuple[tupl
 
 
 def unit_of(parts: tuple[Any, ...]) -> str | None:
-    """The unit of a field by its annotation and metadata; None when it is no quantity in a fixed unit."""
+    """Unit of a field by its annotation and metadata; None if it is not a quantity in a fixed unit."""
     for part in parts:
         if isinstance(part, InUnit):
             return part.unit

@@ -1,4 +1,4 @@
-"""Sequences that another one calls: found beside it, with the parameters of the call."""
+"""Sequences called by another: found beside it, with the parameters of the call."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from bench.sequence.language.expressions import Value, ValueProblem
 from bench.sequence.plan.scope import Scope
 from drivers.schema.suggest import did_you_mean
 
-DEPTH_LIMIT = 8  # sequences that call one another
+DEPTH_LIMIT = 8  # levels of calls
 
 
 Called = tuple[Document, Outline, list[Problem]]
 
 
 def refuse_too_deep(path: Path, callers: tuple[Path, ...]) -> None:
-    """ValueProblem when a file is among those that call it, or too many call one another."""
+    """Raise ValueProblem if a file calls itself, directly or not, or calls are nested too deeply."""
     if path.resolve() in callers:
         chain = " calls ".join(caller.name for caller in callers[callers.index(path.resolve()) :])
         raise ValueProblem(f"{chain} calls {path.name}: a sequence cannot call itself")
@@ -30,7 +30,7 @@ def refuse_too_deep(path: Path, callers: tuple[Path, ...]) -> None:
 
 
 def read_called(path: Path) -> Called:
-    """A called file, its outline and what is wrong with its steps; ValueProblem when it cannot be read."""
+    """Read a called file: its outline and the problems of its steps; raises ValueProblem."""
     try:
         document = read_document(path)
         return document, *outline_of(document)
@@ -40,7 +40,7 @@ def read_called(path: Path) -> Called:
 
 
 def declared_at(document: Document, section: str, name: str) -> Place:
-    """The place of a need or an interlock: in the document, or in one that it calls."""
+    """Place of a need or an interlock: in the document, or in a called one."""
     if name in (document.value.get(section) or ()):
         return section, name
     for place, called in document.included.items():
@@ -52,7 +52,7 @@ def declared_at(document: Document, section: str, name: str) -> Place:
 def given_to(
     outline: Outline, wishes: Mapping[str, Any], scope: Scope, place: Place, found: list[Problem]
 ) -> dict[str, Value]:
-    """The parameters of a called sequence: what it is given, else its defaults; `found` takes what is wrong."""
+    """Parameters of a called sequence: those of the call, otherwise its defaults; problems are added to `found`."""
     values: dict[str, Value] = {name: parameter.default for name, parameter in outline.parameters.items()}
     for name, raw in wishes.items():
         here = (*place, name)

@@ -1,4 +1,4 @@
-"""Which places of a bench have a unit in a run."""
+"""Places of a bench that have a unit in a run."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from bench.sequence.method import known_methods
 
 
 def occupied(bench: BenchFile, sequence: Outline, named: Collection[str] = ()) -> BenchFile:
-    """The bench as it is for a run of a sequence: with units in the places that are named, and in no others.
+    """The bench for a run of a sequence, with units in the named places only.
 
-    Where none is named there is one in each place whose kind of unit the methods of the sequence measure; in all places
-    where it has no method, or no place is for its methods. InputError where a place is named that is not for them, and
-    another is.
+    If none is named, every place has one whose kind of unit the methods of the sequence measure; all places, if it has
+    no method or no place suits its methods. InputError if a named place does not suit them and another does.
     """
     measured = {known_methods()[entry.method].measures for entry in sequence.results if entry.method in known_methods()}
     suited = [name for name, place in bench.places.items() if measured <= {place.kind}]

@@ -1,4 +1,4 @@
-"""What each kind of step and block in a document comes to in a plan."""
+"""Expansion of each kind of step and block of a document to nodes of a plan."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Seen = Counter[str]
 
 
 class Expansion(Protocol):
-    """The pass over a document that a block is unrolled in."""
+    """Interface of the pass over a document in which a block is unrolled."""
 
     def nodes(self, raw: Sequence[Raw], place: Place, scope: Scope, taken: Collection[str] = ()) -> Nodes:
         """Return the nodes of a list of steps and blocks; `taken` are labels already used in its ids."""
@@ -60,7 +60,7 @@ class Expansion(Protocol):
 
 
 class Wrong(ValueProblem):
-    """What is wrong with a key of a block."""
+    """A problem with a key of a block."""
 
     def __init__(self, key: str, problem: str) -> None:
         super().__init__(problem)
@@ -77,7 +77,7 @@ def wrong_at(key: str) -> Iterator[None]:
 
 
 def nodes_of(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
-    """What a step or a block comes to; raises Wrong. `seen` counts the labels of its siblings before it."""
+    """Nodes of a step or a block; raises Wrong. `seen` counts the labels of its preceding siblings."""
     verb = next(iter(block))
     make = _step if verb in STEPS else _BLOCKS[verb]
     return make(run, block, here, scope, seen)
@@ -116,7 +116,7 @@ def _for_each(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen)
 def _loop(
     run: Expansion, loops: Sequence[tuple[str, tuple[Value, ...]]], block: Raw, here: Place, scope: Scope, seen: Seen
 ) -> Iterator[Node]:
-    """The steps of a loop for each value of its first variable, inside it for each of the others."""
+    """Steps of a loop for each value of its first variable, nested for the other variables."""
     (variable, values), *others = loops
     for value in values:
         label = f"{variable}={spelled(value)}"
@@ -128,7 +128,7 @@ def _loop(
 
 
 def _values(variable: str, raw: Any, key: str, scope: Scope) -> tuple[Value, ...]:
-    """What a loop runs over."""
+    """Values of a loop variable."""
     if variable in scope.names or variable in scope.measured:
         raise Wrong("for_each", f"the name '{variable}' is taken; choose another for this loop")
     if scope.waits(raw):
@@ -148,7 +148,7 @@ def _repeat(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -
 
 
 def _count(raw: Any, key: str, scope: Scope) -> int:
-    """A whole number of at least 1."""
+    """Parse a whole number of at least 1."""
     if scope.waits(raw):
         raise Wrong(key, "depends on a measurement; use while, which has a condition")
     with wrong_at(key):
@@ -172,7 +172,7 @@ def _call(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> 
 
 
 def _section(run: Expansion, phases: Raw, place: Place, scope: Scope, here: Place) -> Iterator[Node]:
-    """The phases of a group or a called sequence, in a section of its own where one is needed."""
+    """Phases of a group or a called sequence, in a section of its own if needed."""
     setup, steps, teardown = (
         run.nodes(phases.get(phase) or (), (*place, phase), _phase_of(scope, phase), _BESIDE[phase]) for phase in PHASES
     )
@@ -183,7 +183,7 @@ def _section(run: Expansion, phases: Raw, place: Place, scope: Scope, here: Plac
         yield from (*setup, *steps)
 
 
-# The ids of setup and teardown begin beside those of the steps.
+# The ids of setup and teardown are at the level of those of the steps.
 _BESIDE: Mapping[Phase, tuple[str, ...]] = {"setup": (), "steps": ("setup", "teardown"), "teardown": ()}
 
 
@@ -253,6 +253,6 @@ _BLOCKS: Mapping[str, Callable[[Expansion, Raw, Place, Scope, Seen], Iterator[No
 
 
 def _visit(label: str, seen: Seen) -> str:
-    """The label of one more visit, with its number from the second on."""
+    """Label of one more visit, with its number from the second on."""
     seen[label] += 1
     return label if seen[label] == 1 else f"{label}#{seen[label]}"

@@ -1,4 +1,4 @@
-"""Which devices of a bench a run cannot do without."""
+"""Devices of a bench that a run requires."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from drivers.capabilities import OUTPUT
 
 
 def devices_used(plan: Plan, bench: BenchFile) -> frozenset[str]:
-    """The devices that a plan acts on or reads, and those that feed, measure and guard the units in their places.
+    """Devices that a plan acts on or reads, and those that supply, measure and monitor the units in their places.
 
-    All of them where a step of a plug-in may use any. `bench` has units in the places of the run.
+    All devices, if a step of a plug-in may use any. `bench` has units in the places of the run.
     """
     steps = [planned.step for planned in plan]
     if any(isinstance(step, Custom) for step in steps):
@@ -33,7 +33,7 @@ def devices_used(plan: Plan, bench: BenchFile) -> frozenset[str]:
 
 
 def _devices(name: str, bench: BenchFile, *, is_output: bool) -> Iterator[str]:
-    """The devices behind a role, a named reading, DEVICE.CHANNEL, or a name for several of them."""
+    """Devices behind a role, a named reading, DEVICE.CHANNEL, or a group name."""
     if is_output:
         yield from bench.acquired_from(name)
     for member in bench.members(name):

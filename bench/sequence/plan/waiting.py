@@ -1,4 +1,4 @@
-"""What waited for measurements, once they are known: steps to be done, conditions to be decided."""
+"""Evaluation of expressions over measurements once these are known: values of steps and conditions."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def completed(planned: PlannedStep, variables: Mapping[str, Value], folder: Path
         ready = {key: _evaluated(key, raw, names) for key, raw in planned.waiting.raw.items()}
         found: Step = type(planned.step).model_validate(ready, context={"folder": folder, "files_needed": False})
     except ValueProblem as problem:
-        raise StepError(_told(str(problem), variables)) from None
+        raise StepError(_with_measurements(str(problem), variables)) from None
     except ValidationError as error:
         problems = [
             f"{'.'.join(map(str, item['loc']))}: {in_plain_words(item)}" for item in error.errors(include_url=False)
         ]
-        raise StepError(_told("; ".join(problems), variables)) from None
+        raise StepError(_with_measurements("; ".join(problems), variables)) from None
     return found
 
 
@@ -40,9 +40,9 @@ def is_true(condition: Waiting, variables: Mapping[str, Value]) -> bool:
     try:
         value = value_of(condition.raw, {**variables, **condition.names})
     except ValueProblem as problem:
-        raise StepError(_told(str(problem), variables)) from None
+        raise StepError(_with_measurements(str(problem), variables)) from None
     if not isinstance(value, bool):
-        raise StepError(_told(f"{condition.raw} is {in_words(value)}, neither true nor false", variables))
+        raise StepError(_with_measurements(f"{condition.raw} is {in_words(value)}, neither true nor false", variables))
     return value
 
 
@@ -56,7 +56,7 @@ def _evaluated(key: str, raw: Any, names: Mapping[str, Value]) -> Any:
     return filled(raw, names) if key in TEXTS else value_of(raw, names)
 
 
-def _told(problem: str, variables: Mapping[str, Value]) -> str:
-    """The problem with what has been measured so far, which it may come from."""
+def _with_measurements(problem: str, variables: Mapping[str, Value]) -> str:
+    """The problem with the measurements so far, from which it may result."""
     known = ", ".join(f"{name} = {in_words(value)}" for name, value in variables.items())
     return f"{problem}. Measured so far: {known or 'nothing'}"

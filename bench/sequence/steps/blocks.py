@@ -1,4 +1,4 @@
-"""Steps that hold steps: loops, alternatives, branches, attempts, other sequences."""
+"""Steps that contain steps: loops, alternatives, branches, attempts, other sequences."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ RETRIED = (*DEVICE_CODES, *CODES)
 
 
 def _variables(raw: object) -> object:
-    """The name of a loop's variable, or a mapping of names to what each goes through."""
+    """Parse the name of a loop variable, or a mapping of names to their values."""
     if isinstance(raw, Mapping) and not raw:
-        raise expected("a name, or names with what each goes through", raw)
+        raise expected("a name, or names with their values", raw)
     for name in raw if isinstance(raw, Mapping) else [raw]:
         NAME.validate(name)
     return raw
@@ -40,18 +40,16 @@ _ONE_FORM: dict[str, Any] = {"if": {"properties": {"for_each": {"type": "string"
 
 
 class ForEach(StrictModel):
-    """Does steps again for each value of a list or range; the name holds the value inside.
+    """Repeat steps for each value of a list or range; the name holds the value inside.
 
-    With a mapping of names to lists, for each combination: the last name goes round fastest.
+    With a mapping of names to lists, for each combination: the last name varies fastest.
     """
 
     model_config = ConfigDict(json_schema_extra=_ONE_FORM)
 
     variable: Annotated[Any, AfterValidator(_variables), WithJsonSchema(_VARIABLES_SCHEMA)] = Field(alias="for_each")
-    values: Any = Field(
-        None, alias="in", description="the values it goes through: a list, a range, or an expression of one"
-    )
-    steps: Steps = Field(description="done for each")
+    values: Any = Field(None, alias="in", description="its values: a list, a range, or an expression of one")
+    steps: Steps = Field(description="run for each value")
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
@@ -64,29 +62,29 @@ class ForEach(StrictModel):
 
 
 class Repeat(StrictModel):
-    """Repeats steps a given number of times."""
+    """Repeat steps a given number of times."""
 
     count: Any = Field(alias="repeat")
-    steps: Steps = Field(description="done each time")
+    steps: Steps = Field(description="run each time")
 
 
 class Group(StrictModel):
-    """Steps under a name, which their ids then hold. Its teardown runs also when its setup or its steps fail."""
+    """Steps under a name, which becomes part of their ids. Its teardown runs also if its setup or its steps fail."""
 
     name: Name = Field(alias="group")
     setup: tuple[AnyBlock, ...] = Field((), description="done first")
     steps: Steps = Field(description="done then")
     teardown: tuple[AnyBlock, ...] = Field((), description="run at the end, also after a failure")
     on_failure: OnFailure | None = Field(
-        None, description="what the run does when one of them fails; default: it stops"
+        None, description="reaction of the run if one of them fails; default: it stops"
     )
     restart_at: RestartAt | None = Field(
-        None, description="if the run is interrupted in it: done again from its begin, or never resumed"
+        None, description="if the run is interrupted in it: repeat it from its beginning, or never resume"
     )
 
 
 class If(StrictModel):
-    """Does steps when a condition is true, others when it is not."""
+    """Execute steps if a condition is true, others if it is not."""
 
     condition: Any = Field(alias="if")
     then: Steps = Field(description="run if it is true")
@@ -94,28 +92,26 @@ class If(StrictModel):
 
 
 class While(StrictModel):
-    """Does steps again as long as a condition is true, and at most so often."""
+    """Repeat steps while a condition is true, up to a number of passes."""
 
     condition: Any = Field(alias="while")
-    at_most: Any = Field(description="how many passes at most")
+    at_most: Any = Field(description="maximum number of passes")
     steps: Steps = Field(description="run in each pass")
 
 
 class Parallel(StrictModel):
-    """Runs branches in parallel, each with its own devices; it ends when all have ended."""
+    """Run branches in parallel, each with its own devices; the step ends when all have ended."""
 
     branches: Annotated[Mapping[Name, Steps], NOT_EMPTY] = Field(alias="parallel")
 
 
 class Call(StrictModel):
-    """Runs another sequence from a file beside this one, with its parameters; its results are ignored."""
+    """Run another sequence from a file beside this one, with its parameters; its results are ignored."""
 
     file: Annotated[str, TextLike(r"[a-z][a-z0-9_]*\.yaml", "the name of a sequence file beside this one")] = Field(
         alias="call"
     )
-    with_: Mapping[Name, Any] = Field(
-        default_factory=dict, alias="with", description="its parameters and what they are"
-    )
+    with_: Mapping[Name, Any] = Field(default_factory=dict, alias="with", description="values of its parameters")
 
 
 def _code(code: str) -> str:
@@ -125,7 +121,7 @@ def _code(code: str) -> str:
 
 
 class Retry(StrictModel):
-    """Repeats steps when one of them fails, up to a number of attempts; by default after any error of a device."""
+    """Repeat steps if one of them fails, up to a number of attempts; by default after any error of a device."""
 
     attempts: Annotated[WholeNumber, Field(ge=2, le=100)] = Field(alias="retry")
     delay_s: Seconds = Field(0.0, alias="delay", description="the time between two attempts")

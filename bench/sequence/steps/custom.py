@@ -1,6 +1,7 @@
-"""Steps that plug-ins bring: `custom: NAME` with settings of the plug-in's own.
+"""Steps of plug-ins: `custom: NAME` with the settings of the plug-in.
 
-The entry-point group `inertial_test_bench.steps` finds their descriptions; what does the step is imported when it runs.
+The entry-point group `inertial_test_bench.steps` provides their descriptions; the code of a step is imported when it
+runs.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ def _no_time(_: Any) -> float:
 
 
 class StepDescription(NamedTuple):
-    """A plug-in's step as a sequence sees it.
+    """Description of a plug-in's step for sequences.
 
-    `settings` validates the block `with`. `target` is "module:function", an
-    `async def function(settings, bench: bench.engine.context.Bench) -> Mapping[str, Any]` whose result goes into the
-    journal; `bench.role` is the role that the step names. "value" in the result, with "unit" of a number, is what `as`
-    names in later expressions. `capability` is what the step's role must be, "" when it needs no device. `takes_s` is
-    how long it takes, from the settings. `example` is a value such as it gives, for checking expressions; None when it
-    gives none. Only a `repeatable` step is done again when a run is resumed that was interrupted in it.
+    `settings` validates the block `with`. `target` is "module:function", an `async def function(settings, bench:
+    bench.engine.context.Bench) -> Mapping[str, Any]` whose result goes into the journal; `bench.role` is the role that
+    the step names. "value" in the result, with "unit" of a number, is the value that `as` names in later expressions.
+    `capability` is that of the step's role, "" if it needs no device. `takes_s` computes its duration from the
+    settings. `example` is an example of its value, for checking expressions; None if it has none. If a run was
+    interrupted in the step, the resumed run repeats it only if it is `repeatable`.
     """
 
     name: str
@@ -46,9 +47,9 @@ class StepDescription(NamedTuple):
 
 
 class Custom(StepBase):
-    """A step of a plug-in, with the settings that it takes; `role` is the device that it acts on, if it does.
+    """Run a step of a plug-in, with its settings; `role` is the device that it acts on, if any.
 
-    `as` is the name that expressions in later steps know by what it found.
+    `as` is the name of its value in later expressions.
     """
 
     name: Name = Field(alias="custom")
@@ -60,7 +61,7 @@ class Custom(StepBase):
 
     @property
     def resumed(self) -> Resumed:  # type: ignore[override]  # of a plug-in, which its description declares
-        """What a resumed run does with it."""
+        """Treatment of the step by a resumed run."""
         return "again" if known_steps()[self.name].repeatable else "never"
 
 

@@ -1,4 +1,4 @@
-"""What all steps have in common, and the kinds of values that only steps have."""
+"""Keys common to all steps, and kinds of values that only steps have."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from drivers.schema.wording import telling
 
 OnFailure = Literal["stop", "continue", "ask"]
 Resumed = Literal["restored", "in full", "again", "anew", "asked", "never"]
-"""What a resumed run does with a step that an interruption cut short.
+"""Treatment, by a resumed run, of a step that an interruption cut short.
 
-A step that is *restored* sets something for longer than it lasts: it is also done again where it had ended, before the
-first other step. *In full* is a waiting, of which nothing counts as passed but the credit of a soak. An acquisition
-begins *anew*: what was acquired of it before is kept in the record, and superseded. *Never* refuses the resumption.
+A *restored* step sets something beyond its own duration: it is repeated even if it had ended, before the first other
+step. A wait is repeated *in full*; only the credit of a soak counts as passed. An acquisition begins *anew*: its
+earlier data are kept in the record but superseded. *Never*: the run cannot be resumed.
 """
 RestartAt = Literal["begin", "never"]
 Text = Annotated[str, Field(min_length=1, max_length=500)]
 
 
 class StepBase(StrictModel):
-    """Keys of every step: its timeout, and what happens if it fails."""
+    """Keys of every step: its timeout, and the reaction if it fails."""
 
     resumed: ClassVar[Resumed] = "again"
 
-    timeout_s: PositiveSeconds | None = Field(None, alias="timeout", description="the longest it may take")
+    timeout_s: PositiveSeconds | None = Field(None, alias="timeout", description="maximum duration")
     on_failure: OnFailure | None = Field(
-        None, description="what the run does when it fails: it stops, but goes on after a value outside its limits"
+        None,
+        description="reaction of the run if it fails; default: stop, but continue after a value outside its limits",
     )
 
     @property
@@ -46,17 +47,17 @@ class StepBase(StrictModel):
 
 
 def is_known(value: Quantity | None) -> bool:
-    """Whether a value is there, and no expression that waits for a measurement."""
+    """True if a value is present and does not wait for a measurement."""
     return value is not None and not math.isnan(value.base_value)
 
 
 def one_of(*keys: tuple[str, ...]) -> ConfigDict:
-    """For editors: of several sets of keys a step has exactly one."""
+    """Sets of keys of which a step has exactly one, for the schema."""
     return ConfigDict(json_schema_extra={"oneOf": [{"required": list(names)} for names in keys]})
 
 
 def choice_of(keys: dict[str, Any], what: str) -> str:
-    """The one of several keys that a step has; raises if it has none, or two."""
+    """Return the one of several keys that a step has; raises if it has none, or two."""
     given = [key for key, value in keys.items() if value is not None]
     if len(given) != 1:
         found = f"has {' and '.join(given)}" if given else "has none of them"

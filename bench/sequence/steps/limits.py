@@ -1,4 +1,4 @@
-"""Limits in a document: limits, or a target with its tolerance; a guard band, a marginal band."""
+"""Limits in a document: min and max, or a target with its tolerance; guard band, marginal band."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from drivers.schema.wording import expected, telling
 
 
 def quantity(raw: Any) -> Quantity:
-    """The quantity of a value in a document, for a validator; raises an error with the message."""
+    """Parse a quantity of a document, for a validator; raises an error with the message."""
     try:
         value = value_of(raw)
     except ValueProblem as problem:
@@ -37,7 +37,7 @@ def _bound(raw: Any, info: ValidationInfo) -> Quantity:
 Bound = Annotated[Quantity | None, PlainValidator(_bound), WithJsonSchema(QUANTITY_SCHEMA)]
 PositiveRatio = Annotated[float, InUnit("", above=0)]
 
-# For editors: the keys that go together.
+# For the schema: keys that belong together.
 _FORMS: JsonDict = {
     "oneOf": [
         {"anyOf": [{"required": ["min"]}, {"required": ["max"]}], "properties": {"target": False}},
@@ -49,21 +49,23 @@ _FORMS: JsonDict = {
 
 
 class LimitEntry(StrictModel):
-    """What a value may be: from min to max, or target ± tolerance (in its unit) or ± relative (a ratio of it).
+    """Limits of a value: from min to max, or target ± tolerance (in its unit) or ± relative (a ratio of it).
 
-    With guard it is accepted only if it is inside by at least that many of its standard uncertainties. It is
-    marginal when a limit is closer than marginal, which is its expanded uncertainty unless it is given.
+    With guard, a value passes only if it is inside by at least that many of its standard uncertainties. It is marginal
+    if a limit is closer than marginal, by default its expanded uncertainty.
     """
 
     model_config = ConfigDict(json_schema_extra=_FORMS)
 
-    min: Bound = Field(None, description="the lowest that passes")
-    max: Bound = Field(None, description="the highest that passes")
-    target: Bound = Field(None, description="what it should be")
-    tolerance: Bound = Field(None, description="± about the target, in its unit")
-    relative: PositiveRatio | None = Field(None, description="± about the target, as a part of it")
-    guard: PositiveRatio | None = Field(None, description="how many standard uncertainties inside it must lie")
-    marginal: Bound = Field(None, description="closer to a limit it is marginal; its expanded uncertainty unless given")
+    min: Bound = Field(None, description="lower limit")
+    max: Bound = Field(None, description="upper limit")
+    target: Bound = Field(None, description="nominal value")
+    tolerance: Bound = Field(None, description="± tolerance of the target, in its unit")
+    relative: PositiveRatio | None = Field(None, description="± tolerance of the target, as a ratio of it")
+    guard: PositiveRatio | None = Field(None, description="guard band inside the limits, in standard uncertainties")
+    marginal: Bound = Field(
+        None, description="distance from a limit below which a value is marginal; default: its expanded uncertainty"
+    )
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
@@ -85,7 +87,7 @@ class LimitEntry(StrictModel):
         return "give tolerance or relative, not both" if len(widths) > 1 else ""
 
     def _problem_of_sizes(self) -> str:
-        """What is wrong among the values that are known; in which unit they must be is known outside."""
+        """Problem of the known values; their unit is checked by the caller."""
         target, tolerance = self.target, self.tolerance
         if self.min is not None and self.max is not None and _is_above(self.min, self.max):
             return "min is above max"
@@ -103,12 +105,12 @@ class LimitEntry(StrictModel):
         return ""
 
     def _width_of(self, target: Quantity) -> float:
-        """What a target lies from its limits, in base units."""
+        """Half-width of the tolerance about a target, in base units."""
         return abs(target.base_value) * (self.relative or 0.0) if self.tolerance is None else self.tolerance.base_value
 
     @property
     def sides(self) -> tuple[Quantity | None, Quantity | None]:
-        """The lower and the upper limit."""
+        """Lower and upper limit."""
         if self.target is None:
             return self.min, self.max
         width = Quantity(self._width_of(self.target), self.target.dimension)
@@ -116,7 +118,7 @@ class LimitEntry(StrictModel):
 
 
 def _go_together(one: Quantity, other: Quantity) -> bool:
-    """Whether two quantities are of one dimension, as far as they are known."""
+    """True if two quantities have one dimension, as far as they are known."""
     return one.dimension == other.dimension or not (is_known(one) and is_known(other))
 
 
@@ -125,7 +127,7 @@ def _is_above(low: Quantity, high: Quantity) -> bool:
 
 
 def unit_problems(entry: LimitEntry, unit: str) -> Iterator[tuple[str, str]]:
-    """Keys of limits that are known not to be in the unit of what they limit, and what is wrong with them."""
+    """Keys of limits known to be in another unit than the limited quantity, with their problems."""
     for key in ("min", "max", "target", "tolerance", "marginal"):
         value = getattr(entry, key)
         try:
@@ -136,7 +138,7 @@ def unit_problems(entry: LimitEntry, unit: str) -> Iterator[tuple[str, str]]:
 
 
 def limits_in(entry: LimitEntry, unit: str) -> Limits:
-    """The limits as numbers in `unit`; QuantityError when they are in another."""
+    """Limits as numbers in `unit`; QuantityError if they are in another dimension."""
     low, high = entry.sides
     return Limits(
         low=_in(unit, low),

@@ -1,4 +1,4 @@
-"""Steps that measure: counts under a label for a reduction, single readings with limits for a decision."""
+"""Steps that measure: outputs under a label for a reduction, single readings with limits for a decision."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from drivers.schema.wording import telling
 
 
 class StableOutput(StrictModel):
-    """When an output is stable: its means over 10 s, and how much they drift, in g by what the units are made to be."""
+    """Stability of an output: scatter and drift of its means over 10 s, in g by the nominal scale factor."""
 
     sd_g: Annotated[float, InUnit("g", above=0)] = Field(alias="sd", description="maximum scatter of the means")
     slope_g_per_s: Annotated[float, InUnit("g/s", above=0)] = Field(
         alias="slope", description="maximum drift of the means"
     )
     over_s: Annotated[float, InUnit("s", at_least=30, at_most=3600)] = Field(
-        60.0, alias="over", description="the time over which they are judged"
+        60.0, alias="over", description="evaluation time"
     )
 
 
 class Acquire(StepBase):
-    """Measures the output of units under a label that a result can name.
+    """Acquire the output of units under a label that a result can name.
 
-    It does so for a time, over whole turns, during other steps, or until the output is stable. `turns` are turns of the
-    table `of`, which rotates meanwhile. Data not stable by `give_up_after` are kept and marked. `resolution` is the
-    resolution that the counting must reach, in g or relative to 1 g: the check warns if the time is too short.
+    The acquisition lasts for a time, over whole turns, during other steps, or until the output is stable. `turns` are
+    turns of the table `of`, which rotates meanwhile. Data not stable by `give_up_after` are kept and flagged.
+    `resolution` is the resolution that the counting must reach, in g or relative to 1 g: the check warns if the time is
+    too short.
     """
 
     model_config = one_of(("for",), ("turns", "of"), ("during",), ("until_stable", "give_up_after"))
@@ -39,19 +40,19 @@ class Acquire(StepBase):
 
     role: Name = Field(alias="acquire")
     duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long")
-    turns: Annotated[float, InUnit("", above=0)] | None = Field(None, description="how many turns of the table")
+    turns: Annotated[float, InUnit("", above=0)] | None = Field(None, description="number of turns of the table")
     of: Name | None = Field(None, description="the table whose turns are counted")
     during: Steps | None = Field(None, description="these steps run meanwhile")
     until_stable: StableOutput | None = None
     give_up_after_s: PositiveSeconds | None = Field(
-        None, alias="give_up_after", description="the longest wait for stability"
+        None, alias="give_up_after", description="maximum wait for stability"
     )
     label: Name = Field(description="by which a result refers to the data")
     resolution: AnyQuantity | None = Field(None, description="the resolution that the counting must reach")
 
     @property
     def least_s(self) -> float:
-        """The time for which it measures at least."""
+        """Minimum measuring time."""
         return self.until_stable.over_s if self.until_stable is not None else self.duration_s or 0.0
 
     @model_validator(mode="after")
@@ -74,17 +75,17 @@ class Acquire(StepBase):
 
 
 class Measure(StepBase):
-    """Takes one value: the newest of a reading, or its mean over a time; within limits it passes, else it fails.
+    """Measure one value: the newest of a reading, or its mean over a time; within limits it passes, otherwise it fails.
 
-    A reading is a named one, DEVICE.CHANNEL, or the pulse rate of a counter's channel, which needs a time. So does
-    OUTPUT.PLACE, where OUTPUT is a need of kind output: that of the unit in a place, whatever measures it, in g by what
-    the unit is made to be. `as` is the name that expressions in later steps know it by. With `net`, what the last
-    `tare` found is taken off. What was read before the step is not taken.
+    A reading is a named one, DEVICE.CHANNEL, or the pulse rate of a counter channel, which needs a time. So does
+    OUTPUT.PLACE, where OUTPUT is a need of kind output: the output of the unit in a place, by whatever instrument, in g
+    by its nominal scale factor. `as` is its name in later expressions. With `net`, the value of the last `tare` is
+    subtracted. Readings from before the step are not used.
     """
 
     reading: ReadingName = Field(alias="measure")
     duration_s: PositiveSeconds | None = Field(
-        None, alias="for", description="the time of the mean; the newest value without it"
+        None, alias="for", description="averaging time; without it, the newest value"
     )
     name: Name | None = Field(None, alias="as", description="the name of the value in later expressions")
     net: Flag = Field(False, description="subtract the value of the last tare")
@@ -92,7 +93,7 @@ class Measure(StepBase):
 
     @property
     def least_s(self) -> float:
-        """The time of the mean."""
+        """Averaging time."""
         return self.duration_s or 0.0
 
     @model_validator(mode="after")
@@ -103,12 +104,12 @@ class Measure(StepBase):
 
 
 class Tare(StepBase):
-    """Takes the mean of a reading over a time as the zero that later measures with `net: true` start from."""
+    """Measure the mean of a reading over a time as the zero of later `measure` steps with `net: true`."""
 
     reading: ReadingName = Field(alias="tare")
-    duration_s: PositiveSeconds = Field(alias="for", description="the time of the mean")
+    duration_s: PositiveSeconds = Field(alias="for", description="averaging time")
 
     @property
     def least_s(self) -> float:
-        """The time of the mean."""
+        """Averaging time."""
         return self.duration_s

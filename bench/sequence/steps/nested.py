@@ -1,4 +1,4 @@
-"""Steps inside steps: which model a step has is chosen by its first key, while it is validated."""
+"""Steps inside steps: the model of a step is chosen by its first key during validation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.schema.fields import NOT_EMPTY
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import expected, telling
 
-UNROLLED = object()  # stands for the steps inside a step that were looked at already
+UNROLLED = object()  # stands for inner steps that are validated already
 
 
 BLOCKS: dict[str, type[BaseModel]] = {}  # by verb; bench.sequence.steps.verbs, which imports every step, fills it

@@ -1,7 +1,7 @@
-"""Attitudes: how the axes of a unit point, and to which angles the axes of a table go for it (equations 4.2, 8.1).
+"""Attitudes: directions of the axes of a unit, and the table angles that give them (equations 4.2, 8.1).
 
-Everything here is by quarter turns: axes of tables point along the compass or the vertical, attitudes do, and mounts
-must. The frame is east, north, up; vectors and the rows of matrices are of whole numbers.
+Everything is in quarter turns: axes of tables and attitudes point along the compass directions or the vertical, and
+mounts must. The frame is east, north, up; vectors and the rows of matrices are whole numbers.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _SCHEMA = {
 
 
 class Attitude(NamedTuple):
-    """Where the axes x, y and z of a unit point; None while it waits for a measurement."""
+    """Directions of the axes x, y and z of a unit; None while they depend on a measurement."""
 
     rows: Rows | None
 
@@ -57,7 +57,7 @@ class Attitude(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its letters, and its name where it is one of the 24."""
+        """Its letters, and its name if it is one of the 24."""
         known = {letters: name for name, letters in ATTITUDES.items()}
         return f"{known[str(self)]} ({self})" if str(self) in known else str(self)
 
@@ -78,7 +78,7 @@ def _attitude(raw: Any, info: Any) -> Attitude:
 
 
 def _of_axes(raw: Mapping[str, Any]) -> Rows:
-    """From two or three axes with their directions."""
+    """Parse two or three axes with their directions."""
     for axis, direction in raw.items():
         if axis not in AXES:
             raise telling(f"a unit has no axis {quoted(axis)}; its axes are x, y and z")
@@ -112,23 +112,23 @@ def _right_handed(rows: tuple[Row, ...]) -> Rows:
 
 
 class Orient(StepBase):
-    """Turns the axes of the table so that the axes of the units have the given directions, by the shortest way.
+    """Turn the axes of the table so that the axes of the units have the given directions, by the shortest way.
 
-    A unit is oriented as it is mounted: x is its input axis, z the normal of its seat. Two axes are enough. An attitude
-    that the table cannot reach with the units as mounted is an error before the run.
+    Orientation of a mounted unit: x is its input axis, z the normal of its seat. Two axes are enough. An attitude that
+    the table cannot reach with the units as mounted is an error before the run.
     """
 
     resumed: ClassVar[Resumed] = "restored"
 
     attitude: Annotated[Attitude, PlainValidator(_attitude), WithJsonSchema(_SCHEMA)] = Field(
-        alias="orient", description="where the axes point: up, down, north, south, east, west"
+        alias="orient", description="directions of the axes: up, down, north, south, east, west"
     )
     approach: Approach = Field("direct", description="the side from which each axis reaches its angle")
-    settle_s: Seconds = Field(0.0, alias="settle", description="rest after all axes have settled")
+    settle_s: Seconds = Field(0.0, alias="settle", description="dwell after all axes have settled")
 
     @property
     def least_s(self) -> float:
-        """The settling."""
+        """Settling time."""
         return self.settle_s
 
 
@@ -159,7 +159,8 @@ def targets_deg(attitude: Attitude, bench: BenchFile, pose: Pose) -> dict[str, f
             for role, quarter in zip(bench.axes, quarters, strict=True)
         }
         way_deg = math.fsum(abs(angle_deg - pose.angles_deg.get(role, 0.0)) for role, angle_deg in found.items())
-        cost = (round(way_deg, 6), math.fsum(map(abs, found.values())))  # of ways as long the one that winds up less
+        # of equally long ways, the one nearer to zero turns
+        cost = (round(way_deg, 6), math.fsum(map(abs, found.values())))
         if cost < least:
             best, least = found, cost
     if best:
@@ -175,11 +176,11 @@ def targets_deg(attitude: Attitude, bench: BenchFile, pose: Pose) -> dict[str, f
 
 @lru_cache(maxsize=32)
 def reachable(axes: tuple[Row, ...], unit: Rows) -> Mapping[Rows, tuple[Quarters, ...]]:
-    """The attitudes that a table reaches, each with the quarter turns of its axes; `unit` lies as at angles of 0."""
+    """Attitudes that a table reaches, with the quarter turns of its axes; `unit` is the orientation at angles of 0."""
     found: dict[Rows, list[Quarters]] = {}
     for quarters in product(range(4), repeat=len(axes)):
         x, y, z = unit
-        for axis, quarter in reversed([*zip(axes, quarters, strict=True)]):  # the innermost turns first
+        for axis, quarter in reversed([*zip(axes, quarters, strict=True)]):  # the innermost axis first
             x, y, z = (_turned(row, axis, quarter) for row in (x, y, z))
         found.setdefault((x, y, z), []).append(quarters)
     return {rows: tuple(ways) for rows, ways in found.items()}
@@ -194,7 +195,7 @@ def _unit_at_zero(bench: BenchFile, mount_name: str | None) -> Rows:
     mount = fixture.mount(mount_name if mount_name in fixture.mounts else None)
     own = {place.mount_angle for place in bench.places.values()}
     if len(own) > 1:
-        raise Unreachable("the units lie differently in their places: their mount angles are not the same")
+        raise Unreachable("the units are oriented differently in their places: their mount angles are not the same")
     x, z = _whole(fixture.x), _whole(fixture.z)
     turns_deg = [("y", -mount.angle), ("x", mount.roll), ("z", mount.clock), ("y", -next(iter(own)))]
     rows: Rows = (x, _cross(z, x), z)
@@ -215,7 +216,7 @@ def _ends_deg(bench: BenchFile, role: str) -> tuple[float, float]:
 
 
 def _nearest(target_deg: float, from_deg: float, ends_deg: tuple[float, float]) -> float:
-    """The angle equal to `target_deg` but for whole turns that is nearest, within the ends; NaN without one."""
+    """Angle equal to `target_deg` modulo whole turns that is nearest and within the ends; NaN if none is."""
     low_deg, high_deg = ends_deg
     turns = round((from_deg - target_deg) / TURN_DEG)
     candidates = [target_deg + (turns + k) * TURN_DEG for k in (0, -1, 1, -2, 2)]
@@ -229,7 +230,7 @@ def _whole(vector: tuple[float, float, float]) -> Row:
 
 
 def _turned(vector: Row, axis: Row, quarters: int) -> Row:
-    """A vector after quarter turns about an axis, after Rodrigues."""
+    """A vector after quarter turns about an axis (Rodrigues)."""
     cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
     across, along = _cross(axis, vector), _dot(axis, vector) * (1 - cosine)
     a, b, c = (cosine * v + sine * w + along * k for v, w, k in zip(vector, across, axis, strict=True))

@@ -1,4 +1,4 @@
-"""Steps that do something to the unit under test: turn it, warm it, feed it."""
+"""Steps that stimulate the unit under test: motion, temperature, electrical supply."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from drivers.schema.fields import (
 from drivers.schema.wording import telling
 
 TURN_DEG = 360.0
-THERE_DEG = 0.01  # as near is there already: nobody means a whole turn by it
+THERE_DEG = 0.01  # an axis this close is already there: no whole turn is meant
 SWEEP_STEPS_PER_OCTAVE = 6
 Way = Literal["as_written", "nearest", "increasing", "decreasing"]
 Rate = Annotated[float, InUnit("°/s")]
@@ -36,10 +36,10 @@ Amplitude = Annotated[float, InUnit("°", above=0)]
 
 
 class Move(StepBase):
-    """Turns the head to an angle and waits until it has settled.
+    """Turn the head to an angle and wait until it has settled.
 
-    `to` is an angle as the encoder counts it, `by` is relative to where the last move went. With a way other than
-    as_written, `to` is any angle that differs by whole turns: the nearest, or the next one up or down.
+    `to` is an encoder angle, `by` is relative to the target of the last move. With a way other than as_written, `to` is
+    any angle that differs by whole turns: the nearest, or the next one up or down.
     """
 
     resumed: ClassVar[Resumed] = "restored"
@@ -47,15 +47,15 @@ class Move(StepBase):
     model_config = one_of(("to",), ("by",))
 
     role: Name = Field(alias="move")
-    to_deg: Degrees | None = Field(None, alias="to", description="as the encoder counts it")
+    to_deg: Degrees | None = Field(None, alias="to", description="encoder angle")
     by_deg: Degrees | None = Field(None, alias="by", description="relative to the target of the last move")
     way: Way = Field("as_written", description="direction for an angle modulo a turn")
     approach: Approach = Field("direct", description="the side from which the angle is reached")
-    settle_s: Seconds = Field(0.0, alias="settle", description="rest after it has settled")
+    settle_s: Seconds = Field(0.0, alias="settle", description="dwell after it has settled")
 
     @property
     def least_s(self) -> float:
-        """The settling."""
+        """Settling time."""
         return self.settle_s
 
     @model_validator(mode="after")
@@ -65,7 +65,7 @@ class Move(StepBase):
         return self
 
     def target_deg(self, from_deg: float) -> float:
-        """The angle that it goes to when the last move went to `from_deg`."""
+        """Target angle if the target of the last move was `from_deg`."""
         if self.by_deg is not None:
             return from_deg + self.by_deg
         to_deg = self.to_deg if self.to_deg is not None else math.nan
@@ -78,22 +78,22 @@ class Move(StepBase):
 
 
 class Rotate(StepBase):
-    """Turns the table at a rate: so many turns, for a time, or during other steps; it is at rest at the end."""
+    """Rotate the table at a rate: for a number of turns, a time, or during other steps; it is at rest at the end."""
 
     model_config = one_of(("turns",), ("for",), ("during",))
 
     role: Name = Field(alias="rotate")
     rate_dps: Rate = Field(alias="at", description="the rate; its sign is the direction")
     acceleration_dps2: Acceleration | None = Field(
-        None, alias="acceleration", description="the change of rate; the table's own unless it is given"
+        None, alias="acceleration", description="angular acceleration; default: that of the table"
     )
-    turns: Annotated[float, InUnit("", above=0)] | None = Field(None, description="how many turns at the rate")
-    duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long at the rate")
+    turns: Annotated[float, InUnit("", above=0)] | None = Field(None, description="number of turns at the rate")
+    duration_s: PositiveSeconds | None = Field(None, alias="for", description="time at the rate")
     during: Steps | None = Field(None, description="these steps run meanwhile")
 
     @property
     def least_s(self) -> float:
-        """The time at the rate."""
+        """Time at the rate."""
         if self.turns is not None:
             return self.turns * TURN_DEG / abs(self.rate_dps)
         return self.duration_s or 0.0
@@ -113,35 +113,35 @@ class Rotate(StepBase):
 
 
 class Sweep(StrictModel):
-    """Frequencies gone through, the logarithm of the frequency in proportion to time."""
+    """Logarithmic frequency sweep: the logarithm of the frequency is proportional to time."""
 
     from_hz: Hertz = Field(alias="from", description="the first frequency")
     to_hz: Hertz = Field(alias="to", description="the last frequency")
 
 
 class Oscillate(StepBase):
-    """Turns the table to and fro about where it stands: for a time, or during other steps; it is at rest at the end."""
+    """Oscillate the table about its present angle: for a time, or during other steps; it is at rest at the end."""
 
     role: Name = Field(alias="oscillate")
-    amplitude_deg: Amplitude = Field(alias="amplitude", description="to either side")
-    frequency_hz: Hertz | None = Field(None, alias="frequency", description="one frequency all the time")
+    amplitude_deg: Amplitude = Field(alias="amplitude", description="amplitude")
+    frequency_hz: Hertz | None = Field(None, alias="frequency", description="a constant frequency")
     sweep: Sweep | None = None
     duration_s: PositiveSeconds | None = Field(None, alias="for", description="how long")
     during: Steps | None = Field(None, description="these steps run meanwhile")
 
     @property
     def least_s(self) -> float:
-        """The time that it oscillates."""
+        """Duration of the oscillation."""
         return self.duration_s or 0.0
 
     @property
     def highest_hz(self) -> float:
-        """The highest frequency, which asks most of the table."""
+        """Highest frequency, the most demanding one for the table."""
         return max(self.sweep.from_hz, self.sweep.to_hz) if self.sweep else self.frequency_hz or math.nan
 
     @property
     def frequencies_hz(self) -> tuple[float, ...]:
-        """One after the other, each for the same time; those of a sweep go by a constant ratio."""
+        """Frequencies in order, each for the same time; those of a sweep have a constant ratio."""
         if self.sweep is None or math.isnan(self.sweep.from_hz + self.sweep.to_hz):
             return (self.highest_hz,)
         octaves = math.log2(self.sweep.to_hz / self.sweep.from_hz)
@@ -160,9 +160,9 @@ class Oscillate(StepBase):
 
 
 class SetOutput(StepBase):
-    """Sets a supply (voltage, current_limit) or a current source (current, compliance), and its output on or off.
+    """Set a supply (voltage, current_limit) or a current source (current, compliance), and switch its output on or off.
 
-    A current source may be given the `acceleration` whose current it stands for, through the nominal K1 of a place.
+    For a current source, `acceleration` may be given instead of its current, by the nominal K1 of a place.
     """
 
     resumed: ClassVar[Resumed] = "restored"
@@ -176,9 +176,9 @@ class SetOutput(StepBase):
     acceleration_g: Annotated[float, InUnit("g")] | None = Field(
         None, alias="acceleration", description="of a current source: the equivalent acceleration"
     )
-    place: Name | None = Field(None, description="whose K1 makes the acceleration a current")
+    place: Name | None = Field(None, description="its nominal K1 converts the acceleration to a current")
     compliance_v: Volts | None = Field(None, alias="compliance", description="of a current source: the maximum voltage")
-    output: Literal["on", "off"] = Field(description="whether the output is on")
+    output: Literal["on", "off"] = Field(description="state of the output")
 
     @model_validator(mode="after")
     def _complete(self) -> SetOutput:
@@ -200,7 +200,7 @@ class SetOutput(StepBase):
 
 
 class Ramp(StepBase):
-    """Takes the chamber's set point to a temperature; ends when the set point in force has arrived."""
+    """Ramp the set point of the chamber to a temperature; ends when the set point in force has arrived."""
 
     resumed: ClassVar[Resumed] = "restored"
 

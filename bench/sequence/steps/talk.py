@@ -1,4 +1,4 @@
-"""Steps that speak with people: notes, alarms, and questions that a run waits to have answered."""
+"""Steps that address people: notes, alarms, and questions that the run waits to have answered."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ A_DAY_S = 86400.0
 
 
 class Note(StepBase):
-    """Writes a text into the record of the run, and shows it; the text may hold expressions."""
+    """Write a text to the record of the run and display it; the text may contain expressions."""
 
     text: Text = Field(alias="note")
 
 
 class Alarm(StepBase):
-    """A note that needs immediate attention: it is shown as an alarm and rings the terminal's bell."""
+    """Display a note that needs immediate attention: as an alarm, with the bell of the terminal."""
 
     text: Text = Field(alias="alarm")
 
@@ -38,11 +38,11 @@ def _unit(text: str) -> str:
 
 
 class TypedInput(StrictModel):
-    """A quantity that a person types, in `unit`, within a range; without a unit it is a text."""
+    """A quantity that a person types, in `unit`, within a range; without a unit, a text."""
 
     unit: Annotated[str, AfterValidator(_unit)] | None = Field(None, description="without it the answer is a text")
-    min: AnyQuantity | None = Field(None, description="the lowest value accepted")
-    max: AnyQuantity | None = Field(None, description="the highest value accepted")
+    min: AnyQuantity | None = Field(None, description="minimum")
+    max: AnyQuantity | None = Field(None, description="maximum")
 
     @model_validator(mode="after")
     def _goes_together(self) -> Self:
@@ -61,7 +61,7 @@ class TypedInput(StrictModel):
 
     @property
     def example(self) -> Quantity | str:
-        """Something of the kind that is typed, for checking expressions before anybody types."""
+        """Example of the typed value, for checking expressions before the run."""
         if self.unit is None:
             return "text"
         unit = parse_unit(self.unit)
@@ -70,9 +70,9 @@ class TypedInput(StrictModel):
 
 
 class PhysicalChange(StrictModel):
-    """What a person is to change with his hands; a simulated technician does it in simulation."""
+    """Change that a person makes by hand; in simulation, a simulated technician makes it."""
 
-    mount: Name | None = Field(None, description="the mount of the fixture that the unit is put on")
+    mount: Name | None = Field(None, description="the mount of the fixture to which the unit is attached")
     input: Literal["accelerometer", "source"] | None = Field(
         None,
         description="the input of the converter: its accelerometer (at the beginning of a run), "
@@ -87,19 +87,17 @@ class PhysicalChange(StrictModel):
 
 
 class Prompt(StepBase):
-    """Asks a person and waits for the answer, which one of `choices` is, or what is typed; who answered is kept.
+    """Ask a person and wait for the answer: one of `choices`, or typed input; the name of the person is recorded.
 
-    `as` is the name that expressions in later steps know the answer by. `expect` names what the person is to change;
-    confirm it by a reading in the next step.
+    `as` is the name of the answer in later expressions. `expect` names the change that the person is to make; confirm
+    it by a reading in the next step.
     """
 
     resumed: ClassVar[Resumed] = "asked"
 
     text: Text = Field(alias="prompt")
     picture: Annotated[Path, FileBeside()] | None = Field(None, description="shown with the question")
-    choices: Annotated[tuple[Text, ...], NOT_EMPTY] | None = Field(
-        None, description="what may be answered; done unless given"
-    )
+    choices: Annotated[tuple[Text, ...], NOT_EMPTY] | None = Field(None, description="permitted answers; default: done")
     input: TypedInput | None = None
     name: Name | None = Field(None, alias="as", description="the name of the answer in later expressions")
     expect: PhysicalChange | None = None
@@ -116,12 +114,12 @@ class Prompt(StepBase):
 
     @property
     def allowed(self) -> tuple[str, ...]:
-        """What may be chosen; empty when the answer is typed."""
+        """Permitted choices; empty if the answer is typed."""
         if self.input is not None:
             return ()
         return self.choices or (DONE,)
 
     @property
     def example(self) -> Quantity | str:
-        """An answer, for checking expressions before anybody answers."""
+        """Example of an answer, for checking expressions before the run."""
         return self.input.example if self.input is not None else self.allowed[0]

@@ -1,4 +1,4 @@
-"""What a step can be. The first key of a step is its verb and names what it acts on.
+"""Kinds of steps. The first key of a step is its verb and names what it acts on.
 
 In a document a value may be an expression `${…}`; a model made for running holds numbers only, in the unit that its
 name states.
@@ -30,7 +30,7 @@ BLOCKS.update({
     "call": Call, "retry": Retry,
 })  # fmt: skip
 
-# The capability that a verb needs of its role.
+# Capability of its role that a verb needs.
 NEEDS: dict[str, tuple[str, ...]] = {
     "move": ("positioner", "rate_table"),
     "rotate": ("rate_table",),
@@ -43,5 +43,5 @@ NEEDS: dict[str, tuple[str, ...]] = {
 
 
 def verb_of(step: Step) -> str:
-    """The verb that a step begins with in a document."""
+    """Verb of a step in a document."""
     return next(verb for verb, model in STEPS.items() if isinstance(step, model))

@@ -1,4 +1,4 @@
-"""Steps that wait: for a time, for a reading, for the unit to have the temperature of the chamber."""
+"""Steps that wait: for a time, for a reading, for the unit to reach the temperature of the chamber."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from drivers.schema.fields import (
 )
 from drivers.schema.wording import telling
 
-LOOK_EVERY_S = 5.0  # how often a step that waits for a reading looks at it
-WINDOW_COVERAGE = 0.95  # of the hold time must be covered by readings before it is judged
+LOOK_EVERY_S = 5.0  # polling interval of a step that waits for a reading
+WINDOW_COVERAGE = 0.95  # part of the hold time that readings must cover
 
 
 class Wait(StepBase):
-    """Waits for a time."""
+    """Wait for a time."""
 
     resumed: ClassVar[Resumed] = "in full"
 
@@ -34,35 +34,35 @@ class Wait(StepBase):
 
     @property
     def least_s(self) -> float:
-        """The time itself."""
+        """Duration of the wait."""
         return self.duration_s
 
 
-STEADY_PARTS = 6  # of the time over which outputs are to be steady; their means are compared
+STEADY_PARTS = 6  # parts of the evaluation time; their means are compared
 
 
 class Steady(StrictModel):
-    """Steady means: of a line fitted to mean outputs over that time, the ends differ by no more than `change`.
+    """Stability criterion for mean outputs: the ends of a line fitted over the time differ by at most `change`.
 
-    It is measured in six equal parts, so that what a count resolves over one of them must be small against `change`.
+    The time is divided into six equal parts; the resolution of a count over one part must be small against `change`.
     """
 
     change: AnyQuantity = Field(
-        description="in g, by what the units are made to be, or in the unit of their output, such as pulse/s"
+        description="in g, by the nominal scale factor of the units, or in the unit of their output, such as pulse/s"
     )
-    over_s: Annotated[float, InUnit("s", at_least=30)] = Field(alias="over", description="the time looked at")
+    over_s: Annotated[float, InUnit("s", at_least=30)] = Field(alias="over", description="evaluation time")
 
     @property
     def in_g(self) -> bool:
-        """Whether it is in g, so that nominal scale factors are needed."""
+        """True if it is in g, so that nominal scale factors are needed."""
         return self.change.dimension == parse_unit("g").dimension
 
 
 class WaitUntil(StepBase):
-    """Waits until a reading is above one value, below another, or both, and has been so for a time.
+    """Wait until a reading is above one value, below another, or both, and has been so for a time.
 
-    Or, with `steady`, until the outputs of the units that are in no longer drift: of all, of those that one device
-    measures, or of that on one channel where one is named.
+    Or, with `steady`, until the outputs of the remaining units no longer drift: of all, or of those that one device or
+    one channel measures.
     """
 
     resumed: ClassVar[Resumed] = "in full"
@@ -72,11 +72,11 @@ class WaitUntil(StepBase):
     below: AnyQuantity | None = Field(None, description="in the unit of the reading")
     hold_s: Seconds = Field(0.0, alias="hold", description="how long the condition must hold")
     steady: Steady | None = None
-    give_up_after_s: PositiveSeconds = Field(alias="give_up_after", description="after this time it is an error")
+    give_up_after_s: PositiveSeconds = Field(alias="give_up_after", description="maximum wait; an error after it")
 
     @property
     def least_s(self) -> float:
-        """How long the condition must hold."""
+        """Hold time of the condition."""
         return self.hold_s if self.steady is None else self.steady.over_s
 
     @model_validator(mode="after")
@@ -100,28 +100,28 @@ class WaitUntil(StepBase):
 
 
 class Stable(StrictModel):
-    """Stable means: over the last `hold`, within the step, max - min within band and a fitted slope within slope."""
+    """Stability criterion: over the last `hold` of the step, max − min within band and fitted slope within slope."""
 
-    band_c: PositiveCelsius = Field(alias="band", description="how far apart the highest and the lowest value may be")
-    slope_c_per_h: CelsiusPerHour = Field(alias="slope", description="the steepest fitted line")
-    hold_s: PositiveSeconds = Field(alias="hold", description="the time over which both are looked at")
+    band_c: PositiveCelsius = Field(alias="band", description="maximum range: highest minus lowest value")
+    slope_c_per_h: CelsiusPerHour = Field(alias="slope", description="maximum slope of the fitted line")
+    hold_s: PositiveSeconds = Field(alias="hold", description="evaluation time of both")
 
 
 class Soak(StepBase):
-    """Waits at a temperature for at least a time, and until a reading is stable."""
+    """Wait at a temperature for a minimum time, and until a reading is stable."""
 
     resumed: ClassVar[Resumed] = "in full"
 
     role: Name = Field(alias="soak")
-    at_least_s: Seconds = Field(alias="at_least", description="the shortest time")
+    at_least_s: Seconds = Field(alias="at_least", description="minimum time")
     until_stable: Stable | None = None
     give_up_after_s: PositiveSeconds | None = Field(
-        None, alias="give_up_after", description="after this time an unstable reading is an error"
+        None, alias="give_up_after", description="maximum wait for stability; an error after it"
     )
 
     @property
     def least_s(self) -> float:
-        """The fixed time, or the time to see that it is stable."""
+        """The fixed time, or the evaluation time of stability."""
         return max(self.at_least_s, self.until_stable.hold_s if self.until_stable else 0.0)
 
     @model_validator(mode="after")

@@ -1,6 +1,6 @@
-"""The method as declared to a sequence: settings, results with units, and references to its parts.
+"""Description of the method: settings, results and their units, and the modules of its parts.
 
-`bench check` imports this module: it must import neither arithmetic nor plotting.
+`bench check` reads this module too: it imports neither numpy nor matplotlib.
 """
 
 from typing import Annotated

@@ -1,6 +1,6 @@
-"""Reduction of readings at rest to mean output and drift, with uncertainties; README.md has the equations.
+"""Reduction of readings at rest to the mean output and its drift, with uncertainties; README.md has the equations.
 
-Arithmetic only: numbers in, plain records out.
+Arithmetic alone: numbers in, plain records out.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ S_PER_H = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """Straight line through readings (n,) over `time_h`, which is 0 in their middle; equations 1 to 4."""
+    """Line through readings (n,) over `time_h`, which is 0 in their middle; equations 1 to 4."""
 
     time_h: Array
     output: Array
@@ -41,7 +41,7 @@ class Rest:
 
     @property
     def slope_u_per_h(self) -> float:
-        """Standard uncertainty of the slope (equation 3)."""
+        """The same for the slope (equation 3)."""
         return float(self.sd / np.sqrt(np.sum(self.time_h**2)))
 
 
@@ -60,7 +60,7 @@ def line_of(time_s: Array, output: Array) -> Rest:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Compute mean output, drift and scatter of every unit."""
+    """Reduce a run to the mean output, its drift and its scatter of every unit."""
     return [_reduced(data, unit, settings["fewest"]) for unit in data.units]
 
 
@@ -72,13 +72,13 @@ def _reduced(data: RunData, unit: UnitUnderTest, fewest: int) -> UnitResult:
         return UnitResult(unit.place, unit.serial, (), (), ("all",), (*flags, TOO_FEW))
     middle_s = np.array([(each.begin_s + each.end_s) / 2 for each in used])
     rest = line_of(middle_s, np.array([outputs[each.step].value for each in used]))
-    alone_u = float(np.sqrt(np.mean([outputs[each.step].alone_u ** 2 for each in used])))
+    single_u = float(np.sqrt(np.mean([outputs[each.step].single_u ** 2 for each in used])))
     count, subject, size = len(used), data.subject(unit), abs(rest.mean)
     at = {"over_h": float(np.ptp(rest.time_h)), "readings": count}
     steps = tuple(each.step for each in used)
     own = BudgetLine("readings: scatter about the line", "A", rest.mean_u, rest.dof)
-    if alone_u > rest.sd:  # readings that are equal by chance; otherwise their scatter contains their resolution
-        own = BudgetLine("readings: resolution of each", "B", alone_u / np.sqrt(count))
+    if single_u > rest.sd:  # if readings agree by chance; otherwise their scatter contains their resolution
+        own = BudgetLine("readings: resolution of each", "B", single_u / np.sqrt(count))
     of_instrument = [
         BudgetLine(source, "B", u, None, shared_as(source))
         for source, u in instrument_u(unit, data.bench, rest.mean, 1.0).items()

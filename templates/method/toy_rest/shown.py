@@ -1,4 +1,4 @@
-"""Report of a unit beside the tables of all methods: the readings, as a table and a plot."""
+"""Report of a unit beside the tables common to all methods: the readings, as a table and as a plot."""
 
 from collections.abc import Iterator
 
@@ -47,5 +47,5 @@ def _table(rest: Rest, unit: str) -> Sheet:
         (str(number), f"{(at_h - rest.time_h[0]) * MIN_PER_H:.2f}", f"{output:.9g}", f"{left / rest.mean * PPM:+.2f}")
         for number, (at_h, output, left) in enumerate(zip(rest.time_h, rest.output, rest.residuals, strict=True), 1)
     )
-    caption = tr("Means of the acquisitions, and their residuals from the line.")
+    caption = tr("Means of the acquisitions, and what the line leaves of them.")
     return Sheet(tr("Readings at rest"), caption, heads, rows)

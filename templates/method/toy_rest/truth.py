@@ -1,4 +1,4 @@
-"""True values of simulated data, for truth.json: computed by the simulators, without code of the reduction."""
+"""Truth of simulated data, for truth.json: computed by the simulators, without code of the reduction."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -23,8 +23,8 @@ def smoke_run(tmp_path_factory):
     return run_short(tmp_path_factory.mktemp("runs"), sequence="smoke", units=("QF-0001",))
 
 
-def test_run_prints_the_results_on_stdout_and_the_way_on_stderr(tmp_path, bench_command):
-    done = bench_command("run", "smoke", "--runs", tmp_path, "--uut", "QF-7")
+def test_run_prints_the_results_on_stdout_and_the_way_on_stderr(tmp_path, bench_here):
+    done = bench_here("run", "smoke", "--runs", tmp_path, "--uut", "QF-7")
     assert done.returncode == 0
     assert "Smoke test: QF-7 in place a: PASS" in done.stdout
     assert "Verdict: PASS" in done.stdout
@@ -40,26 +40,26 @@ def test_json_is_alone_on_stdout(tmp_path, bench_command):
     assert content["run"] == str(next(tmp_path.iterdir()))
 
 
-def test_the_bench_comes_from_the_environment_when_no_option_names_it(tmp_path, bench_command):
-    done = bench_command("run", "smoke", "--runs", tmp_path, env={"BENCH_FILE": str(ROOT / "config/simulated.yaml")})
+def test_the_bench_comes_from_the_environment_when_no_option_names_it(tmp_path, bench_here):
+    done = bench_here("run", "smoke", "--runs", tmp_path, env={"BENCH_FILE": str(ROOT / "config/simulated.yaml")})
     assert done.returncode == 0
     assert "running on the shipped" not in done.stderr
 
 
-def test_a_failed_limit_is_exit_code_1(tmp_path, bench_command):
+def test_a_failed_limit_is_exit_code_1(tmp_path, bench_here):
     sequence = tmp_path / "strict.yaml"
     sequence.write_text(
         (ROOT / "sequences/smoke.yaml").read_text("utf-8").replace("min: -5 mg, max: 5 mg", "max: 5 µg")
     )
-    done = bench_command("run", sequence, "--bench", "simulated", "--runs", tmp_path / "runs")
+    done = bench_here("run", sequence, "--bench", "simulated", "--runs", tmp_path / "runs")
     assert done.returncode == 1
     assert "Verdict: FAIL" in done.stdout
     assert "1020" in done.stdout or "10" in done.stdout
     assert " !" in done.stdout, "the value that failed is marked"
 
 
-def test_runs_are_listed_oldest_first_with_state_and_verdict(smoke_run, bench_command):
-    header, line = bench_command("runs", "--runs", smoke_run.path.parent).stdout.splitlines()
+def test_runs_are_listed_oldest_first_with_state_and_verdict(smoke_run, bench_here):
+    header, line = bench_here("runs", "--runs", smoke_run.path.parent).stdout.splitlines()
     assert header.split() == ["run", "state", "verdict", "units", "operator"]
     assert line.split()[:4] == [smoke_run.path.name, "completed", "PASS", "QF-0001"]
 
@@ -69,8 +69,8 @@ def test_runs_are_listed_oldest_first_with_state_and_verdict(smoke_run, bench_co
     [(("--verdict", "pass"), 1), (("--verdict", "FAIL"), 0), (("--uut", "QF-0001", "--state", "completed"), 1),
      (("--uut", "QF-1"), 0), (("--last", "3"), 1), (("--verdict", "not-judged"), 0), (("--verdict", "Not_Judged"), 0)],
 )  # fmt: skip
-def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_command, filters, count):
-    assert len(json.loads(bench_command("runs", "--runs", smoke_run.path.parent, *filters, "--json").stdout)) == count
+def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_here, filters, count):
+    assert len(json.loads(bench_here("runs", "--runs", smoke_run.path.parent, *filters, "--json").stdout)) == count
 
 
 @pytest.mark.parametrize(
@@ -86,46 +86,46 @@ def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_command, filter
         ),
     ],
 )
-def test_a_filter_that_no_run_can_meet_is_refused(smoke_run, bench_command, filters, told):
-    done = bench_command("runs", "--runs", smoke_run.path.parent, *filters)
+def test_a_filter_that_no_run_can_meet_is_refused(smoke_run, bench_here, filters, told):
+    done = bench_here("runs", "--runs", smoke_run.path.parent, *filters)
     assert (done.returncode, done.stdout) == (2, "")
     assert told in done.stderr
 
 
-def test_a_file_that_is_no_case_is_no_run_either(tmp_path, bench_command):
+def test_a_file_that_is_no_case_is_no_run_either(tmp_path, bench_here):
     with (tmp_path / "big.csv").open("wb") as file:
         file.truncate(2**40)
-    done = bench_command("reduce", tmp_path / "big.csv")
+    done = bench_here("reduce", tmp_path / "big.csv")
     assert done.returncode == 2
     assert "big.csv: is neither a case nor a run" in done.stderr
 
 
-def test_the_status_of_a_run_is_text_for_people_and_json_for_programs(smoke_run, bench_command):
-    told = bench_command("status", smoke_run.path).stdout
+def test_the_status_of_a_run_is_text_for_people_and_json_for_programs(smoke_run, bench_here):
+    told = bench_here("status", smoke_run.path).stdout
     assert told.startswith(f"{smoke_run.path.name}: completed, PASS\n")
     assert "steps done  13" in told
-    assert json.loads(bench_command("status", smoke_run.path, "--json").stdout)["done"] == 13
+    assert json.loads(bench_here("status", smoke_run.path, "--json").stdout)["done"] == 13
 
 
 def test_the_program_names_its_version(bench_command):
     assert bench_command("--version").stdout.startswith("inertial-test-bench 0.")
 
 
-def test_a_run_verifies_until_somebody_touches_it(smoke_run, tmp_path, bench_command):
+def test_a_run_verifies_until_somebody_touches_it(smoke_run, tmp_path, bench_here):
     import shutil
 
     copy = tmp_path / smoke_run.path.name
     shutil.copytree(smoke_run.path, copy)
-    assert bench_command("runs", "verify", copy).returncode == 0
+    assert bench_here("runs", "verify", copy).returncode == 0
     with (copy / "bench.yaml").open("a") as file:
         file.write("# touched\n")
-    done = bench_command("runs", "verify", copy)
+    done = bench_here("runs", "verify", copy)
     assert done.returncode == 3
     assert "bench.yaml: has changed since it was written" in done.stdout
 
 
-def test_plan_lists_every_step_with_its_time(bench_command):
-    done = bench_command("plan", "tumble_static", "--bench", "simulated")
+def test_plan_lists_every_step_with_its_time(bench_here):
+    done = bench_here("plan", "tumble_static", "--bench", "simulated")
     lines = done.stdout.splitlines()
     assert done.returncode == 0
     listed = lines[: lines.index("")]
@@ -135,15 +135,15 @@ def test_plan_lists_every_step_with_its_time(bench_command):
     assert lines[-1].endswith("MB")
 
 
-def test_the_estimate_of_the_plan_is_close_to_the_run(smoke_run, bench_command):
+def test_the_estimate_of_the_plan_is_close_to_the_run(smoke_run, bench_here):
     """A minute of bench time; the long sequences are judged by the same arithmetic."""
-    done = bench_command("plan", "smoke", "--bench", "simulated")
+    done = bench_here("plan", "smoke", "--bench", "simulated")
     estimated_s = float(done.stdout.splitlines()[-1].split("about ")[1].split(" s")[0])
     assert estimated_s == pytest.approx(smoke_run.bench_s, rel=0.05)
 
 
-def test_devices_are_identified_and_read(bench_command):
-    done = bench_command("devices", "--bench", "simulated")
+def test_devices_are_identified_and_read(bench_here):
+    done = bench_here("devices", "--bench", "simulated")
     assert done.returncode == 0
     lines = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
     assert set(lines) == {"chamber", "head", "counter", "supply", "source"}
@@ -157,8 +157,8 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def test_a_csv_export_holds_the_readings_and_the_raw_counts(smoke_run, tmp_path, bench_command):
-    done = bench_command("export", smoke_run.path, "--format", "csv", "--out", tmp_path)
+def test_a_csv_export_holds_the_readings_and_the_raw_counts(smoke_run, tmp_path, bench_here):
+    done = bench_here("export", smoke_run.path, "--format", "csv", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     readings = rows_of(tmp_path / "readings.csv")
     with RunReader(smoke_run.path) as reader:
@@ -170,8 +170,8 @@ def test_a_csv_export_holds_the_readings_and_the_raw_counts(smoke_run, tmp_path,
     assert len({row["step"] for row in counts}) == 4
 
 
-def test_a_candump_export_is_decoded_by_cantools_with_our_dbc(smoke_run, tmp_path, bench_command):
-    done = bench_command("export", smoke_run.path, "--format", "candump", "--out", tmp_path)
+def test_a_candump_export_is_decoded_by_cantools_with_our_dbc(smoke_run, tmp_path, bench_here):
+    done = bench_here("export", smoke_run.path, "--format", "candump", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     log = (tmp_path / "counter.log").read_text("ascii")
     assert log.startswith("(17672256")  # 2026-01-01, where simulated runs begin
@@ -189,7 +189,7 @@ def test_a_candump_export_is_decoded_by_cantools_with_our_dbc(smoke_run, tmp_pat
     assert "Unknown" not in decoded
 
 
-def test_a_case_is_reduced_to_result_json(tmp_path, bench_command):
+def test_a_case_is_reduced_to_result_json(tmp_path, bench_here):
     rows = ["T_C,U_V"] + [f"{t},{0.1 + 1e-5 * t}" for t in range(-40, 61, 10)]
     (tmp_path / "tilt.csv").write_text("\n".join(rows) + "\n")
     case = {
@@ -198,13 +198,13 @@ def test_a_case_is_reduced_to_result_json(tmp_path, bench_command):
         "records": {"tilt": "tilt.csv"},
     }  # fmt: skip
     (tmp_path / "case.json").write_text(json.dumps(case))
-    done = bench_command("reduce", tmp_path / "case.json", "--out", tmp_path / "out" / "deep")
+    done = bench_here("reduce", tmp_path / "case.json", "--out", tmp_path / "out" / "deep")
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / "out" / "deep" / "result.json").read_text("utf-8"))
     assert result["comp_span_deg"] == pytest.approx(0, abs=1e-9)
     assert result["raw_span_deg"] == pytest.approx(0.0509, rel=0.01)
-    assert json.loads(bench_command("reduce", tmp_path / "case.json", "--json").stdout) == result
-    missing = bench_command("reduce", tmp_path / "nothing.json", "--out", tmp_path)
+    assert json.loads(bench_here("reduce", tmp_path / "case.json", "--json").stdout) == result
+    missing = bench_here("reduce", tmp_path / "nothing.json", "--out", tmp_path)
     assert missing.returncode == 2
 
 
@@ -224,21 +224,21 @@ def test_a_case_is_reduced_to_result_json(tmp_path, bench_command):
         (("check", "tumble_static", "--set", "gat=5 s"), "there is no parameter 'gat'; did you mean 'gate'?"),
     ],
 )
-def test_what_cannot_be_done_is_told_with_exit_code_2(tmp_path, bench_command, arguments, expected):
-    done = bench_command(*arguments, cwd=tmp_path)
+def test_what_cannot_be_done_is_told_with_exit_code_2(tmp_path, bench_here, arguments, expected):
+    done = bench_here(*arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert expected in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_the_digest_of_a_damaged_run_is_refused_or_marked(smoke_run, tmp_path, bench_command):
+def test_the_digest_of_a_damaged_run_is_refused_or_marked(smoke_run, tmp_path, bench_here):
     folder = shutil.copytree(smoke_run.path, tmp_path / smoke_run.path.name)
     text = (folder / "results.json").read_text("utf-8")
     (folder / "results.json").write_text(text.replace("PASS", "FAIL"), "utf-8")
-    refused = bench_command("runs", "digest", folder)
+    refused = bench_here("runs", "digest", folder)
     assert (refused.returncode, refused.stdout) == (3, "")
     assert "--damaged" in refused.stderr
-    marked = bench_command("runs", "digest", folder, "--damaged")
+    marked = bench_here("runs", "digest", folder, "--damaged")
     assert (marked.returncode, len(marked.stdout.strip())) == (0, 64)
     assert "damaged" in marked.stderr
 

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 def console(*arguments: str, typed: str) -> tuple[int, list[str]]:
     """What a console of a simulated device says, without the times."""
     done = invoked("console", *arguments, typed=typed)
-    return done.exit_code, [re.sub(r"^ +\d+\.\d{3} ", "", line) for line in done.stdout.splitlines()]
+    return done.returncode, [re.sub(r"^ +\d+\.\d{3} ", "", line) for line in done.stdout.splitlines()]
 
 
 def test_modbus_is_read_in_words_beside_the_bytes_and_the_driver_is_asked_on_the_same_connection() -> None:
@@ -112,14 +112,14 @@ def test_frames_are_shown_decoded() -> None:
 
 def test_a_device_that_is_not_there_is_not_opened(tmp_path: Path) -> None:
     found = invoked("console", "chambr")
-    assert (found.exit_code, "the bench has no device 'chambr'; did you mean 'chamber'" in found.stderr) == (2, True)
+    assert (found.returncode, "the bench has no device 'chambr'; did you mean 'chamber'" in found.stderr) == (2, True)
     bench = str(copy_bench(tmp_path, ("sim+tcp://127.0.0.1:5025", "tcp://127.0.0.1:9")))
     with address_lock([Address.parse("tcp://127.0.0.1:9")], "a run of tumble_static"):
         found = invoked("console", "supply", "--bench", bench, typed=":read\n")
-    assert found.exit_code == 3
+    assert found.returncode == 3
     assert re.match(r"tcp://127\.0\.0\.1:9 is in use by a run of tumble_static, process \d+", found.stderr)
     found = invoked("console", "supply", "--bench", bench, typed=":read\n")
-    assert (found.exit_code, "supply: nobody answers" in found.stderr) == (3, True)
+    assert (found.returncode, "supply: nobody answers" in found.stderr) == (3, True)
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,14 @@ import numpy as np
 from tests.support.m0_cases import LEVELS_G, Channel, ramp_c, run_columns, write_case
 
 
-def test_a_channel_case_is_reduced_to_result_json(tmp_path, bench_command):
+def test_a_channel_case_is_reduced_to_result_json(tmp_path, bench_here):
     rng, channel = np.random.default_rng(3), Channel(zero_pps=0.0)
     time_s, converter_c = ramp_c(interval_s=60)
     runs = {
         name: run_columns(rng, channel, level_g, time_s=time_s, converter_c=converter_c)
         for name, level_g in LEVELS_G.items()
     }
-    done = bench_command("reduce", write_case(tmp_path, runs), "--out", tmp_path / "out")
+    done = bench_here("reduce", write_case(tmp_path, runs), "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     result = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))

@@ -32,10 +32,10 @@ def misspelt(case):
         (misspelt, exits.INPUT_ERROR, "settings.km: unknown key; did you mean 'k_m'?"),
     ],
 )
-def test_the_exit_code_says_what_became_of_a_case(tmp_path, bench_command, spoil, code, said):
+def test_the_exit_code_says_what_became_of_a_case(tmp_path, bench_here, spoil, code, said):
     case = good_case("M3", "gyro_range")
     spoil(case)
-    done = bench_command("reduce", case.write(tmp_path), "--out", tmp_path / "out")
+    done = bench_here("reduce", case.write(tmp_path), "--out", tmp_path / "out")
     assert done.returncode == code, done.stderr
     assert said in done.stderr
     if code != exits.INPUT_ERROR:

@@ -66,8 +66,8 @@ def written(folder, text):
     return str(path)
 
 
-def test_a_rehearsal_is_of_a_bench_with_real_connections_and_ends_in_a_table(tmp_path, bench_command):
-    done = bench_command("rehearse", "smoke", "--bench", WIRES, "--runs", tmp_path)
+def test_a_rehearsal_is_of_a_bench_with_real_connections_and_ends_in_a_table(tmp_path, bench_here):
+    done = bench_here("rehearse", "smoke", "--bench", WIRES, "--runs", tmp_path)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0].split() == ["planned", "took", "ratio"]
@@ -84,15 +84,15 @@ def test_a_rehearsal_is_of_a_bench_with_real_connections_and_ends_in_a_table(tmp
     assert set(manifest["simulated"]) == {"chamber", "head", "counter", "supply", "source"}
 
 
-def test_a_rehearsal_ends_with_the_exit_code_that_the_run_would_have(tmp_path, bench_command):
+def test_a_rehearsal_ends_with_the_exit_code_that_the_run_would_have(tmp_path, bench_here):
     strict = (ROOT / "sequences/smoke.yaml").read_text("utf-8").replace("min: -5 mg, max: 5 mg", "max: 5 µg")
-    done = bench_command("rehearse", written(tmp_path, strict), "--bench", WIRES, "--runs", tmp_path / "runs")
+    done = bench_here("rehearse", written(tmp_path, strict), "--bench", WIRES, "--runs", tmp_path / "runs")
     assert done.returncode == 1
     assert "Verdict on the simulated units: FAIL" in done.stdout
 
 
-def test_with_a_fault_it_says_what_was_broken_when_and_how_it_ended(tmp_path, bench_command):
-    done = bench_command("rehearse", "smoke", "--bench", WIRES, "--runs", tmp_path, "--faults", "5")
+def test_with_a_fault_it_says_what_was_broken_when_and_how_it_ended(tmp_path, bench_here):
+    done = bench_here("rehearse", "smoke", "--bench", WIRES, "--runs", tmp_path, "--faults", "5")
     assert done.returncode == 6
     injected = re.findall(r"^Injected (\d+:\d\d:\d\d): (\w+) (\w+)$", done.stdout, re.MULTILINE)
     drawn = {(fault.device, fault.kind) for fault in draw_faults(BENCH, 69.6, 5)}
@@ -192,9 +192,9 @@ def test_a_run_with_real_connections_would_begin_now():
 
 
 @pytest.mark.parametrize("command", ["check", "plan", "rehearse", "run"])
-def test_every_command_that_plans_warns_of_a_late_end(tmp_path, bench_command, command):
+def test_every_command_that_plans_warns_of_a_late_end(tmp_path, bench_here, command):
     runs = ("--runs", tmp_path) if command in ("run", "rehearse") else ()
-    done = bench_command(command, "smoke", "--bench", "simulated", "--not-after", "2026-01-01T00:00:30Z", *runs)
+    done = bench_here(command, "smoke", "--bench", "simulated", "--not-after", "2026-01-01T00:00:30Z", *runs)
     assert done.returncode == 0
     assert "ends-too-late" in done.stderr
 
@@ -204,8 +204,8 @@ def test_an_instant_needs_its_zone():
         ends_too_late(bench="simulated", not_after="2026-01-02T07:00")
 
 
-def test_a_rehearsal_of_a_real_bench_warns_as_of_tonight(tmp_path, bench_command):
+def test_a_rehearsal_of_a_real_bench_warns_as_of_tonight(tmp_path, bench_here):
     yesterday = (wall_utc() - dt.timedelta(days=1)).isoformat(timespec="seconds")
-    done = bench_command("rehearse", "smoke", "--bench", WIRES, "--not-after", yesterday, "--runs", tmp_path)
+    done = bench_here("rehearse", "smoke", "--bench", WIRES, "--not-after", yesterday, "--runs", tmp_path)
     assert done.returncode == 0
     assert "ends-too-late" in done.stderr

@@ -118,10 +118,10 @@ def test_another_request_than_the_recorded_one_is_told_and_not_answered(trace: P
 def test_a_run_is_recorded(tmp_path: Path) -> None:
     path = tmp_path / "smoke.trace"
     done = invoked("run", "smoke", "--runs", str(tmp_path), "--trace", str(path))
-    assert done.exit_code == 0, done
+    assert done.returncode == 0, done
     assert {each.sign for each in read_trace_file(path)} == {OPENED, CLOSED, SENT, RECEIVED}
     again = invoked("run", "smoke", "--runs", str(tmp_path), "--trace", str(path))
-    assert again.exit_code == 2
+    assert again.returncode == 2
     assert "cannot be written: File exists" in again.stderr
 
 
@@ -130,7 +130,7 @@ def traced(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A run that acquires, and its trace."""
     folder = tmp_path_factory.mktemp("traced")
     path = folder / "smoke.trace"
-    assert invoked("run", "smoke", "--runs", str(folder / "runs"), "--trace", str(path)).exit_code == 0
+    assert invoked("run", "smoke", "--runs", str(folder / "runs"), "--trace", str(path)).returncode == 0
     (run,) = (folder / "runs").iterdir()
     return run, path
 
@@ -145,7 +145,7 @@ def test_all_frames_of_a_traced_run_are_exported(traced: tuple[Path, Path], tmp_
     run, path = traced
     some = invoked("export", str(run), "--format", "candump", "--out", str(tmp_path / "some"))
     every = invoked("export", str(run), "--format", "candump", "--all", str(path), "--out", str(tmp_path / "all"))
-    assert (some.exit_code, every.exit_code) == (0, 0), every
+    assert (some.returncode, every.returncode) == (0, 0), every
     acquired, whole = (logged(tmp_path / name / "counter.log") for name in ("some", "all"))
     near = {(round(at_s * 1e5) + by, frame) for at_s, frame in whole for by in (-1, 0, 1)}
     assert {(round(at_s * 1e5), frame) for at_s, frame in acquired} <= near
@@ -175,7 +175,7 @@ def test_what_is_no_trace_of_the_run_is_refused(
     if head is not None:
         path.write_text(head.replace("{run}", run.name), "utf-8")
     done = invoked("export", str(run), "--format", *options, "--all", str(path), "--out", str(tmp_path / "out"))
-    assert done.exit_code == 2
+    assert done.returncode == 2
     assert problem in done.stderr
     assert not list(tmp_path.rglob("*.log"))
 
@@ -183,5 +183,5 @@ def test_what_is_no_trace_of_the_run_is_refused(
 def test_a_bench_is_looked_at_and_recorded(tmp_path: Path) -> None:
     path = tmp_path / "look.trace"
     done = invoked("trace", "--out", str(path), "--for", "3")
-    assert done.exit_code == 0
+    assert done.returncode == 0
     assert f"lines in {path}" in done.stdout

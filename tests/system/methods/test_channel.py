@@ -89,7 +89,7 @@ def test_a_source_that_tells_no_on_time_is_waited_for_and_that_is_noted(tmp_path
     waits = (*SHORT, "source_warm_up=20 min", "levels=[1 g]", "source_tells=nothing", "zero_within=0.1 mg")
     result = ran(tmp_path, "channel_source", waits, *keithley)
     (note,) = [event for event in events(result) if "note" in event.data]
-    assert note.data["note"] == "The source does not tell for how long it is on; 1200 s are waited."
+    assert note.data["note"] == "The source does not report for how long it has been on; waiting 1200 s."
     begun = {event.step: event.at_s for event in events(result, "step_begins")}
     assert begun["setup/measure"] - note.at_s > 1199
     assert result.outcome.how == "failed", "the zero of 2 pulse/s, 0.18 mg, is above the 0.1 mg asked for"

@@ -8,7 +8,7 @@ import pytest
 
 from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
 from bench.reduce.evaluate import evaluate
-from bench.reduce.journal import OnTheWay
+from bench.reduce.journal import JournalRecords
 from bench.reduce.stored_run import open_run
 from campaigns.truth.signs import differences, negated
 from tests.support.runs import run_short
@@ -42,7 +42,7 @@ def test_a_scale_factor_that_is_not_the_stated_one_is_flagged(ran, factor, flag)
             units = tuple(replace(unit, nominal_per_g=factor * unit.nominal_per_g) for unit in was.units)
             return replace(negated(was), units=units)
 
-        found = evaluate(stored.sequence, inverted, "completed", OnTheWay())
+        found = evaluate(stored.sequence, inverted, "completed", JournalRecords())
     of_scale = [each for each in found.units[0].findings if each.quantity == "K1"]
     assert of_scale
     for each in of_scale:

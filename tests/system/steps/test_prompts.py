@@ -80,6 +80,7 @@ def test_a_script_that_does_not_fit_the_plan_is_refused_before_the_run(tmp_path,
     assert "answers.yaml:2:" in str(caught.value)
 
 
+@pytest.mark.leaves("a person who has not answered yet when the run ends")
 def test_a_question_that_nobody_answers_in_time_fails_its_step(tmp_path):
     ask = "{prompt: Is anybody there?, give_up_after: 5 min}"
     result = ran(tmp_path, ask, answers={"steps/prompt": {"after": "10 min"}})
@@ -94,7 +95,7 @@ def test_a_person_decides_what_follows_a_failure_when_the_sequence_asks_him(tmp_
     assert result.outcome.how == "completed"
     assert "steps/note" in ended(result)
     assert result.results.verdict == "INCOMPLETE"
-    assert [found.step for found in result.results.on_the_way.left_out] == ["steps/wait_until"]
+    assert [found.step for found in result.results.journal_records.left_out] == ["steps/wait_until"]
 
 
 def test_nobody_told_what_to_do_after_a_failure_stops_the_run(tmp_path):

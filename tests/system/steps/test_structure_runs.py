@@ -403,8 +403,8 @@ def test_a_tare_is_the_zero_of_later_measurements(tmp_path):
     tare, gross, net = (run.ended(f"steps/{step}").data["value"] for step in ("tare", "measure", "measure#2"))
     assert abs(gross) == pytest.approx(11_300, rel=0.02), "one g"
     assert run.state.tares["counter.x"].value == tare
-    alone_u, net_u = (run.ended(f"steps/{step}").data["u"] for step in ("measure", "measure#2"))
-    assert net_u == pytest.approx(math.sqrt(2) * alone_u, rel=0.02), "the tare scatters as well"
+    single_u, net_u = (run.ended(f"steps/{step}").data["u"] for step in ("measure", "measure#2"))
+    assert net_u == pytest.approx(math.sqrt(2) * single_u, rel=0.02), "the tare scatters as well"
     assert net == pytest.approx(0, abs=2)
     assert gross == pytest.approx(tare, abs=2)
 

@@ -21,11 +21,11 @@ pytestmark = pytest.mark.slow
 PAGE = FOLDER / "rehearse_a_bad_night.md"
 
 
-def test_the_page_can_be_followed(tmp_path, bench_command):
+def test_the_page_can_be_followed(tmp_path, bench_here):
     ((_, scenario),) = blocks(PAGE)
     (tmp_path / "door.yaml").write_text(scenario, "utf-8")
     (tmp_path / "config").symlink_to(ROOT / "config")
-    by_chance, scripted = [bench_command(*words[1:], cwd=tmp_path) for words in commands(PAGE)]
+    by_chance, scripted = [bench_here(*words[1:], cwd=tmp_path) for words in commands(PAGE)]
     assert "Injected" in by_chance.stdout
     assert scripted.returncode == 3, scripted.stderr
     assert re.findall(r"^Injected \d:\d\d:\d\d: (.*)$", scripted.stdout, re.MULTILINE) == [

@@ -124,7 +124,7 @@ def test_without_it_the_message_says_what_to_state_and_where(tmp_path):
     path = interrupted(tmp_path, 50.0, "smoke", BENCH)
     result = resumed(path)
     assert result.results is not None
-    (found,) = result.results.on_the_way.interruptions
+    (found,) = result.results.journal_records.interruptions
     assert "state power_cycles in the bench file: places.a." in found.in_words
 
 
@@ -143,7 +143,7 @@ def test_an_attempt_that_was_cut_short_is_named_as_superseded(tmp_path):
     path = cut(tmp_path, 25.0, ON, "{wait: 5 s}", "{acquire: counter, for: 30 s, label: a}", "{wait: 2 s}")
     result = resumed(path)
     assert result.results is not None
-    (found,) = result.results.on_the_way.superseded
+    (found,) = result.results.journal_records.superseded
     assert (found.step, found.attempt, found.ended) == ("steps/acquire", 1, False)
     (kept,) = json.loads((path / "results.json").read_text("utf-8"))["superseded"]
     assert kept["step"] == "steps/acquire"
@@ -274,7 +274,7 @@ def test_a_group_with_a_restart_point_is_done_again_as_a_whole(tmp_path):
     page = (path / "report.html").read_text("utf-8")
     assert "Done again from its first step: steps/order." in page
     assert result.results is not None
-    assert [(each.step, each.attempt, each.ended) for each in result.results.on_the_way.superseded] == [
+    assert [(each.step, each.attempt, each.ended) for each in result.results.journal_records.superseded] == [
         ("steps/order/acquire", 1, True)
     ]
 

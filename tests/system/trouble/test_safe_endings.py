@@ -335,14 +335,14 @@ def test_a_thread_of_the_store_that_dies_keeps_nobody_waiting(tmp_path, monkeypa
     assert "the run store has stopped (MemoryError())" in result.problems[0]
 
 
-def test_a_sequence_without_limits_is_not_judged(tmp_path, bench_command):
+def test_a_sequence_without_limits_is_not_judged(tmp_path, bench_here):
     path = tmp_path / "waits.yaml"
     path.write_text("schema: itb-sequence/1\ntitle: T\nneeds: {}\nsteps:\n  - wait: 1 s\n", "utf-8")
     result = smoke(tmp_path, Quiet(), sequence=str(path))
     assert (of_run(result), *ended_by(result)) == (5, "completed", "NOT JUDGED", None)
     page = (result.path / "report.html").read_text("utf-8")
     assert '<div class="verdict NOT-JUDGED">NOT JUDGED</div>' in page
-    checked = bench_command("check", path)
+    checked = bench_here("check", path)
     assert (checked.returncode, "nothing-judged" in checked.stderr) == (0, True)
 
 

@@ -574,9 +574,9 @@ def test_missing_records_and_columns_are_refused(tmp_path, rng):
         reduce_case(write_case(tmp_path, {}, sweep=rows))
 
 
-def test_bench_reduce_writes_the_result(tmp_path, rng, bench_command):
+def test_bench_reduce_writes_the_result(tmp_path, rng, bench_here):
     path = write_case(tmp_path, {"terms": ALL_TERMS}, sweep=sweep(CURVED, rng, largest_deg=30, noise_v=NOISE_V))
-    done = bench_command("reduce", path, "--out", tmp_path / "out")
+    done = bench_here("reduce", path, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
     assert result["method"] == "M1"

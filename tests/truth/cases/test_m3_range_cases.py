@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.blocks import TableRecord
-from bench.methods.rate_table.reduction.radius import LinearityLimit, accelerometer_range, gyro_range
+from bench.methods.rate_table.reduction.recorded_range import LinearityLimit, accelerometer_range, gyro_range
 from bench.offline.case import reduce_case
 from tests.support.m3_cases import G_MPS2, joined, shuffled, turning_block, write_case
 
@@ -159,7 +159,7 @@ def test_a_mean_over_whole_turns_is_free_of_what_comes_once_a_turn(rng):
     columns = joined([still, block])
     record = TableRecord(*(columns[name] for name in ("phase", "t_s", "enc_deg", "out_dps")))
     result = gyro_range(record, {"run1": 171.0}, LinearityLimit(1e-3))
-    assert result.points[0].mean == pytest.approx(171, abs=0.03)
+    assert result.points[0].turning.steady.output == pytest.approx(171, abs=0.03)
     assert abs(np.mean(block["out_dps"]) - 171) > 0.2
 
 
@@ -314,7 +314,7 @@ def test_the_rounding_of_a_print_is_no_outlier(form, start_s, start_deg, rate_dp
     printed = [np.array([float(form.format(value)) for value in column.tolist()]) for column in columns[1:]]
     found = gyro_range(TableRecord(columns[0], *printed), {"run1": rate_dps}, LinearityLimit(1e-3))
     assert (found.passed, found.excluded["outlier"]) == (True, 0)
-    assert found.points[0].rate_dps == pytest.approx(rate_dps, rel=1e-5)
+    assert found.points[0].turning.steady.rate_dps == pytest.approx(rate_dps, rel=1e-5)
 
 
 def test_gravity_that_is_not_given_is_normal_gravity_at_the_site(tmp_path, rng):
@@ -340,7 +340,7 @@ def test_uncertainties_of_the_arm_are_as_large_as_the_errors():
         record = TableRecord(*(columns[name] for name in ("phase", "t_s", "enc_deg", "acc_g")))
         found = accelerometer_range(record, G_MPS2, LinearityLimit(1e-3, 50))
         radius = (found.radius_m - 0.5) / found.u_radius_m
-        errors.append([radius, *(each.error / each.u_error for each in found.points)])
+        errors.append([radius, *(each.error.value / each.error.u for each in found.points)])
     assert rms(errors) == pytest.approx([1, 1], abs=0.15)
 
 
@@ -369,7 +369,7 @@ def test_uncertainties_of_a_gyro_are_as_large_as_the_errors():
         columns = joined(blocks)
         record = TableRecord(*(columns[name] for name in ("phase", "t_s", "enc_deg", "out_dps")))
         found = gyro_range(record, commands, LinearityLimit(1e-3))
-        errors.append(found.points[0].error / found.points[0].u_error)
+        errors.append(found.points[0].error.value / found.points[0].error.u)
     assert rms(errors) == pytest.approx(1, abs=0.15)
 
 
@@ -381,7 +381,7 @@ def test_samples_at_always_one_angle_have_a_plain_mean(rng):
     columns = joined(blocks)
     record = TableRecord(*(columns[name] for name in ("phase", "t_s", "enc_deg", "out_dps")))
     result = gyro_range(record, {"run1": 2160.0}, LinearityLimit(1e-3))
-    assert result.points[0].error == pytest.approx(0, abs=0.02)
+    assert result.points[0].error.value == pytest.approx(0, abs=0.02)
     assert result.passed is True
 
 

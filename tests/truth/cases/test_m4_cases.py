@@ -5,6 +5,7 @@ import pytest
 from numpy.polynomial import polynomial
 
 from bench.offline.case import reduce_case
+from bench.offline.outcome import outcome
 from tests.support.m4_cases import DEFAULT_CYCLE_C, THRESHOLDS_C, play_g, shuffled, static_columns, write_case
 
 LINEAR = {"bias_v": [2.4e-4, 1.1e-5], "scale_v_per_g": [1.13, -6.6e-5]}  # (3) and (4) of the seed
@@ -141,6 +142,26 @@ def test_static_too_few_temperatures(tmp_path, rng, set_c, terms):
         assert result["K0"]["linear"] == pytest.approx([2.4e-4, 1.1e-5], rel=0.01)
     else:
         assert result["K0"]["linear"] is None
+
+
+def test_static_temperatures_that_do_not_determine_a_model_are_flagged(tmp_path, rng):
+    columns, bias_v = static_columns(rng, **LINEAR, set_c=[20, 22, 20])
+    columns["T_meas_C"] = [21.0] * len(columns["T_meas_C"])
+    result = reduced(tmp_path, "static", columns)
+    assert result["flags"] == ["K0:ill_conditioned", "K1:ill_conditioned"]
+    assert [point["K0_V"] for point in result["points"]] == pytest.approx(bias_v, abs=1e-12)
+    assert (result["K0"]["poly"], result["K0"]["linear"], outcome(result)) == ([], None, "INCOMPLETE")
+
+
+def test_static_dwell_at_angles_that_do_not_determine_it_is_left_out(tmp_path, rng):
+    """Near 45°, 135°, 225° and 315° sin² is the same at all angles, like the bias."""
+    columns, bias_v = static_columns(rng, **LINEAR, head_deg=44.99)
+    others, _ = static_columns(rng, **LINEAR)
+    for name, column in columns.items():
+        column[8:] = others[name][8:]
+    result = reduced(tmp_path, "static", columns, degree=2)
+    assert result["flags"] == ["dwell 0 incomplete: ill_conditioned"]
+    assert len(result["points"]) == len(bias_v) - 1
 
 
 def test_static_without_a_degree_finds_it(tmp_path, rng):

@@ -109,6 +109,8 @@ def test_a_disk_that_does_not_answer_holds_no_making_safe_up(bench, monkeypatch)
     monkeypatch.setattr(held, "locked_out", lambda _addresses: str(never.wait(30)))
     assert not held.is_locked_out(found)
     never.set()
+    (looking,) = (each for each in threading.enumerate() if each.name == "lockout")
+    looking.join(5)
 
 
 def energised(tmp_path: Path, use: Any) -> Any:

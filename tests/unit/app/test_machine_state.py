@@ -93,6 +93,7 @@ def left() -> list[tuple[str, dict[str, str]]]:
     return [(each.name, dict(each.connections)) for each in energised(pytest.fail)]
 
 
+@pytest.mark.lengthy
 @as_root
 def test_what_one_user_left_on_is_known_to_another_who_makes_it_safe(machine):
     by(ALICE, "note_energised(Path('/runs/a'), Path('/b.yaml'), AT, {'supply': SUPPLY, 'source': 'tcp://10.0.0.1:1'})")
@@ -104,6 +105,7 @@ def test_what_one_user_left_on_is_known_to_another_who_makes_it_safe(machine):
     assert left() == []
 
 
+@pytest.mark.lengthy
 @as_root
 def test_a_lockout_of_one_user_holds_and_is_lifted_by_another(machine):
     by(ALICE, "lock_out(Path('/b.yaml'), AT, 'Alice', 'the coil', {'supply': SUPPLY})")
@@ -114,6 +116,7 @@ def test_a_lockout_of_one_user_holds_and_is_lifted_by_another(machine):
     assert [(entry["what"], entry["by"]) for entry in log] == [("set", "Alice"), ("lifted", "Bob")]
 
 
+@pytest.mark.lengthy
 @as_root
 def test_what_was_not_made_safe_and_how_benches_were_made_safe_is_of_all_users(machine):
     by(ALICE, "keep_unsafe(Path('/runs/a'), AT, {'supply': 'no answer'}, {})")
@@ -135,6 +138,7 @@ def test_files_are_for_the_group_and_nobody_else_whatever_the_umask(machine):
     assert {(path.stat().st_mode & 0o777, path.stat().st_gid) for path in files} == {(0o660, GROUP)}
 
 
+@pytest.mark.lengthy
 @as_root
 def test_who_is_not_of_the_group_reads_that_and_does_not_pass_for_knowing(machine):
     assert "may not read" in by(ALICE, "print(problem_to_read())", group=OTHERS)
@@ -148,6 +152,7 @@ def test_who_is_not_of_the_group_reads_that_and_does_not_pass_for_knowing(machin
     assert left() == []
 
 
+@pytest.mark.lengthy
 @as_root
 def test_who_may_only_read_is_held_back_by_a_lockout_and_told_that_its_own_records_are_not_seen(machine):
     by(BOB, "lock_out(Path('/b.yaml'), AT, 'Bob', 'the coil', {'supply': SUPPLY})")
@@ -302,7 +307,7 @@ def test_two_who_write_one_record_at_once_leave_a_whole_one(machine):
     for thread in writing:
         thread.start()
     while any(thread.is_alive() for thread in writing):
-        assert all(each.reason == each.by * 400 for each in lockouts())
+        assert {each.reason for each in lockouts()} <= {"A" * 400, "B" * 400}
     for thread in writing:
         thread.join()
     assert [path.suffix for path in (machine / "lockouts").iterdir()] == [".json"]

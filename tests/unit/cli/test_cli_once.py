@@ -36,7 +36,7 @@ def test_every_option_with_one_value_is_refused_a_second_time(command: Command):
         if option.once:
             again = given(option) if option.is_required else 2 * given(option)
             done = invoked(*command.words.split(), *required, *again)
-            assert done.exit_code == 2
+            assert done.returncode == 2
             assert f"{option.name} is given 2 times; only the last would count. Give it once." in done.stderr
 
 
@@ -51,7 +51,7 @@ def test_some_options_take_one_value_and_some_take_several():
 @pytest.mark.parametrize("command", ALL, ids=lambda command: command.words)
 def test_every_command_has_help(command: Command):
     done = invoked(*command.words.split(), "--help")
-    assert (done.exit_code, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith(f"usage: bench {command.words} ")
     for each in command.arguments:
         assert each.words.rstrip(".") in " ".join(done.stdout.split())
@@ -60,7 +60,7 @@ def test_every_command_has_help(command: Command):
 def test_flags_that_say_the_same_and_options_for_several_may_be_given_again():
     bench = str(ROOT / "config/indexing.yaml")
     wishes = ("--set", "step=0.1°", "--set", "largest=0.4°")
-    assert invoked("check", "indexing_static", "--bench", bench, "--strict", "--strict", *wishes).exit_code == 0
+    assert invoked("check", "indexing_static", "--bench", bench, "--strict", "--strict", *wishes).returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_flags_that_say_the_same_and_options_for_several_may_be_given_again():
     ],
 )
 def test_words_are_taken_in_any_order_and_whole(args, bench):
-    assert invoked(*args).exit_code == bench
+    assert invoked(*args).returncode == bench
 
 
 def test_the_environment_names_the_bench_where_no_option_does(monkeypatch):

@@ -677,6 +677,7 @@ def told(read) -> list[str]:
     return []
 
 
+@pytest.mark.lengthy
 @settings(max_examples=300, deadline=None)
 @given(other_values())
 def test_a_bench_with_any_part_changed_is_a_bench_or_tells_its_problems(value):

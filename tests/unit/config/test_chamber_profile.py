@@ -124,10 +124,10 @@ def test_the_schema_that_is_shipped_is_the_one_of_the_program() -> None:
     assert shipped == chamber_profile_schema()
 
 
-def test_a_run_on_a_described_controller_passes_and_keeps_the_profile(tmp_path: Path, bench_command: Any) -> None:
+def test_a_run_on_a_described_controller_passes_and_keeps_the_profile(tmp_path: Path, bench_here: Any) -> None:
     bench = bench_with(tmp_path / "config", TEXT)
     smoke = ["run", "smoke", "--bench", bench, "--runs", tmp_path / "runs", "--uut", "QF-0001"]
-    done = bench_command(*smoke)
+    done = bench_here(*smoke)
     assert (done.returncode, "Verdict: PASS" in done.stdout) == (0, True), done.stdout + done.stderr
     (run,) = (tmp_path / "runs").iterdir()
     assert (run / "mine.yaml").read_text("utf-8") == TEXT

@@ -407,7 +407,7 @@ def test_any_text_is_a_document_or_a_refusal_on_one_line_at_its_place(text):
 
 def finite(node):
     if isinstance(node, dict):
-        return all(isinstance(key, str) and finite(item) for key, item in node.items())
+        return False not in [isinstance(key, str) and finite(item) for key, item in node.items()]
     if isinstance(node, list):
-        return all(map(finite, node))
+        return False not in map(finite, node)
     return node is None or isinstance(node, (bool, str)) or math.isfinite(node)

@@ -219,6 +219,7 @@ BAD_BENCHES = [
 ]
 
 
+@pytest.mark.lengthy
 @pytest.mark.parametrize(("old", "new"), BAD_SEQUENCES)
 def test_a_sequence_that_is_refused_by_the_loader_is_refused_by_the_schema(tmp_path, old, new):
     text = changed(SEQUENCE_TEXT, old, new)

@@ -57,6 +57,7 @@ def check_alike(found: Counts, expected: Counts) -> None:
         assert np.array_equal(getattr(found, name), getattr(expected, name)), name
 
 
+@pytest.mark.lengthy
 @settings(max_examples=400, deadline=None)
 @given(
     latches=st.integers(0, 12),

@@ -321,6 +321,7 @@ def test_a_message_stands_on_one_line_and_shows_what_a_screen_does_not():
     assert quoted(5) == "'5'"
 
 
+@pytest.mark.lengthy
 @MANY
 @given(st.text(max_size=40) | st.from_regex(r"[+-−]?[0-9.e,_½]{0,8} ?[a-zA-Zµ°%'\"·/^()0-9²⁻ ]{0,12}", fullmatch=True))
 def test_any_text_is_a_finite_quantity_or_a_refusal_on_one_line(text):
@@ -456,6 +457,7 @@ VOLTS = st.integers(-(10**6), 10**6).map(lambda mv: Quantity(mv / 1000, parse_un
 ANY = st.tuples(st.integers(-(10**6), 10**6), UNITS).map(lambda pair: parse(f"{pair[0]} {pair[1]}"))
 
 
+@pytest.mark.lengthy
 @MANY
 @given(VOLTS, VOLTS, ANY)
 def test_the_algebra_is_that_of_numbers(a, b, c):

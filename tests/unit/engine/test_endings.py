@@ -14,7 +14,7 @@ import pytest
 
 from bench.engine import stepper
 from bench.engine.control import StepUnderWay
-from bench.engine.outputs import _take_frames, taken_in
+from bench.engine.outputs import _take_frames, acquire_into
 from bench.engine.stepper import Stepper
 from bench.errors import StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
@@ -205,7 +205,7 @@ def test_a_stop_while_others_end_beside_a_failure_is_not_lost():
 
         async def sequence() -> None:
             with pytest.raises(NoAnswer):
-                await taken_in(devices, rig, [], stuck())
+                await acquire_into(devices, rig, [], stuck())
 
         task = asyncio.create_task(sequence())
         await asyncio.sleep(3)

@@ -19,7 +19,7 @@ from bench.engine.interlocks import Interlocks
 from bench.engine.journal import Journal
 from bench.engine.measuring import measure
 from bench.engine.monitor import Monitor
-from bench.engine.outputs import taken_in
+from bench.engine.outputs import acquire_into
 from bench.engine.waiting import soak, until
 from bench.errors import StepError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
@@ -319,7 +319,7 @@ def test_a_meter_gives_no_invalid_reading_to_a_result(wrong) -> None:
     rig = SimpleNamespace(devices={"dvm": meter}, meter=lambda _: meter)
 
     async def main() -> None:
-        await taken_in(["dvm"], cast("Rig", rig), [cast("Any", Keeping())], asyncio.sleep(60))
+        await acquire_into(["dvm"], cast("Rig", rig), [cast("Any", Keeping())], asyncio.sleep(60))
 
     with pytest.raises(StepError, match=f"dvm was read .*{cause}"):
         run(main(), AS_FAST_AS_POSSIBLE)

@@ -78,6 +78,7 @@ def of(journal, *kinds):
     return [entry for entry in journal if entry.kind in kinds]
 
 
+@pytest.mark.lengthy
 @given(journals())
 def test_whatever_the_order_nothing_is_under_way_when_every_step_has_ended(journal):
     state = replayed(journal)

@@ -34,6 +34,7 @@ def test_entries_of_a_group_are_in_alphabetical_order() -> None:
     assert [group for group in GROUPS if group != sorted(group)] == []
 
 
+@pytest.mark.lengthy
 def test_every_term_is_used_elsewhere(elsewhere: str) -> None:
     words = [re.compile(rf"\b{re.escape(term)}\b", re.IGNORECASE) for term in TERMS]
     assert [word.pattern for word in words if len(word.findall(elsewhere)) < 3] == []

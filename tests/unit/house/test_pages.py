@@ -20,8 +20,9 @@ PAGES = sorted([
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 INLINE = re.compile(r"`([^`]+)`")
 BENCH = re.compile(r"(?:^|/|[|&] )bench ([a-z][a-z-]*(?:\|[a-z-]+)*(?: [^;&#\n]*)?)")
-TARGETS = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-MAKE = re.compile(r"^(?:\$ )?(?:[A-Z_]+=\S+ )*make ([a-z]+)")
+RULES = re.findall(r"^([a-z][a-z -]*):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+TARGETS = {target for targets in RULES for target in targets.split()}
+MAKE = re.compile(r"^(?:\$ )?(?:[A-Z_]+=\S+ )*make ([a-z-]+)")
 
 
 def typed(page: Path) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-import bench.cli.main  # noqa: F401  which fills the table of commands
+import bench.cli.main  # noqa: F401  which knows all commands
 from bench.app.reference import benches, sequences
 from bench.app.reference.keys import keys, part, table
 from bench.cli.reference import PAGES, page_text, write_pages
@@ -77,14 +77,15 @@ def test_every_row_of_a_table_has_as_many_cells_as_its_head(name):
         assert {len(row) for row in rows} <= {len(rows[0])} if rows else True
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_every_link_leads_somewhere(name):
-    for target in re.findall(r"\]\(([^)]*)\)", page_text(name)):
+def test_every_link_leads_somewhere():
+    links = [(name, target) for name in PAGES for target in re.findall(r"\]\(([^)]*)\)", page_text(name))]
+    assert links
+    for name, target in links:
         path, _, anchor = target.partition("#")
-        assert not path or (FOLDER / path).resolve().is_file()
+        assert not path or (FOLDER / path).resolve().is_file(), f"{name}: {target}"
         if anchor:
             heads = re.findall(r"^#+ (.*)$", page_text(path.removesuffix(".md") or name), re.MULTILINE)
-            assert anchor in [head.lower().replace(" ", "-") for head in heads]
+            assert anchor in [head.lower().replace(" ", "-") for head in heads], f"{name}: {target}"
 
 
 # What the pages hold that no model tells

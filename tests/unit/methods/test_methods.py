@@ -35,6 +35,7 @@ def test_a_method_is_found_under_its_own_name_and_can_be_imported(method):
     assert all(parse_unit(unit) for output in OUTPUT_UNITS for unit in method.units(output).values())
 
 
+@pytest.mark.lengthy
 def test_limits_may_name_what_a_run_finds_in_the_unit_it_is_found_in(tmp_path):
     warmer = ["temperatures=[20 °C, 30 °C, 40 °C, 30 °C, 20 °C]", *SHORT[1:]]  # a parabola needs three temperatures
     result = run_short(tmp_path, settings=tuple(warmer))

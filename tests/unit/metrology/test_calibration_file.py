@@ -157,6 +157,7 @@ def test_whoever_uses_it_is_warned_of_simulation_and_of_a_verdict(tmp_path):
     assert "FAIL" in failed
 
 
+@pytest.mark.lengthy
 def test_a_run_writes_one_that_gives_back_the_gravity_it_was_made_in(tmp_path):
     result = run_short(tmp_path)
     (path,) = result.path.glob("calibration_*.json")
@@ -176,6 +177,7 @@ def finished(tmp_path_factory):
     return run_short(tmp_path_factory.mktemp("runs"), units=("QF-7",)).path
 
 
+@pytest.mark.lengthy
 def test_a_calibration_that_was_edited_in_its_run_is_refused(tmp_path, finished):
     path = Path(shutil.copytree(finished, tmp_path / finished.name)) / "calibration_a.json"
     assert read_calibration(path).uut == "QF-7"

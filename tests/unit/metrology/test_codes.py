@@ -8,10 +8,10 @@ from bench.metrology.outputs import NO_CODES, mean_output, outputs_between, stea
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import (
     begins_anew,
-    by_position,
     hidden_by_steps,
     hidden_from_a_swing,
     mean_code,
+    quantisation_by_angle,
     sampled_at_s,
     stuck,
 )
@@ -49,7 +49,7 @@ def test_a_mean_has_the_scatter_of_its_samples():
     found = mean_code(codes(values))
     assert found.value == values.mean()
     assert found.scatter_u == pytest.approx(values.std(ddof=1) / np.sqrt(500))
-    assert found.step_u < 1e-12
+    assert found.quantisation_u < 1e-12
     assert found.problems == ()
 
 
@@ -129,7 +129,7 @@ def test_steps_count_in_their_own_size():
 
 def test_readings_at_one_angle_err_alike():
     gain, angle_rad = np.array([0.25, 0.25, 0.25, 0.25]), np.radians([0.0, 90.0, 90.0, 180.0])
-    parts = by_position(gain, np.full(4, 0.3), angle_rad)
+    parts = quantisation_by_angle(gain, np.full(4, 0.3), angle_rad)
     assert parts.tolist() == pytest.approx([0.075, 0.15, 0.075])
 
 
@@ -138,7 +138,7 @@ def test_readings_at_one_angle_err_alike():
 
 def test_the_output_of_a_unit_is_what_it_sends():
     found = mean_output(acquisition(codes([7] * 100)), UNIT)
-    assert (found.value, found.alone_u, found.step_u, found.problems) == (7.0, 0.0, hidden_by_steps(0, 1), ())
+    assert (found.value, found.single_u, found.quantisation_u, found.problems) == (7.0, 0.0, hidden_by_steps(0, 1), ())
     assert (UNIT.output_unit, UNIT.measured_by, UNIT.is_counted) == ("m/s²", "x", False)
 
 
@@ -196,7 +196,7 @@ def test_a_window_at_rest_is_the_mean_of_its_samples():
     found = window_of(codes(values))
     assert (found.mean, found.problems) == (values.mean(), ())
     assert found.span_s == found.host_span_s == pytest.approx(499 * PERIOD_S)
-    assert found.alone_u == pytest.approx(values.std(ddof=1) / np.sqrt(500))
+    assert found.single_u == pytest.approx(values.std(ddof=1) / np.sqrt(500))
 
 
 TURN = Turned("outer", 60.0, 102.011, 0.0, 108.011, 360.0)
@@ -224,7 +224,7 @@ def test_samples_that_did_not_come_leave_a_turn_whole():
 
 def test_what_goes_up_and_down_over_a_turn_is_no_scatter():
     turning = 50 * np.sin(2 * np.pi * PERIOD_S * np.arange(500) / 6)
-    still, moving = (window_of(codes(noise(500) + extra), TURN).alone_u for extra in (0.0, turning))
+    still, moving = (window_of(codes(noise(500) + extra), TURN).single_u for extra in (0.0, turning))
     assert still == pytest.approx(3.0 / np.sqrt(299), rel=0.15)
     assert moving == pytest.approx(still, rel=0.1)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.blocks import TableRecord
-from bench.methods.rate_table.reduction.radius import LinearityLimit, gyro_range
+from bench.methods.rate_table.reduction.recorded_range import LinearityLimit, gyro_range
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.coverage import coverage_factor
 from bench.metrology.results.finding import Subject
@@ -67,7 +67,7 @@ def test_a_point_of_a_range_is_marginal_by_its_expanded_uncertainty():
     def point(limit):
         return gyro_range(record, {"run1": 50.0}, LinearityLimit(limit, full_scale=1.0)).points[0]
 
-    found = point(1.0)
+    found = point(1.0).error
     assert 2.2 < coverage_factor(found.dof) < 4
-    assert point(abs(found.error) + 2.1 * found.u_error).marginal
-    assert not point(abs(found.error) + 1.01 * coverage_factor(found.dof) * found.u_error).marginal
+    assert point(abs(found.value) + 2.1 * found.u).marginal
+    assert not point(abs(found.value) + 1.01 * coverage_factor(found.dof) * found.u).marginal

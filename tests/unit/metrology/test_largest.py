@@ -8,6 +8,8 @@ import pytest
 from bench.metrology.extremes import scatter_sd
 from bench.metrology.largest import largest_of
 
+pytestmark = pytest.mark.lengthy
+
 AT = np.linspace(-1, 1, 90)
 COURSES = {
     "a hump": [8 * (1 - AT**2), 7 * (1 - AT**2)],
@@ -18,7 +20,7 @@ COURSES = {
 }
 
 
-def trials(course, sds, count=300):
+def trials(course, sds, count=150):
     """Errors, uncertainties and ends of intervals about the truth, (n, 4)."""
     rng, true = np.random.default_rng(5), max(float(np.max(np.abs(each))) for each in course)
     rows = []

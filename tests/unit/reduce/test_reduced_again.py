@@ -96,13 +96,13 @@ def test_results_that_are_damaged_are_not_compared_with(folder, text):
         again(folder)
 
 
-def test_it_is_told_on_the_command_line(folder, bench_command):
+def test_it_is_told_on_the_command_line(folder, bench_here):
     plant(folder, value=0.0)
     before = {path.name: path.stat().st_mtime_ns for path in folder.iterdir() if path.suffix == ".json"}
-    done = bench_command("reduce", folder)
+    done = bench_here("reduce", folder)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines()[-1] == f"{folder.name}: 1 of 5 findings changed, PASS"
-    told = json.loads(bench_command("reduce", folder.name, "--runs", folder.parent, "--json").stdout)
+    told = json.loads(bench_here("reduce", folder.name, "--runs", folder.parent, "--json").stdout)
     assert told["verdict"] == {"before": "PASS", "now": "PASS"}
     assert [(change["id"], change["before"]["value"]) for change in told["changes"]] == [(K0, 0.0)]
     assert {name: (folder / name).stat().st_mtime_ns for name in before} == before
@@ -116,7 +116,7 @@ def test_it_is_told_on_the_command_line(folder, bench_command):
         (("last",), "there is no run yet"),
     ],
 )
-def test_what_is_missing_is_told(tmp_path, bench_command, arguments, told):
-    done = bench_command("reduce", *arguments, cwd=tmp_path)
+def test_what_is_missing_is_told(tmp_path, bench_here, arguments, told):
+    done = bench_here("reduce", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert told in done.stderr

@@ -58,6 +58,7 @@ def parts_of(rows, *names):
     return [list(part) for _, part in itertools.groupby(rows, key=lambda row: [row[name] for name in names])]
 
 
+@pytest.mark.lengthy
 def test_parquet_holds_the_same_and_its_counters_as_differences(run, tables, tmp_path):
     paths = exported(run, "parquet", tmp_path)
     assert [path.name for path in paths] == ["readings.parquet", "acquisitions.parquet", "journal.parquet"]
@@ -137,11 +138,11 @@ def test_hdf5_holds_the_same_with_units_and_descriptions(run, tables, tmp_path):
         assert file.attrs["run"] == run.path.name
 
 
-def test_logs_say_that_they_are_not_the_whole_bus(run, tmp_path, bench_command):
+def test_logs_say_that_they_are_not_the_whole_bus(run, tmp_path, bench_here):
     paths = exported(run, "candump", tmp_path)
     assert [path.name for path in paths] == ["counter.log", "candump.txt"]
     assert "not the whole bus" in paths[-1].read_text("utf-8")
-    assert "not the whole bus" in bench_command("export", "--help").stdout.replace("\n", " ")
+    assert "not the whole bus" in bench_here("export", "--help").stdout.replace("\n", " ")
 
 
 def test_packed_formats_are_a_fraction_of_the_csv(run, tmp_path):

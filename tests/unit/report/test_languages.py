@@ -229,6 +229,7 @@ def test_every_translation_has_the_places_of_its_text(name):
     assert wrong == []
 
 
+@pytest.mark.lengthy
 @pytest.mark.peer("a Chinese font")
 def test_a_report_misses_no_word_and_is_in_chinese(run, missing):
     page = report(run, "html", "zh").read_text("utf-8")
@@ -269,6 +270,7 @@ def test_without_a_font_the_figures_are_english_and_the_page_says_so(run, monkey
     assert "判定规则" in page
 
 
+@pytest.mark.lengthy
 @pytest.mark.peer("pango", "a Chinese font")
 def test_a_pdf_brings_the_chinese_characters_that_it_uses(tmp_path):
     path = report(run_short(tmp_path, sequence="smoke"), "pdf", "zh")

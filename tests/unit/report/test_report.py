@@ -110,6 +110,7 @@ def smoke(tmp_path_factory):
 # What the page is
 
 
+@pytest.mark.lengthy
 def test_it_is_one_file_that_refers_to_nothing_elsewhere(tumble):
     page = page_of(tumble.path)
     assert page.html.startswith('<!doctype html>\n<html lang="en">')

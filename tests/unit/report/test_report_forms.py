@@ -37,6 +37,7 @@ def report(run, form):
         return write_report(stored, form)
 
 
+@pytest.mark.lengthy
 @pytest.mark.peer("pango")
 def test_a_pdf_has_a4_pages_each_with_what_it_is_of_and_its_number(run):
     path = report(run, "pdf")

@@ -184,6 +184,7 @@ def texts(path):
     return ["".join(found.itertext()) for found in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")]
 
 
+@pytest.mark.lengthy
 def test_the_picture_has_a_panel_for_each_thing_that_occurs(tree, tmp_path):
     path = tmp_path / "plan.svg"
     write_picture(path, *tree, BENCH)

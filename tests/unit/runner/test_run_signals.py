@@ -23,6 +23,7 @@ def ends_by_default(number):
     return done.returncode == -number
 
 
+@pytest.mark.lengthy
 def test_every_signal_that_ends_a_process_is_taken_but_those_of_its_own_faults():
     tried = signal.valid_signals() - {*STOPPING, signal.SIGKILL, signal.SIGSTOP}
     assert set(ENDING) == {number for number in tried if ends_by_default(number)} - OF_FAULTS - IGNORED_BY_PYTHON

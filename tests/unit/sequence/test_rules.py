@@ -161,7 +161,7 @@ def test_a_disk_too_small_for_the_run_is_told_before_it_begins(tmp_path, monkeyp
     warnings = load_checked(RunRequest("smoke", runs=tmp_path / "not" / "yet")).warnings
     assert [warning.rule for warning in warnings] == rules
     assert asked == [tmp_path]
-    assert all(f"{tmp_path} has 0 MB left" in warning.problem for warning in warnings)
+    assert [f"{tmp_path} has 0 MB left" in warning.problem for warning in warnings] == [True] * len(rules)
 
 
 # Counters

@@ -272,7 +272,7 @@ def test_a_product_of_lists_is_the_same_as_loops_inside_loops(tmp_path):
         ("{a: 5}", "for_each: is 5, expected a list or a range with at least one value"),
         ("{a: [1], t: [2]}", "for_each: the name 't' is taken; choose another for this loop"),
         ("{a: ['${t}']}", "for_each: depends on a measurement; the values of a loop must be known before the run"),
-        ("{}", "for_each: is empty, expected a name, or names with what each goes through"),
+        ("{}", "for_each: is empty, expected a name, or names with their values"),
         ("{A: [1]}", "for_each: is 'A', expected a name: at most 32 lower-case letters, digits and _, a letter first"),
     ],
 )

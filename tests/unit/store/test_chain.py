@@ -249,10 +249,10 @@ def test_what_is_wrong_with_a_file_is_said_as_it_is(sealed, change, name, told):
         pass
 
 
-def test_a_report_that_was_touched_is_said_and_can_be_written_again(sealed, bench_command):
+def test_a_report_that_was_touched_is_said_and_can_be_written_again(sealed, bench_here):
     (sealed / "report.html").write_text("PASS")
     assert "report.html: has changed since it was written" in examined(sealed).damage[0]
-    assert bench_command("report", sealed).returncode == 0
+    assert bench_here("report", sealed).returncode == 0
     assert examined(sealed).damage == ()
     revisions = sealed / "report_revisions.json"
     revisions.write_text(revisions.read_text("utf-8").replace("20", "19"))
@@ -318,23 +318,24 @@ def test_what_lies_beside_an_interrupted_run_is_remarked(interrupted):
     assert record.remarks == (*before.remarks, "not covered by the chain: notes.txt")
 
 
-def test_damaged_data_are_refused_or_what_is_made_of_them_says_so(sealed, tmp_path, bench_command):
+@pytest.mark.lengthy
+def test_damaged_data_are_refused_or_what_is_made_of_them_says_so(sealed, tmp_path, bench_here):
     alter(sealed, "UPDATE reading SET value = 1 WHERE seq = 100")
     for command in (["reduce"], ["report"], ["export", "--out", tmp_path / "out"], ["status"], ["runs", "verify"]):
-        done = bench_command(
+        done = bench_here(
             *command[:2] if command[0] == "runs" else command[:1],
             sealed,
             *command[1:] if command[0] == "export" else [],
         )
         assert (done.returncode, "DAMAGED" in done.stdout + done.stderr) == (3, True), command
     assert not (tmp_path / "out").exists()
-    done = bench_command("report", sealed, "--damaged")
+    done = bench_here("report", sealed, "--damaged")
     assert done.stdout.strip().endswith("report.DAMAGED.html")
     page = (sealed / "report.DAMAGED.html").read_text("utf-8")
     assert 'class="verdict ERROR"' in page
     assert "THE RECORD OF THIS RUN IS DAMAGED" in page
-    assert "THE RECORD IS DAMAGED" in bench_command("reduce", sealed, "--damaged").stdout
-    bench_command("export", sealed, "--damaged", "--out", tmp_path / "out")
+    assert "THE RECORD IS DAMAGED" in bench_here("reduce", sealed, "--damaged").stdout
+    bench_here("export", sealed, "--damaged", "--out", tmp_path / "out")
     assert "run.db: has changed" in (tmp_path / "out" / "DAMAGED.txt").read_text("utf-8")
 
 

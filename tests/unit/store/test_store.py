@@ -230,6 +230,7 @@ WRITER = """
 """
 
 
+@pytest.mark.lengthy
 def test_kill_9_loses_nothing_that_was_acknowledged(tmp_path):
     """The writer says each number when its commit has returned; it is killed at many different moments."""
     script = tmp_path / "writer.py"

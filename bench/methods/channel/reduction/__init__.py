@@ -1,1 +1,1 @@
-"""From acquisitions to the findings of a channel."""
+"""Reduction of the acquisitions of a channel to findings."""

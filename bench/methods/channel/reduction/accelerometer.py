@@ -1,7 +1,7 @@
-"""What the accelerometer itself makes of the slopes of a channel, where it follows the chamber a little.
+"""Contribution of the accelerometer itself to the slopes of a channel, if it partly follows the chamber.
 
-A budget states how much its output changes with its own temperature. A source at the same level has no accelerometer
-behind it: by how much the two relative slopes differ tells whether the statement holds for this unit.
+A budget states the sensitivity of its output to its own temperature. A current source at the same level has no
+accelerometer: the difference of the two relative slopes tests the statement for this unit.
 """
 
 from __future__ import annotations
@@ -13,23 +13,24 @@ import numpy as np
 
 from bench.methods.channel.reduction.compared_levels import GRAVITY_REFERENCE, OWN_TEMPERATURE, SOURCE_REFERENCE, Level
 
-CONTRADICTS = 2.0  # standard uncertainties, of what is stated and of what is found together, that chance is within
+# maximum difference by chance, in standard uncertainties of the stated and the determined value together
+CONTRADICTS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class OwnDrift:
-    """Change of an accelerometer's output with its own temperature, relative, per °C, with its standard uncertainty."""
+    """Relative change per °C of an accelerometer's output with its own temperature, with its standard uncertainty."""
 
     per_c: float
     u_per_c: float
 
     def beyond(self, stated_u: float) -> bool:
-        """Whether it is more than the stated standard uncertainty and its own let expect."""
+        """True if it exceeds the stated standard uncertainty combined with its own."""
         return abs(self.per_c) > CONTRADICTS * float(np.hypot(stated_u, self.u_per_c))
 
 
 def own_drift(levels: Mapping[str, Level]) -> OwnDrift | None:
-    """What 1 g of gravity and 1 g of the source tell; None without both, or where it does not follow at all."""
+    """Drift from levels at 1 g of gravity and of the source; None without both, or if its temperature is constant."""
     up, source = levels.get(GRAVITY_REFERENCE), levels.get(SOURCE_REFERENCE)
     if up is None or source is None or not up.scatter.accelerometer_per_c:
         return None
@@ -41,21 +42,21 @@ def own_drift(levels: Mapping[str, Level]) -> OwnDrift | None:
 
 
 def _by_thermometer(level: Level) -> float:
-    """What a drift of one standard uncertainty of the thermometer makes of a relative slope, with its sign."""
+    """Signed effect of one standard uncertainty of the thermometer drift on a relative slope."""
     return level.run.relative_slope_per_c * level.drifted_share
 
 
 def _u_without(level: Level) -> float:
-    """Standard uncertainty of a relative slope without the part of the accelerometer's own temperature."""
+    """Standard uncertainty of a relative slope without the contribution of the accelerometer's own temperature."""
     parts = [line.u for line in level.slope_lines if line.source != OWN_TEMPERATURE]
     return float(np.linalg.norm(parts) / abs(level.run.rate_pps))
 
 
 def with_own_drift(levels: Mapping[str, Level], stated_u: float) -> dict[str, Level]:
-    """The levels, those of gravity as uncertain as the unit shows itself to be, where that contradicts the statement.
+    """Levels with the uncertainty of gravity levels increased if the unit contradicts the stated drift.
 
-    A drift of more than the stated standard uncertainty is no contradiction: every third unit that is as stated has
-    one. If it took the place of the statement there, those would be stated too uncertain, and no other one less.
+    A drift above the stated standard uncertainty is no contradiction: every third conforming unit has one. Replacing
+    the statement in these cases would overstate their uncertainty without improving any other.
     """
     found = own_drift(levels)
     if found is None or not found.beyond(stated_u):

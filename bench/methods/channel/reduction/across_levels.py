@@ -1,9 +1,9 @@
-"""What the levels of a channel tell together: how their slopes compare, the channel's coefficients, and its models.
+"""Results from all levels of a channel together: comparison of slopes, coefficients of the channel, and its models.
 
-A thermometer that errs by a gain does so at all levels alike: that moves slopes, and cancels where levels are compared.
-One that drifts moves the slopes of two levels the other way round if one was heated and the other cooled.
-Of drifts it is not known whether they go on alike from one ramp to the next, and the worse is assumed: apart where
-levels are compared, together in the coefficients of the channel.
+A gain error of a thermometer is common to all levels: it changes slopes, but cancels in comparisons of levels. A drift
+changes the slopes of two levels in opposite directions if one was heated and the other cooled. It is unknown whether
+drifts continue alike from one ramp to the next, so the worst case is assumed: independent in comparisons of levels,
+fully correlated in the coefficients of the channel.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from bench.metrology.results.finding import Finding
 
 @dataclass(frozen=True)
 class ChannelConclusions:
-    """The findings and models of one unit that need its levels side by side."""
+    """Findings and models of one unit that need all its levels."""
 
     of_levels: ChannelFindings
     compared: Sequence[Compared]
@@ -36,14 +36,14 @@ class ChannelConclusions:
         return [level for level in self.of_levels.levels if level.run.valid]
 
     def findings(self) -> Iterator[Finding]:
-        """The deviations of the slopes, and the two coefficients of the channel."""
+        """Deviations of the slopes, and the two coefficients of the channel."""
         for compared in self.compared:
             yield from self._deviations(compared)
         if self.drift is not None:
             yield from self._coefficients(self.drift)
 
     def models(self) -> Iterator[Equation]:
-        """For each level its rate over temperature, with its own slope or that of its reference; then its slope."""
+        """Model of the rate over temperature of each level, by its own slope or that of its reference; then slopes."""
         references = {each.level.name: each for each in self.compared}
         for level in self._usable:
             yield self._model(level, references.get(level.name))
@@ -51,7 +51,7 @@ class ChannelConclusions:
             yield self._channel_model(self.drift)
 
     def compensations(self) -> Iterator[Compensation]:
-        """For each slope that serves levels: how a rate becomes what it would be at the reference temperature."""
+        """For each slope that serves levels: conversion of a rate to the reference temperature."""
         references = {each.level.name: each for each in self.compared}
         served: dict[str, list[Level]] = {}
         by_name = {level.name: level for level in self._usable}
@@ -77,7 +77,7 @@ class ChannelConclusions:
         )  # fmt: skip
 
     def _line(self, slope: Finding, unit: str, at_reference: float, valid_c: tuple[float, float]) -> TemperatureModel:
-        """A straight line over temperature that has a value at the reference, and the slope that was found."""
+        """A straight line over temperature through a value at the reference, with the fitted slope."""
         reference_c = self.of_levels.reference_c
         return TemperatureModel(
             id=slope.id, uut=slope.uut, quantity=slope.quantity, unit=unit, centre=reference_c, scale=1.0,
@@ -88,7 +88,7 @@ class ChannelConclusions:
 
     @staticmethod
     def _slope_from(level: Level, compared: Compared | None) -> Level:
-        """The level whose slope serves a level: its own, or that of its reference."""
+        """Level whose slope serves a level: itself, or its reference."""
         shares = compared is not None and compared.comparison.decision == "share"
         return compared.reference if compared is not None and shares else level
 
@@ -132,7 +132,7 @@ class ChannelConclusions:
             yield self.of_levels.finding(quantity, name, {}, value, unit, lines, steps)
 
     def _through(self, gain: Array) -> Iterator[BudgetLine]:
-        """The uncertainties of slopes in a sum of them with these gains; lines of one kind of drift go together."""
+        """Uncertainties of slopes in a sum with these sensitivities; lines of one kind of drift are correlated."""
         together: dict[str, float] = {}
         for factor, level in zip(gain.tolist(), self._usable, strict=True):
             for line in level.slope_lines:
@@ -144,10 +144,10 @@ class ChannelConclusions:
             yield BudgetLine(source, "B", abs(u))
 
     def _model(self, level: Level, compared: Compared | None) -> Equation:
-        """The line of a level; where it shares that of its reference, with the slope of that."""
+        """Line of a level; if it shares the model of its reference, with the slope of that."""
         slope_from = self._slope_from(level, compared)
         shares = slope_from is not level
-        told = f"from {slope_from.name}, which serves this level too" if shares else "its own"
+        slope_text = f"from {slope_from.name}, which serves this level too" if shares else "its own"
         rate = self.of_levels.rate(level)
         if shares and self.of_levels.settings["compare_basis"] == "raw":
             form, symbol, slope = "D = D_ref + k · (T - T_ref)", "k", self.of_levels.slope(slope_from)
@@ -157,7 +157,7 @@ class ChannelConclusions:
             id=f"{rate.id}/model",
             uut=rate.uut,
             quantity="rate",
-            form=f"{level.name}: {form}, slope {told}",
+            form=f"{level.name}: {form}, slope {slope_text}",
             constants={
                 "D_ref": Constant(rate.value, rate.unit, rate.u),
                 symbol: Constant(slope.value, slope.unit, slope.u),
@@ -186,7 +186,7 @@ class ChannelConclusions:
 
 
 def _named(level: Level, other: Level, factor: float) -> list[BudgetLine]:
-    """What a level contributes to a deviation from another."""
+    """Contribution of a level to a deviation from another."""
     return [
         BudgetLine(f"{level.name}: {line.source}", line.type, line.u * factor, line.dof)
         for line in level.lines_beside(other)

@@ -1,4 +1,4 @@
-"""Input levels of one run beside each other: each with its line and what that is known by, and their decisions."""
+"""Input levels of one run: each with its line and its uncertainty, and the decisions on shared models."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 
 GRAVITY_REFERENCE, SOURCE_REFERENCE = "up_1g", "src_1g"
-GAP_GATES = 1.5  # a longer time between two read-outs was not recorded
+GAP_GATES = 1.5  # a longer interval between two read-outs was not recorded
 OWN_TEMPERATURE = "accelerometer: its own temperature"
 SCATTER, COUNTING = "read-outs: scatter", "read-outs: resolution of the count"
 
 
 def resolution_of(unit: UnitUnderTest) -> str:
-    """What a mean of its output does not resolve, as a source of uncertainty."""
+    """Name of the source of uncertainty for the resolution of a mean output."""
     return COUNTING if unit.telemetry is None else f"{unit.telemetry}{STEPS}"
 
 
 def is_of_the_read_outs(line: BudgetLine) -> bool:
-    """Whether a line is of what was read out, and not of what fed the channel."""
+    """True if a line concerns the read-outs, and not the input of the channel."""
     return line.source in (SCATTER, COUNTING) or line.source.endswith(STEPS)
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One input level: its line, what that is known by, how its input drifted, and the drift that a budget assumes.
+    """One input level: its line, the uncertainty of that, the drift of its input, and the drift assumed in budgets.
 
-    `slope_lines` are the sources of uncertainty of its slope but for the thermometer, in pulse/s/°C. A drift of one
-    standard uncertainty of the thermometer within the run changes the temperature at which its rate is stated by
-    `drifted_c` (°C), and its slope by the part `drifted_share`.
+    `slope_lines` are the sources of uncertainty of its slope without the thermometer, in pulse/s/°C. A drift of one
+    standard uncertainty of the thermometer within the run changes the temperature of its stated rate by `drifted_c`
+    (°C), and its slope by the relative `drifted_share`.
     """
 
     data: LevelData
@@ -58,30 +58,30 @@ class Level:
 
     @property
     def name(self) -> str:
-        """The name of the level."""
+        """Name of the level."""
         return self.data.level.name
 
     @property
     def is_source(self) -> bool:
-        """Whether a current source fed it."""
+        """True if a current source is its input."""
         return self.data.level.kind == "source"
 
     @property
     def input_lines(self) -> list[BudgetLine]:
-        """Those of its slope that its input is the cause of."""
+        """Lines of its slope that are due to its input."""
         return [line for line in self.slope_lines if not is_of_the_read_outs(line)]
 
     @property
     def known_run(self) -> ChannelRun:
-        """Its line with the whole uncertainty of the slope."""
+        """Its run with the whole uncertainty of the slope."""
         return self._run_known_by(self.slope_lines)
 
     def run_beside(self, other: Level) -> ChannelRun:
-        """Its line with the uncertainty of the slope that is its own."""
+        """Its run with the uncertainty of the slope that it does not share with the other level."""
         return self._run_known_by(self.lines_beside(other))
 
     def lines_beside(self, other: Level) -> list[BudgetLine]:
-        """Those of its slope that it does not share with another level.
+        """Lines of its slope that it does not share with another level.
 
         An accelerometer that follows the chamber changes the rate in proportion at all levels of gravity.
         """
@@ -98,7 +98,7 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """A level held against its reference. `drifted` says that the input of one of them did, beyond its limit."""
+    """A level compared with its reference. `drifted` is true if the input of one of them drifted beyond its limit."""
 
     level: Level
     reference: Level
@@ -107,12 +107,12 @@ class Compared:
 
     @property
     def marginal(self) -> bool:
-        """Whether the decision could be another one if the run were repeated."""
+        """True if a repeated run might give another decision."""
         return self.comparison.decision != "invalid" and (self.comparison.marginal or self.drifted)
 
 
 def channel_rules(data: RunData, unit: UnitUnderTest, kind: str, settings: Mapping[str, Any]) -> ChannelRules:
-    """What is asked of a run of a kind of input."""
+    """Requirements on a run by its kind of input."""
     counts = data.acquisitions[0].counts[unit.channel] if unit.is_counted else None
     return ChannelRules(
         reference_c=settings["reference_temperature_c"],
@@ -129,7 +129,7 @@ def channel_rules(data: RunData, unit: UnitUnderTest, kind: str, settings: Mappi
 def lines_of_levels(
     data: RunData, unit: UnitUnderTest, found: Mapping[str, LevelData], settings: Mapping[str, Any]
 ) -> dict[str, Level]:
-    """The levels that have a ramp, each with its line; one whose line cannot be told has it not-a-number."""
+    """Levels that have a ramp, each with its line; not-a-number if the line is not determined."""
     ramped = {name: level for name, level in found.items() if level.steps}
     runs = {name: _run(each, channel_rules(data, unit, each.level.kind, settings)) for name, each in ramped.items()}
     scatters = {name: _scatter(run, settings["reference_temperature_c"]) for name, run in runs.items()}
@@ -186,7 +186,7 @@ def _level(
 
 
 def _drifted(data: RunData, unit: UnitUnderTest, run: ChannelRun, settings: Mapping[str, Any]) -> tuple[float, float]:
-    """What the drift of the thermometer does to a line: in °C at the reference, and relative to its slope."""
+    """Effect of the drift of the thermometer on a line: in °C at the reference, and relative to its slope."""
     converter_c = run.gates.converter_c
     if not len(converter_c) or not np.ptp(converter_c):
         return 0.0, 0.0
@@ -196,7 +196,7 @@ def _drifted(data: RunData, unit: UnitUnderTest, run: ChannelRun, settings: Mapp
 
 
 def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:
-    """What the line is known by; of a short run, by the residuals of its gates."""
+    """Scatter of a line; for a short run, from the residuals of its gates."""
     try:
         return line_scatter(run.gates, reference_c)
     except NotDetermined:
@@ -208,7 +208,7 @@ def _scatter(run: ChannelRun, reference_c: float) -> LineScatter:
 
 
 def compared_levels(levels: Mapping[str, Level], settings: Mapping[str, Any]) -> Iterator[Compared]:
-    """Every level held against its reference, where the run has that (equations 2.5, step 6)."""
+    """Compare every level with its reference, if the run has it (equations 2.5, step 6)."""
     for level in levels.values():
         reference = levels.get(reference_of(level, levels, settings["reference_policy"]))
         if reference is None or reference is level:
@@ -222,19 +222,19 @@ def compared_levels(levels: Mapping[str, Level], settings: Mapping[str, Any]) ->
 
 
 def reference_of(level: Level, levels: Mapping[str, Level], policy: str) -> str:
-    """The name of the level that another one is compared with; a run of the source alone has one of its own."""
+    """Name of the reference of a level; a run of the source alone has its own."""
     of_source = level.is_source and level.name != SOURCE_REFERENCE
     by_source = policy == "embodiment" or GRAVITY_REFERENCE not in levels
     return SOURCE_REFERENCE if of_source and by_source else GRAVITY_REFERENCE
 
 
 def has_drifted(level: Level, limit: float) -> bool:
-    """Whether the input changed by more than it may between the points at rest."""
+    """True if the input changed by more than permitted between the points at rest."""
     return level.drift is not None and abs(level.drift.change) > limit
 
 
 def drift_of_channel(levels: Sequence[Level]) -> ChannelDrift | None:
-    """The line through the slopes of levels over their rates; None where the levels do not tell it."""
+    """Line through the slopes of levels over their rates; None if the levels do not determine it."""
     usable = [level.known_run for level in levels if level.run.valid]
     if len(usable) < 2:
         return None

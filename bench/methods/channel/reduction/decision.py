@@ -1,8 +1,8 @@
-"""An accelerometer channel at several input levels: whether a drift found at 1 g holds at another (equations 2.5).
+"""Decision whether a drift of an accelerometer channel found at 1 g applies at another input level (equations 2.5).
 
-The slope of a channel with D = S0 (1 + α (T - T0)) I + b0 + β (T - T0) is k = S0 α I + β: one part that is the same at
-all levels, and one in proportion to the level. If all is of the first kind the levels have one slope k, if all is of
-the second kind one relative slope k / D.
+The slope of a channel with D = S0 (1 + α (T - T0)) I + b0 + β (T - T0) is k = S0 α I + β: a constant part, and one
+proportional to the level. With the first part alone, all levels have one slope k; with the second alone, one relative
+slope k / D.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from bench.metrology.results.coverage import coverage_factor, effective_dof
 Basis = Literal["raw", "normalised"]
 Decision = Literal["share", "keep", "invalid"]
 
-LEAST_SIGNIFICANCE = 3.0  # of a slope that others are divided by, in its standard uncertainties
-ROUNDING = 1e-12  # of the rate: what arithmetic makes of no change over a whole run
+LEAST_SIGNIFICANCE = 3.0  # minimum ratio of a slope in a denominator to its standard uncertainty
+ROUNDING = 1e-12  # of the rate: rounding of a zero change over a whole run
 MISFIT_PROBABILITY = 0.01
-LEAST_LEVEL_G = 0.1  # below, a bias may be as large as the input
+LEAST_LEVEL_G = 0.1  # below this a bias may be as large as the input
 LARGEST_BIAS_G = 0.5
-PROPORTION = 0.1  # what a rate per g may differ from that of the other runs
+PROPORTION = 0.1  # maximum relative deviation of a rate per g from that of the other runs
 
 OTHER_POLARITY = "keeps its own model: at the other polarity the converter has another scale factor"
 
 
 class RelativeDeviation(NamedTuple):
-    """|(x' - x) / x| of a run's x' and its reference's x, its standard uncertainty, and |x' - x|; NaN if not known."""
+    """|(x' - x) / x| of a run's x' and its reference's x, its standard uncertainty, and |x' - x|; NaN if unknown."""
 
     value: float
     u: float
@@ -42,10 +42,10 @@ class RelativeDeviation(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A run held against its reference, by the slopes k and by the relative slopes k / D.
+    """Comparison of a run with its reference, by the slopes k and by the relative slopes k / D.
 
     `rate_pps` + `slope_pps_per_c` (T - reference temperature) is the model that serves the level; NaN where there is no
-    decision. `remarks` tell in words why there is none, or why it does not rest on the deviation.
+    decision. `remarks` state why there is none, or why it is not based on the deviation.
     """
 
     raw: RelativeDeviation
@@ -58,12 +58,12 @@ class Comparison:
 
 
 def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: Basis) -> Comparison:
-    """Whether the model of `reference` serves the level of `run` too: "share", or that of the run: "keep".
+    """Decide whether the model of `reference` serves the level of `run` too ("share"), or not ("keep").
 
-    What is shared is the slope on the basis "raw", the relative slope on the basis "normalised"; the rate is always the
-    run's own. "invalid" when one of the runs is, and when the slope of the reference is not three times its
-    uncertainty: then only the differences are told. A run of the other polarity keeps its own model, because the
-    converter has another scale factor there.
+    The slope is shared on the basis "raw", the relative slope on the basis "normalised"; the rate is always the run's
+    own. "invalid" if one of the runs is, or if the slope of the reference is less than three times its uncertainty:
+    then only the differences are given. A run of the other polarity keeps its own model, because the converter has
+    another scale factor there.
     """
     certain = _is_certain(reference)
     raw = _deviation(
@@ -92,14 +92,14 @@ def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: 
 
 
 def _is_certain(reference: ChannelRun) -> bool:
-    """Whether a slope is known so well that others can be divided by it."""
+    """True if a slope is certain enough for a denominator."""
     slope, rate_pps = abs(reference.slope_pps_per_c), abs(reference.rate_pps)
     significant = slope >= LEAST_SIGNIFICANCE * reference.u_slope_pps_per_c
     return significant and slope * reference.span_c > ROUNDING * rate_pps
 
 
 def _deviation(value: float, u: float, reference: float, u_reference: float, certain: bool) -> RelativeDeviation:
-    """The deviation of two values that are independent of each other."""
+    """Deviation of two independent values."""
     difference = abs(value - reference)
     if not certain:
         return RelativeDeviation(np.nan, np.nan, difference)
@@ -114,7 +114,7 @@ def _dof(run: ChannelRun, reference: ChannelRun) -> int | None:
 
 
 def _problems(run: ChannelRun, reference: ChannelRun, certain: bool, deciding: RelativeDeviation) -> tuple[str, ...]:
-    """Why nothing can be decided, in words."""
+    """Reasons why no decision is possible."""
     problems = {
         "no decision: its own run is not valid": not run.valid,
         "no decision: the run it is compared with is not valid": not reference.valid,
@@ -126,11 +126,11 @@ def _problems(run: ChannelRun, reference: ChannelRun, certain: bool, deciding: R
 
 @dataclass(frozen=True, slots=True)
 class ChannelDrift:
-    """k = offset + scale D: the part of the drift that is the same at all levels, and that in proportion to the rate.
+    """Line k = offset + scale D: the constant part of the drift, and the part proportional to the rate.
 
-    `misfit` says that the slopes do not lie on the line within their uncertainties: the drift depends on the level in
-    some other way. The uncertainties are those of the slopes; NaN where a slope has none. `gain` (2, n) is what one
-    unit of each slope adds to offset and scale.
+    `misfit` is true if the slopes deviate from the line by more than their uncertainties: the drift depends on the
+    level in another way. The uncertainties are those of the slopes; NaN where a slope has none. `gain` (2, n) is the
+    sensitivity of offset and scale to each slope.
     """
 
     offset_pps_per_c: float
@@ -142,7 +142,7 @@ class ChannelDrift:
 
 
 def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
-    """The line through the slopes of at least two runs over their rates, weighted by 1 / u(k).
+    """Fit the line through the slopes of at least two runs over their rates, weighted by 1 / u(k).
 
     The slopes are finite. Raises NotDetermined when the rates are all about the same.
     """
@@ -152,10 +152,11 @@ def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
     exact = not (u > 0).all()
     weight = (np.ones_like(u) if exact else 1 / u)[:, np.newaxis]
     design = np.stack([np.ones_like(rate_pps), rate_pps], axis=-1)
-    least_squares(design, slope, names=("tempco_offset", "tempco_scale"))  # raises; weights do not tell rates apart
+    least_squares(design, slope, names=("tempco_offset", "tempco_scale"))  # raises; weights do not separate rates
     fit = least_squares(design * weight, slope * weight[:, 0], condition_limit=np.finfo(np.float64).max)
     u_offset, u_scale = np.full(2, np.nan) if exact else np.sqrt(np.diag(fit.unscaled_covariance))
-    chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof and not exact else 1.0  # of chi²
+    # by the distribution of chi²
+    chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof and not exact else 1.0
     return ChannelDrift(
         offset_pps_per_c=float(fit.coefficients[0]),
         scale_per_c=float(fit.coefficients[1]),
@@ -167,7 +168,7 @@ def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
 
 
 def out_of_proportion(level_g: Array, rate_pps: Array) -> NDArray[np.bool_]:
-    """Which runs (n,) have a rate per g that is not that of most others: a wrong unit, fixture or polarity."""
+    """Mask of runs (n,) whose rate per g differs from that of most others: a wrong unit, fixture or polarity."""
     judged = (np.abs(level_g) >= LEAST_LEVEL_G) & np.isfinite(level_g) & np.isfinite(rate_pps)
     odd = np.zeros(len(level_g), dtype=np.bool_)
     if judged.any():

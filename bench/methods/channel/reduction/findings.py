@@ -1,6 +1,6 @@
-"""The findings of a channel at each of its input levels, each with its budget.
+"""Findings of a channel at each of its input levels, each with its budget.
 
-A level is in local g: the rate at 1 g does not depend on how large g is, but on how level the slab is.
+A level is in local g: the rate at 1 g does not depend on the size of g, but on the level of the slab.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 
 HOUR_S, MA_PER_A = 3600.0, 1e3
-BEYOND_U = 3.0  # standard uncertainties that two certificates may be apart
+BEYOND_U = 3.0  # maximum difference of two certificates, in standard uncertainties
 LAG = BudgetLine("read-outs: lag behind the thermometer, contained", "alias", 0.0)
-ZERO = "src_0g"  # the points with the source at 0 A
+ZERO = "src_0g"  # name of the points with the source at 0 A
 
 
 @dataclass(frozen=True)
 class ChannelFindings:
-    """The results of one unit: of the lines at its levels, how they compare, and the drift of the channel."""
+    """Findings of one unit: lines at its levels, their comparison, and the drift of the channel."""
 
     data: RunData
     unit: UnitUnderTest
@@ -39,7 +39,7 @@ class ChannelFindings:
     levels: Sequence[Level]
 
     def findings(self) -> Iterator[Finding]:
-        """Everything that a limit may name, level by level, then with nothing fed."""
+        """All findings that a limit may name, level by level, then those with zero input."""
         for level in self.levels:
             if np.isfinite(level.run.slope_pps_per_c):
                 yield self.rate(level)
@@ -53,7 +53,7 @@ class ChannelFindings:
     # One level
 
     def rate(self, level: Level) -> Finding:
-        """The rate at the reference temperature."""
+        """Rate at the reference temperature."""
         run, name = level.run, f"{self.output} at {self.reference_c:g} °C"
         offset_u, gain_u = self._thermometer
         rate_pps, slope = abs(run.rate_pps), abs(run.slope_pps_per_c)
@@ -72,16 +72,16 @@ class ChannelFindings:
         return self._of_level("rate", name, level, run.rate_pps, self.unit.output_unit, lines)
 
     def _instrument_lines(self, rate_pps: float) -> Iterator[BudgetLine]:
-        """What the certificate of whatever measures the output says of it."""
+        """Lines from the certificate of the instrument that measures the output."""
         for source, u in instrument_u(self.unit, self.data.bench, rate_pps, 1.0).items():
             yield BudgetLine(source, "B", abs(u), None, shared_as(source))
 
     def _away_c(self, level: Level) -> float:
-        """How far the reference temperature is from the middle of a run: errors of the slope go into the rate by it."""
+        """Reference temperature minus the middle of a run; through it, errors of the slope enter the rate."""
         return abs(self.reference_c - float(np.mean(level.run.gates.converter_c)))
 
     def _input_lines(self, level: Level) -> Iterator[BudgetLine]:
-        """How well the input of a level is known: the source by its certificate, gravity by the level of the slab."""
+        """Uncertainty of the input of a level: the source by its certificate, gravity by the level of the slab."""
         rate_pps, at = abs(level.run.rate_pps), level.data.level
         certificate = self.certificate
         if not level.is_source:
@@ -100,23 +100,24 @@ class ChannelFindings:
             yield BudgetLine(f"{self.standard}: scatter of the mean", "A", rate_pps * scatter)
 
     def _hours_of_run(self, level: Level) -> float:
-        """From the first point of the run, at whatever level, to the middle of the ramp.
+        """Time (h) from the first point of the run, at any level, to the middle of the ramp.
 
-        The certificate holds for a source that has just warmed up: it drifts also while levels of gravity are measured.
+        The certificate applies to a source that has just warmed up: it drifts also while levels of gravity are
+        measured.
         """
         begun_s = [point.middle_s for each in self.found.values() for point in each.points]
         times_s = level.run.gates.time_s
         return (float(np.mean(times_s)) - min([*begun_s, float(times_s[0])])) / HOUR_S
 
     def slope(self, level: Level) -> Finding:
-        """What the rate changes with the temperature of the converter."""
+        """Change of the rate with the temperature of the converter."""
         slope = level.run.slope_pps_per_c
         lines = [*level.slope_lines, self.thermometer_gain(slope), self.drift_line(slope * level.drifted_share), LAG]
         unit = f"{self.unit.output_unit}/°C"
         return self._of_level("rate/temperature_coefficient", "slope", level, slope, unit, lines)
 
     def relative_slope(self, level: Level) -> Finding:
-        """The same relative to the rate."""
+        """The same, relative to the rate."""
         slope, rate_pps = level.run.relative_slope_per_c, abs(level.run.rate_pps)
         lines = [
             *(line.times(1 / rate_pps) for line in level.slope_lines), self.thermometer_gain(slope),
@@ -126,12 +127,12 @@ class ChannelFindings:
         return self._of_level("rate/relative_temperature_coefficient", name, level, slope, "1/°C", lines)
 
     def thermometer_gain(self, slope: float) -> BudgetLine:
-        """What the gain of the thermometer does to a slope, at all levels alike."""
+        """Effect of the gain of the thermometer on a slope, common to all levels."""
         gain_u = self._thermometer[1]
         return BudgetLine(f"{self.unit.converter}: gain", "B", abs(slope) * gain_u, None, f"{self.unit.converter}.gain")
 
     def drift_line(self, u: float) -> BudgetLine:
-        """What the drift of the thermometer within the run does."""
+        """Line for the drift of the thermometer within the run."""
         return DriftInRun(self.data, self.unit.converter).line(u)
 
     def _residual(self, level: Level) -> Iterator[Finding]:
@@ -156,38 +157,40 @@ class ChannelFindings:
         yield self._of_level("rate/drift", name, level, drift.change, "1", lines, steps=drift.steps)
 
     def _currents(self, level: Level) -> Iterator[Finding]:
-        """What the ammeter in the cable read, and how far that is from what the source says."""
+        """Current by the ammeter in the cable, and its deviation from that of the source."""
         read, meter = level.data.metered, self.unit.ammeter
         if read is None or not read.is_enough:
             return
-        told_a = level.data.level.said_a
+        source_a = level.data.level.source_a
         known = self.data.bench.sources.get(meter)
         lines = [BudgetLine(f"{meter}: scatter of the mean", "A", read.mean_u_a)]
         if known is not None:
             lines.append(BudgetLine(f"{meter}: gain", "B", abs(read.mean_a) * known.gain_u, None, f"{meter}.gain"))
             lines.append(BudgetLine(f"{meter}: offset", "B", known.offset_u_a, None, f"{meter}.offset"))
-        name = f"mean by the ammeter; the source says {MA_PER_A * told_a:.7g} mA"
+        name = f"mean by the ammeter; the source says {MA_PER_A * source_a:.7g} mA"
         yield self._of_level("current", name, level, read.mean_a, "A", lines)
-        relative = [line.times(1 / abs(told_a)) for line in lines]
+        relative = [line.times(1 / abs(source_a)) for line in lines]
         name = "of the ammeter from what the source says, corrected by its certificate"
-        yield self._of_level("current/deviation", name, level, read.mean_a / told_a - 1, "1", relative)
+        yield self._of_level("current/deviation", name, level, read.mean_a / source_a - 1, "1", relative)
 
     def flags_of_currents(self) -> Iterator[str]:
-        """Levels that the ammeter has not read, and those at which source and ammeter contradict their certificates."""
+        """Flags of levels without ammeter readings, and of those where source and ammeter contradict certificates."""
         certified = [self.data.bench.sources.get(role) for role in (self.unit.source, self.unit.ammeter)]
         for level in self.levels:
             read = level.data.metered
-            if read is None or not level.data.level.said_a:
+            if read is None or not level.data.level.source_a:
                 continue
             if not read.is_enough:
                 yield f"{level.name}:ammeter_missing"
             elif all(certified):
-                said_a = level.data.level.said_a
-                u_a = np.linalg.norm([read.mean_u_a, *(known.u_a(said_a) for known in certified if known is not None)])
-                if abs(read.mean_a - said_a) > BEYOND_U * u_a:
+                source_a = level.data.level.source_a
+                u_a = np.linalg.norm(
+                    [read.mean_u_a, *(known.u_a(source_a) for known in certified if known is not None)]
+                )
+                if abs(read.mean_a - source_a) > BEYOND_U * u_a:
                     yield f"{level.name}:source_and_ammeter_differ"
 
-    # Nothing fed
+    # Zero input
 
     def _zero(self) -> Iterator[Finding]:
         points = [point for point in self.zero_points if not point.problems]
@@ -214,50 +217,50 @@ class ChannelFindings:
 
     @property
     def zero_points(self) -> Sequence[Point]:
-        """The points at which the source was set to nothing."""
+        """Points at which the source was set to zero."""
         level = self._zero_level
         return level.points if level is not None else ()
 
     @property
     def _zero_a(self) -> float:
-        """What the source gives by its certificate when it is set to nothing."""
+        """Current of the source by its certificate when set to zero."""
         return self._zero_level.level.current_a if self._zero_level is not None else 0.0
 
     @property
     def _zero_level(self) -> LevelData | None:
         sources = (each for each in self.found.values() if each.level.kind == "source")
-        return next((each for each in sources if each.level.told_g == 0), None)
+        return next((each for each in sources if each.level.set_g == 0), None)
 
     def _point_lines(self, *points: Point) -> list[BudgetLine]:
-        """What points alone tell of their uncertainty, or of that of their difference."""
-        alone = float(np.linalg.norm([each.alone_u_pps for each in points]))
-        steps = float(np.linalg.norm([each.step_u_pps for each in points]))
+        """Uncertainty of points by themselves, or of their difference."""
+        alone = float(np.linalg.norm([each.single_u_pps for each in points]))
+        steps = float(np.linalg.norm([each.quantisation_u_pps for each in points]))
         if self.unit.is_counted:
             return [BudgetLine(resolution_of(self.unit), "B", alone)]
         return [BudgetLine(SCATTER, "A", alone), BudgetLine(resolution_of(self.unit), "B", steps)]
 
     @property
     def _pps_per_a(self) -> float:
-        """The scale of the converter, by what it made of a current."""
+        """Scale factor of the converter, from its rate at a current."""
         found = [abs(level.run.rate_pps / level.data.level.current_a) for level in self.levels if level.is_source]
         found = [each for each in found if np.isfinite(each)]
         return float(np.median(found)) if found else 0.0
 
-    # Forms
+    # Parts of findings
 
     @property
     def output(self) -> str:
-        """What people call the output."""
+        """Name of the output for people."""
         return "rate" if self.unit.is_counted else "output"
 
     @property
     def reference_c(self) -> float:
-        """The temperature of the converter at which rates are told."""
+        """Temperature of the converter to which rates refer."""
         return float(self.settings["reference_temperature_c"])
 
     @property
     def _thermometer(self) -> tuple[float, float]:
-        """Offset in °C and gain of the thermometer at the converter, as standard uncertainties."""
+        """Offset (°C) and gain of the thermometer at the converter, as standard uncertainties."""
         return self.data.bench.thermometer_u(self.unit.converter)
 
     @property
@@ -266,16 +269,16 @@ class ChannelFindings:
 
     @property
     def standard(self) -> str:
-        """Who says what the current is: the source, or the ammeter in its cable."""
+        """Role of the current standard: the source, or the ammeter in its cable."""
         return standard_of(self.unit, self.settings)
 
     @property
     def certificate(self) -> SourceRecord | None:
-        """That of the standard."""
+        """Certificate of the standard."""
         return self.data.bench.sources.get(self.standard)
 
     def id_of(self, quantity: str) -> str:
-        """The beginning of the id of a result."""
+        """First part of the id of a finding."""
         return self.data.subject(self.unit).id(quantity)
 
     def _of_level(
@@ -303,6 +306,6 @@ class ChannelFindings:
         steps: tuple[str, ...],
         flags: tuple[str, ...] = (),
     ) -> Finding:
-        """One finding; what its budget holds in excess is left out."""
+        """One finding, with the lines of its budget that contribute."""
         where = f"@{at['run']}" if "run" in at else ""
         return self.data.subject(self.unit).finding(quantity, name, value, unit, lines, at, steps, where, flags)

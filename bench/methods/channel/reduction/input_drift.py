@@ -1,4 +1,4 @@
-"""How the input of a channel drifted while its converter was warmed: by points at rest, and by certificate."""
+"""Drift of the input of a channel while its converter was warmed: by points at rest, and by certificate."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ SIGNIFICANT_U = 2.0
 
 @dataclass(frozen=True, slots=True)
 class InputDrift:
-    """A change of the rate relative to it, from the first point at rest to the last, `hours` apart.
+    """A relative change of the rate from the first point at rest to the last, `hours` apart.
 
-    `scatter_u` is its standard uncertainty by what the points scatter, and `thermometer_u` by the drift of the
-    thermometer. Points at another temperature than the first are brought to that one by the line.
+    `scatter_u` is its standard uncertainty from the scatter of the points, `thermometer_u` that from the drift of the
+    thermometer. Points at another temperature than the first are corrected to that one by the line.
     """
 
     change: float
@@ -31,10 +31,10 @@ class InputDrift:
     steps: tuple[str, ...]
 
     def found_per_h(self, ramp_h: float | None) -> float:
-        """How fast it drifted, as a standard uncertainty; 0 where it may be scatter or the thermometer.
+        """Drift rate as a standard uncertainty (1/h); 0 if it may be scatter or the thermometer.
 
-        Without `ramp_h` it drifted evenly, as a source does. An accelerometer may have done all of it, or nothing,
-        during the ramp, which took so long.
+        Without `ramp_h` a linear drift is assumed, as of a source. An accelerometer may have drifted completely, or not
+        at all, during the ramp of that duration.
         """
         if abs(self.change) <= SIGNIFICANT_U * np.hypot(self.scatter_u, self.thermometer_u) or ramp_h == 0:
             return 0.0
@@ -44,7 +44,7 @@ class InputDrift:
 def input_drift(
     points: Sequence[Point], run: ChannelRun, scatter: LineScatter, thermometer: DriftInRun
 ) -> InputDrift | None:
-    """The drift of a level between its first point and its last; None without two that can be used."""
+    """Drift of a level between its first and its last point; None without two usable points."""
     usable = [point for point in points if not point.problems and point.span_s > 0]
     if len(usable) < 2 or not run.rate_pps:
         return None
@@ -64,9 +64,9 @@ def input_drift(
 def drifts_of_sources(
     levels: Mapping[str, LevelData], drifts: Mapping[str, InputDrift | None]
 ) -> Mapping[str, InputDrift | None]:
-    """The same, where a source level without points of its own has those of the level that was watched the longest.
+    """The same, with source levels without own points given the drift of the level monitored longest.
 
-    A source drifts in proportion to its current, so that a point at 1 g tells of 12 g.
+    A source drifts in proportion to its current, so that a point at 1 g applies to 12 g.
     """
     watched = [drift for name, drift in drifts.items() if drift and levels[name].level.kind == "source"]
     longest = max(watched, key=lambda drift: drift.hours, default=None)

@@ -1,4 +1,4 @@
-"""From the acquisitions of a run to input levels: for each what was read on ramps, and the points at rest around it."""
+"""Input levels from the acquisitions of a run: for each its data on ramps, and the points at rest around them."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from bench.metrology.pulse_counts import mean_rate, shifted_counts
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 LEVEL_DIGITS_G = 3  # levels closer to each other are one level
-SKEW_G = 0.577  # of three axes alike about the vertical, 1/√3
-SAME_CLOCK = 0.5  # of the time between two latches, that device and host may differ by
+SKEW_G = 0.577  # level of three axes at equal angles to the vertical, 1/√3
+SAME_CLOCK = 0.5  # of the time between two latches: tolerance between device and host
 
 
 @dataclass(frozen=True, slots=True)
 class InputLevel:
-    """What a channel is fed with: gravity along its input axis, or a current; in g of a nominal unit.
+    """Input of a channel: gravity along its input axis, or a current; in g of a nominal unit.
 
-    `current_a` is not-a-number for gravity. `told_g` is what the source told where its certificate corrects that: the
-    level is called by it. `said_a` is what the source says, corrected, also where an ammeter is believed
-    instead; 0 of gravity.
+    `current_a` is not-a-number for gravity. `set_g` is the set value of the source if its certificate corrects that:
+    it names the level. `source_a` is the corrected current of the source, also if an ammeter is the standard; 0 for
+    gravity.
     """
 
     kind: Literal["gravity", "source"]
     level_g: float
     current_a: float = float("nan")
-    told_g: float | None = None
-    said_a: float = 0.0
+    set_g: float | None = None
+    source_a: float = 0.0
 
     @property
     def name(self) -> str:
-        """The name of the level: up_1g, skew, src_12g."""
-        level_g = round(self.level_g if self.told_g is None else self.told_g, LEVEL_DIGITS_G) + 0.0
+        """Name of the level: up_1g, skew, src_12g."""
+        level_g = round(self.level_g if self.set_g is None else self.set_g, LEVEL_DIGITS_G) + 0.0
         if self.kind == "source":
             return f"src_{level_g:g}g"
         usual = {1.0: "up_1g", -1.0: "down_1g", SKEW_G: "skew"}
@@ -51,7 +51,7 @@ class InputLevel:
 class Point:
     """A mean output at rest; `problems` are those of `mean_output`. Temperatures are means, NaN without a reading.
 
-    `alone_u_pps` is what it alone tells of its standard uncertainty, `step_u_pps` what steps of codes hide from it.
+    `single_u_pps` is its standard uncertainty by itself, `quantisation_u_pps` the quantisation uncertainty of codes.
     """
 
     step: str
@@ -60,16 +60,16 @@ class Point:
     rate_pps: float
     converter_c: float
     problems: tuple[str, ...]
-    alone_u_pps: float
-    step_u_pps: float = 0.0
+    single_u_pps: float
+    quantisation_u_pps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class LevelData:
-    """One input level of one unit: what was read on its ramps, and the points at rest in the order of the run.
+    """One input level of one unit: its data on ramps, and the points at rest in run order.
 
-    `steps` are the acquisitions on ramps. `metered` is what an ammeter read meanwhile, on the ramps where there are
-    any; None of gravity, and without one.
+    `steps` are the acquisitions on ramps. `metered` are the readings of an ammeter meanwhile, on the ramps if there are
+    any; None for gravity, and without an ammeter.
     """
 
     level: InputLevel
@@ -80,10 +80,10 @@ class LevelData:
 
 
 def levels_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> dict[str, LevelData]:
-    """The input levels of a unit by name, in the order of the run.
+    """Input levels of a unit by name, in run order.
 
-    An acquisition in which the chamber's set point moves is a ramp, another one a point. `settings` are those of the
-    method; where they believe the ammeter a level is what that read, and its points are told for this current.
+    An acquisition in which the chamber's set point moves is a ramp, any other a point. If `settings` make the ammeter
+    the standard, a level is the current that it measured, and its points are corrected to this current.
     """
     grouped: dict[str, list[tuple[InputLevel, Acquisition]]] = {}
     for acquisition in data.acquisitions:
@@ -97,13 +97,13 @@ def levels_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -
 
 
 def _as_metered(level: LevelData, members: list[tuple[InputLevel, Acquisition]], unit: UnitUnderTest) -> LevelData:
-    """A level as the ammeter has it, where it read one; the output at its points is brought to the ramps' current."""
+    """A level by its ammeter readings, if any; the output at its points is corrected to the current of the ramps."""
     if level.metered is None:
         return level
     fed_a = level.metered.mean_a
     by_step = {acquisition.step: metered([acquisition], unit).mean_a for _, acquisition in members}
     points = tuple(
-        replace(point, rate_pps=point.rate_pps * fed_a / by_step[point.step]) if level.level.told_g else point
+        replace(point, rate_pps=point.rate_pps * fed_a / by_step[point.step]) if level.level.set_g else point
         for point in level.points
     )
     return replace(
@@ -112,11 +112,11 @@ def _as_metered(level: LevelData, members: list[tuple[InputLevel, Acquisition]],
 
 
 def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) -> InputLevel:
-    """What fed a unit's converter during an acquisition."""
+    """Input of a unit's converter during an acquisition."""
     if acquisition.input == "source":
         current_a = acquisition.sources_a.get(unit.source, 0.0)
-        told_a = acquisition.sources_told_a.get(unit.source, current_a)
-        return InputLevel("source", current_a / unit.scale_a_per_g, current_a, told_a / unit.scale_a_per_g, current_a)
+        set_a = acquisition.sources_set_a.get(unit.source, current_a)
+        return InputLevel("source", current_a / unit.scale_a_per_g, current_a, set_a / unit.scale_a_per_g, current_a)
     return InputLevel("gravity", float(specific_force_g(acquisition, unit, data.bench)[0]))
 
 
@@ -139,7 +139,7 @@ def _metered(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]])
 
 
 def is_ramp(acquisition: Acquisition) -> bool:
-    """Whether the chamber's set point moved meanwhile."""
+    """True if the chamber's set point moved during an acquisition."""
     return acquisition.set_c != acquisition.set_from_c and np.isfinite(acquisition.set_from_c)
 
 
@@ -164,7 +164,7 @@ def read_means(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> 
 def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> ChannelRecord:
     """Counters and temperatures every `gate_s`, each temperature the mean over the gate around its read-out.
 
-    The times are those of the device's clock, put where the host's was when the first latch came.
+    The times are those of the device's clock, shifted to that of the host at the arrival of the first latch.
     """
     counts = acquisition.counts[unit.channel]
     due_s = np.arange(acquisition.begin_s + gate_s / 2, acquisition.end_s - gate_s / 2, gate_s)
@@ -182,7 +182,7 @@ def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> Ch
 
 
 def _device_s(counts: Counts) -> Array:
-    """The device's time of every latch (n,); where the device began anew, the host's goes on."""
+    """Device time of every latch (n,); after a restart of the device, continued by the host's clock."""
     if len(counts.host_s) < 2:
         return counts.host_s
     host_s = np.diff(counts.host_s)
@@ -228,6 +228,6 @@ def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:
         rate_pps=output.value,
         converter_c=float(np.nanmean(temperatures_c)) if np.isfinite(temperatures_c).any() else float("nan"),
         problems=output.problems,
-        alone_u_pps=output.alone_u,
-        step_u_pps=output.step_u,
+        single_u_pps=output.single_u,
+        quantisation_u_pps=output.quantisation_u,
     )

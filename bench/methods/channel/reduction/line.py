@@ -1,8 +1,8 @@
-"""One run of an accelerometer channel over temperature: its pulse rate and how it drifts (equations 2.5 and 2.7).
+"""Line of one run of an accelerometer channel over temperature: pulse rate and drift (equations 2.5 and 2.7).
 
 Two consecutive readings of the counters make a gate: a mean rate at a mean temperature of the converter. A straight
-line goes through the gates of a run. Where a converter makes volts or codes their mean stands in place of the rate, and
-what the arithmetic calls pps is in V or codes.
+line goes through the gates of a run. For a converter with volts or codes their mean replaces the rate, and quantities
+named pps are in V or codes.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from bench.metrology.pulse_counts import LEAST_SHARE, STANDSTILL_PERIODS
 from bench.metrology.temperature_checks import broken_on_a_ramp, rates_c_per_s
 
 NARROW, FAST, INVALID = "insufficient_temperature_span", "ramp_too_fast", "invalid"
-RAMP_SLACK = 1.02  # of the ramp's limit
-LEAST_GATES = 3  # fewer leave no scatter to take an uncertainty from
-ABORT_SHARE = 0.1  # of a run without its accelerometer at temperature should have ended it
-RAMP_PARTS = 10  # of a run, over which its temperature is looked at for the rate
+RAMP_SLACK = 1.02  # relative to the ramp's limit
+LEAST_GATES = 3  # fewer leave no scatter for an uncertainty
+ABORT_SHARE = 0.1  # share of gates with the accelerometer off temperature from which the run should have ended
+RAMP_PARTS = 10  # parts of a run for the rate of its temperature
 UNKNOWN = (np.nan, np.nan)
-LARGEST_READING = 2.0**53  # a double beyond is not exact to the count, and no time
+LARGEST_READING = 2.0**53  # a double beyond this is not exact to the count; nor is such a time plausible
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +56,10 @@ class ChannelRecord:
 
 @dataclass(frozen=True, slots=True)
 class ChannelRules:
-    """What is known of the channel and asked of a run.
+    """Properties of the channel and requirements on a run.
 
-    The rate is told at `reference_c`. `accelerometer_c` is where the accelerometer's temperature is held; None where
-    none is connected, or nothing is known of it. A gate longer than `longest_gate_s` spans what was not recorded.
+    The rate refers to `reference_c`. `accelerometer_c` is the set temperature of the accelerometer; None if none is
+    connected or its temperature is unknown. A gate longer than `longest_gate_s` spans an interruption of the record.
     """
 
     reference_c: float
@@ -75,13 +75,13 @@ class ChannelRules:
 
 @dataclass(frozen=True, slots=True)
 class ChannelRun:
-    """The line D = rate + slope (T - reference), with standard uncertainties of type A; NaN is what is not known.
+    """The line D = rate + slope (T - reference), with standard uncertainties of type A; NaN for unknown values.
 
-    `dof_slope` are the degrees of freedom of that of the slope, None for unlimited.
-    `span_c` is that of the gates used; `ramp_c_per_h` is negative in a run that mostly cools. `excluded` counts
-    readings (missing, fractional_count, beyond_counter, duplicate, thermometer) and gates by reason. Flags:
-    insufficient_temperature_span, ramp_too_fast, and invalid when too little is left of the run; `notes` tell what has
-    no flag. `gates` are those used, in the order of time.
+    `dof_slope` are the degrees of freedom of the slope's uncertainty, None for unlimited. `span_c` is the temperature
+    range of the gates used; `ramp_c_per_h` is negative in a run that mostly cools. `excluded` counts readings (missing,
+    fractional_count, beyond_counter, duplicate, thermometer) and gates by reason. Flags: insufficient_temperature_span,
+    ramp_too_fast, and invalid if too little of the run is left; `notes` describe problems without a flag. `gates` are
+    those used, in time order.
     """
 
     rate_pps: float
@@ -100,36 +100,36 @@ class ChannelRun:
 
     @property
     def relative_slope_per_c(self) -> float:
-        """Slope over rate; NaN without a rate."""
+        """Slope / rate; NaN without a rate."""
         return self.slope_pps_per_c / self.rate_pps if self.rate_pps else np.nan
 
     @property
     def u_relative_slope_per_c(self) -> float:
-        """Standard uncertainty of the relative slope; that of the rate does not matter beside that of the slope."""
+        """Standard uncertainty of the relative slope; that of the rate is negligible against that of the slope."""
         return self.u_slope_pps_per_c / abs(self.rate_pps) if self.rate_pps else np.nan
 
     @property
     def valid(self) -> bool:
-        """Whether the run may decide anything; one that was heated too fast may."""
+        """True if the run may be used for decisions; a ramp that was too fast does not exclude it."""
         return not {NARROW, INVALID} & set(self.flags)
 
 
 class ConverterRamp(NamedTuple):
-    """The rate at which the converter's temperature usually changed, negative where it mostly fell, NaN without one.
+    """Median rate of the converter's temperature, negative if it mostly fell, NaN without one.
 
-    And the faster one of those at which it rose and fell.
+    And the larger of the magnitudes of its rising and falling rates.
     """
 
     usual_c_per_h: float
     fastest_c_per_h: float
 
 
-@np.errstate(over="ignore", invalid="ignore")  # of absurd numbers come such that none of the rules lets pass
+@np.errstate(over="ignore", invalid="ignore")  # no rule accepts the results of absurd numbers
 def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
-    """The pulse rate of one run as a straight line over the converter's temperature.
+    """Fit the pulse rate of one run by a straight line over the converter's temperature.
 
-    A reading that cannot be used is passed over, and the gate reaches from the one before it to the one after it. Of
-    readings of one time the first that can be used counts. Nothing is raised: what the readings do not tell is NaN.
+    An unusable reading is passed over, and the gate extends from the one before it to the one after it. Of readings at
+    one time the first usable one counts. Nothing is raised: undetermined results are NaN.
     """
     excluded: Counter[str] = Counter()
     readings, scheduled = _good_readings(record, rules, excluded)
@@ -140,7 +140,7 @@ def reduce_run(record: ChannelRecord, rules: ChannelRules) -> ChannelRun:
 def run_through(
     gates: Gates, rules: ChannelRules, excluded: Counter[str], scheduled: int, ramp: ConverterRamp
 ) -> ChannelRun:
-    """The line through good gates, of which so many were scheduled; what was left out is counted by reason."""
+    """Fit the line through good gates out of `scheduled`; excluded readings are counted by reason."""
     line, kept = _line(gates.converter_c - rules.reference_c, gates, rules.outlier_sigmas)
     excluded["outlier"] = int(np.sum(~kept))
     used, temperature_c = int(np.sum(kept)), gates.converter_c[kept]
@@ -171,7 +171,7 @@ def run_through(
 
 
 def _good_readings(record: ChannelRecord, rules: ChannelRules, excluded: Counter[str]) -> tuple[ChannelRecord, int]:
-    """The readings that can be used in the order of time, and how many gates all readings would have made."""
+    """Usable readings in time order, and the number of gates between all readings."""
     held = np.zeros_like(record.time_s) if rules.accelerometer_c is None else record.accelerometer_c
     needed = np.stack([record.time_s, record.positive, record.negative, record.converter_c, held])
     present = np.isfinite(needed).all(axis=0) & (np.abs(record.time_s) <= LARGEST_READING)
@@ -191,7 +191,7 @@ def _good_readings(record: ChannelRecord, rules: ChannelRules, excluded: Counter
 
 
 def no_counts(record: ChannelRecord, counter_bits: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which rows (n,) have a number that no counter shows: one with a fraction, one that its bits do not hold."""
+    """Mask of rows (n,) with an impossible count: one with a fraction, or beyond the counter's bits."""
     counts = np.stack([record.positive, record.negative])
     fractional = np.isfinite(counts) & (counts != np.round(counts))
     beyond = (counts < 0) | (counts >= min(2.0**counter_bits, LARGEST_READING))
@@ -199,7 +199,7 @@ def no_counts(record: ChannelRecord, counter_bits: int) -> tuple[NDArray[np.bool
 
 
 def _gates(readings: ChannelRecord, counter_bits: int) -> Gates:
-    """The gates between readings; counters that wrap are taken modulo their size."""
+    """Gates between readings; counters that wrap are taken modulo their range."""
 
     def middle(column: Array) -> Array:
         return column[1:] / 2 + column[:-1] / 2
@@ -215,13 +215,13 @@ def _gates(readings: ChannelRecord, counter_bits: int) -> Gates:
 
 
 def _good_gates(gates: Gates, rules: ChannelRules, excluded: Counter[str]) -> Gates:
-    """The gates that can be used; the others are counted under the first reason that holds (equations 1.7)."""
+    """Usable gates; the others are counted under the first reason that applies (equations 1.7)."""
     possible = gates.seconds * rules.max_rate_pps
     pulses = np.maximum(gates.positive, gates.negative)
     reasons = {
         "gap": gates.seconds > rules.longest_gate_s,
         "ambiguous_gap": possible >= 2.0**rules.counter_bits,
-        "too_short": possible <= 1,  # not long enough for a pulse
+        "too_short": possible <= 1,  # too short for a pulse
         "impossible_rate": pulses > possible + 1,
         "saturated": pulses >= possible - 1,
         "stuck": _stuck(gates),
@@ -237,7 +237,7 @@ def _good_gates(gates: Gates, rules: ChannelRules, excluded: Counter[str]) -> Ga
 
 
 def _stuck(gates: Gates) -> NDArray[np.bool_]:
-    """Whether no line pulsed for five times the usual period; all gates of a run in which none ever did."""
+    """Mask of gates in which no line pulsed for five times the usual period; all gates of a run without any pulse."""
     both = gates.positive + gates.negative
     pulsing = both > 0
     usual_pps = float(np.median(both[pulsing] / gates.seconds[pulsing])) if pulsing.any() else np.inf
@@ -245,15 +245,15 @@ def _stuck(gates: Gates) -> NDArray[np.bool_]:
 
 
 def away_from_thermostat(gates: Gates, rules: ChannelRules) -> NDArray[np.bool_]:
-    """Whether the accelerometer was not at its temperature."""
+    """Mask of gates with the accelerometer off its temperature."""
     if rules.accelerometer_c is None:
         return np.zeros(len(gates.seconds), dtype=np.bool_)
-    rounding_c = 1e-9  # so that 65.2 is within 0.2 of 65
+    rounding_c = 1e-9  # tolerance for rounding: 65.2 is within 0.2 of 65
     return np.abs(gates.accelerometer_c - rules.accelerometer_c) > rules.accelerometer_tolerance_c + rounding_c
 
 
 def _line(away_c: Array, gates: Gates, sigmas: float) -> tuple[PolynomialFit | None, NDArray[np.bool_]]:
-    """The straight line over `away_c` through the gates that are no outliers, and which those are.
+    """Straight line over `away_c` through the gates without outliers, and the mask of outliers.
 
     None without two temperatures.
     """
@@ -269,9 +269,9 @@ def _line(away_c: Array, gates: Gates, sigmas: float) -> tuple[PolynomialFit | N
 
 
 def ramp_of(time_s: Array, temperature_c: Array) -> ConverterRamp:
-    """How fast the temperature of a run went, by the lines through stretches of a tenth of it.
+    """Rate of the temperature of a run, from lines through stretches of a tenth of it.
 
-    Medians pass over soaks at the ends, and over the turn of a run that goes up and down again.
+    Medians are insensitive to soaks at the ends, and to the reversal of a run that rises and falls.
     """
     reach = max(len(time_s) // RAMP_PARTS, 1)
     if len(time_s) <= reach:
@@ -285,7 +285,7 @@ def ramp_of(time_s: Array, temperature_c: Array) -> ConverterRamp:
 
 
 def _shortage(used: int, scheduled: int, outliers: int) -> tuple[str, ...]:
-    """Why the run is invalid for what was left out of it (equations 1.8, 1.10), in words; empty if it is not."""
+    """Reason why too little of the run is left (equations 1.8, 1.10); empty if it is valid."""
     if used < LEAST_GATES:
         return (f"only {used} of {scheduled} gates could be used",)
     if used < LEAST_SHARE * scheduled:

@@ -1,4 +1,4 @@
-"""A channel that no counter counts: means of the volts or codes that its converter makes, over the gates of a ramp."""
+"""Channel without pulse counts: means of the volts or codes of its converter, over the gates of a ramp."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from bench.metrology.temperature_checks import broken_on_a_ramp
 
 @dataclass(frozen=True, slots=True)
 class Means:
-    """The gates of a run in the order of time; what could not be used is not-a-number, and counted by `problems`."""
+    """Gates of a run in time order; unusable ones are not-a-number, and counted in `problems`."""
 
     gates: Gates
     problems: Counter[str]
 
 
 def means_of(found: Voltages | Codes, edges_s: Array, converter_c: Array, accelerometer_c: Array) -> Means:
-    """What was measured, between each two of the edges (n,), with the means of both temperatures there (n - 1,)."""
+    """Mean outputs between consecutive edges (n,), with the means of both temperatures there (n - 1,)."""
     _, output, problems = outputs_between(found, edges_s)
     seconds = np.diff(edges_s)
     gates = Gates(
@@ -35,13 +35,13 @@ def means_of(found: Voltages | Codes, edges_s: Array, converter_c: Array, accele
         negative=np.zeros_like(output),
         converter_c=converter_c,
         accelerometer_c=accelerometer_c,
-        step_u=np.full(len(output), _step_u(found, edges_s)),
+        quantisation_u=np.full(len(output), _quantisation_u(found, edges_s)),
     )
     return Means(gates, problems)
 
 
-def _step_u(found: Voltages | Codes, edges_s: Array) -> float:
-    """What steps of codes hide from a mean; the scatter is that of samples within a gate, where nothing goes far."""
+def _quantisation_u(found: Voltages | Codes, edges_s: Array) -> float:
+    """Quantisation uncertainty of a mean; the scatter is that within a gate, where the output hardly changes."""
     if isinstance(found, Voltages) or len(edges_s) < 2:
         return 0.0
     parts = np.split(found.values, np.searchsorted(sampled_at_s(found), edges_s))[1:-1]
@@ -50,7 +50,7 @@ def _step_u(found: Voltages | Codes, edges_s: Array) -> float:
 
 
 def joined(parts: Sequence[Means]) -> Means:
-    """The gates of several ramps as those of one run."""
+    """Gates of several ramps as those of one run."""
     gates = Gates(**{
         column.name: np.concatenate([np.zeros(0), *(getattr(part.gates, column.name) for part in parts)])
         for column in fields(Gates)
@@ -59,14 +59,14 @@ def joined(parts: Sequence[Means]) -> Means:
 
 
 def reduce_means(means: Means, rules: ChannelRules) -> ChannelRun:
-    """The output of one run as a straight line over the converter's temperature, as `reduce_run` has it for counts."""
+    """Fit the output of one run by a straight line over the converter's temperature, as `reduce_run` for counts."""
     gates, excluded = means.gates, means.problems.copy()
     excluded["missing"] += int(np.sum(~np.isfinite(gates.rate_pps))) - sum(means.problems.values())
     held_c = np.zeros_like(gates.time_s) if rules.accelerometer_c is None else gates.accelerometer_c
     good = np.isfinite(gates.rate_pps)
-    untold = ~np.isfinite(gates.converter_c + held_c)
-    excluded["missing"] += int(np.sum(good & untold))
-    good &= ~untold
+    unknown = ~np.isfinite(gates.converter_c + held_c)
+    excluded["missing"] += int(np.sum(good & unknown))
+    good &= ~unknown
     broken = np.zeros_like(good)
     broken[good] = broken_on_a_ramp(gates.time_s[good], gates.converter_c[good])
     excluded["thermometer"] = int(np.sum(broken))

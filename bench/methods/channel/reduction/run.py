@@ -1,7 +1,7 @@
-"""Method M0 on line: a channel over the temperature of its converter at several input levels (equations 2).
+"""Method M0 on a run: a channel over the temperature of its converter at several input levels (equations 2).
 
-Every level has a line of its own, D = D_ref + k (T - T_ref). Levels are compared with each other where a run has more
-than one; the slopes of all of them together tell the converter's two temperature coefficients.
+Every level has a line of its own, D = D_ref + k (T - T_ref). If a run has several levels they are compared; their
+slopes together determine the two temperature coefficients of the converter.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ LEFT_OUT = (
     "missing", "thermometer", "impossible_rate", "saturated", "stuck", "outlier", "ambiguous_gap",
     "accelerometer_temperature", "too_few_voltages", "too_few_codes", "irregular_clock",
 )  # fmt: skip
-ZERO_SHARE = 0.01  # of the rate at 1 g, that a channel fed with nothing may have
+ZERO_SHARE = 0.01  # of the rate at 1 g: maximum rate of a channel with zero input
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelDetail:
-    """What a report draws: the levels in the order of the run, and how they compare; `span_s` is that of the run."""
+    """Data for the report: levels in run order and their comparisons; `span_s` is that of the run."""
 
     levels: tuple[Level, ...]
     compared: tuple[Compared, ...]
@@ -52,7 +52,7 @@ class ChannelDetail:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The findings and models of every unit; `settings` are those of the method's description."""
+    """Reduce a run to findings and models of every unit; `settings` are those of the method's description."""
     return [_reduced(data, unit, settings) for unit in data.units]
 
 
@@ -93,7 +93,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
 
 
 def _with_drift(findings: Sequence[Finding], levels: Sequence[Level], limit: float) -> Iterator[Finding]:
-    """The findings; those of a level whose input drifted beyond its limit, and of all levels together, are marked."""
+    """Findings with a flag on those of levels whose input drifted beyond its limit, and of all levels together."""
     drifted = {level.name for level in levels if has_drifted(level, limit)}
     for finding in findings:
         of = {finding.at["run"], finding.at.get("reference")} if "run" in finding.at else drifted
@@ -101,7 +101,7 @@ def _with_drift(findings: Sequence[Finding], levels: Sequence[Level], limit: flo
 
 
 def _lost_its_thermostat(level: Level) -> bool:
-    """Whether the accelerometer was away from its temperature for so much of the run that this should have ended."""
+    """True if the accelerometer was off its temperature for so much of the run that this should have ended."""
     away = level.run.excluded.get("accelerometer_temperature", 0)
     return away > ABORT_SHARE * (away + level.run.gates_used)
 
@@ -122,7 +122,7 @@ def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _flags_of_comparison(compared: Compared, settings: Mapping[str, Any]) -> Iterator[str]:
-    """Why there is no decision, and why a slope deviates where the other basis finds that it does not."""
+    """Flags for the reason of a missing decision, and for a deviation on the deciding basis only."""
     name, found, threshold = compared.level.name, compared.comparison, settings["threshold"]
     yield from (f"{name}: {remark}" for remark in found.remarks)
     if found.decision == "invalid":
@@ -153,14 +153,14 @@ def _flags_of_channel(of_levels: ChannelFindings, drift: ChannelDrift | None) ->
 
 
 def _flags_of_accelerometer(levels: Mapping[str, Level], stated_u: float) -> Iterator[str]:
-    """That the data contradict what is stated of the accelerometer's own drift with temperature."""
+    """Flags if the data contradict the stated drift of the accelerometer with its temperature."""
     drift = own_drift(levels)
     if drift is not None and drift.beyond(stated_u):
         yield f"{GRAVITY_REFERENCE}:accelerometer_drift"
 
 
 def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[str]:
-    """Points at which the source gave nothing, and the channel counted as if something fed it."""
+    """Flags of points with the source at zero at which the channel counted as if it had an input."""
     per_g = [abs(each.run.rate_pps / each.data.level.level_g) for each in of_levels.levels if each.is_source]
     for point in of_levels.zero_points:
         yield from (f"{point.step}: {problem}" for problem in point.problems)

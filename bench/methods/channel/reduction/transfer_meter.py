@@ -1,4 +1,4 @@
-"""What an ammeter in the cable of a source tells of the current that a channel was fed with."""
+"""Current of a channel's input, from an ammeter in the cable of the source."""
 
 from __future__ import annotations
 
@@ -14,45 +14,45 @@ from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array
 from bench.metrology.run_data import UnitUnderTest
 
-FEWEST_READINGS = 3  # below, nothing is known of their scatter beside a line
+FEWEST_READINGS = 3  # with fewer readings their scatter about a line is unknown
 
 
 def believes_meter(unit: UnitUnderTest, settings: Mapping[str, Any]) -> bool:
-    """Whether a reduction goes by what the ammeter reads, and not by what the source tells."""
+    """True if the ammeter, and not the source, is the standard of the current."""
     return bool(unit.ammeter) and settings.get("current_from", "source") == "meter"
 
 
 def standard_of(unit: UnitUnderTest, settings: Mapping[str, Any]) -> str:
-    """Whose certificate says how well the current is known: that of the ammeter, or of the source."""
+    """Role of the instrument whose certificate applies to the current: the ammeter, or the source."""
     return unit.ammeter if believes_meter(unit, settings) else unit.source
 
 
 @dataclass(frozen=True, slots=True)
 class Metered:
-    """What an ammeter read while a level was on, corrected by its certificate: `values_a` at `at_s`, (n,)."""
+    """Readings of an ammeter while a level was on, corrected by its certificate: `values_a` at `at_s`, (n,)."""
 
     at_s: Array
     values_a: Array
 
     @property
     def is_enough(self) -> bool:
-        """Whether it tells a mean and how that scatters."""
+        """True if the readings are enough for a mean and its scatter."""
         return len(self.values_a) >= FEWEST_READINGS
 
     @property
     def mean_a(self) -> float:
-        """The mean current; NaN without readings."""
+        """Mean current; NaN without readings."""
         return float(np.mean(self.values_a)) if self.is_enough else float("nan")
 
     @property
     def mean_u_a(self) -> float:
-        """The standard uncertainty of the mean by the scatter of enough readings, a drift in them included."""
+        """Standard uncertainty of the mean from the scatter of enough readings, including drift."""
         return float(np.std(self.values_a, ddof=1) / np.sqrt(len(self.values_a)))
 
     def change_per_c(self, gates: Gates) -> tuple[float, float]:
-        """What the current changed, relative to it, with the temperature of the converter, and its u by the scatter.
+        """Relative change of the current with the temperature of the converter, and its uncertainty from scatter.
 
-        That is what the source drifted during the ramp, which the channel had to follow.
+        It is the drift of the source during the ramp, which the output of the channel contains.
         """
         within = (self.at_s >= gates.time_s[0]) & (self.at_s <= gates.time_s[-1])
         if np.count_nonzero(within) < FEWEST_READINGS:
@@ -68,7 +68,7 @@ class Metered:
         return per_c, float(np.sqrt(left @ left / (len(left) - 2) / spread_c2))
 
     def without_drift(self, run: ChannelRun, reference_c: float) -> ChannelRun:
-        """The line of a channel that had been fed with the mean current all the time; invalid where that is unknown."""
+        """Line of a channel corrected to a constant input at the mean current; invalid if that is unknown."""
         per_c = self.change_per_c(run.gates)[0] if run.gates_used else float("nan")
         if not np.isfinite(per_c):
             lost = float("nan")
@@ -84,7 +84,7 @@ class Metered:
 
 
 def metered(acquisitions: Iterable[Acquisition], unit: UnitUnderTest) -> Metered:
-    """What the ammeter of a unit read during acquisitions."""
+    """Readings of the ammeter of a unit during acquisitions."""
     read = [acquisition.currents[unit.ammeter] for acquisition in acquisitions if unit.ammeter in acquisition.currents]
     at_s, values_a = (
         np.concatenate([np.zeros(0), *(getattr(each, name) for each in read)]) for name in ("at_s", "values_a")

@@ -1,1 +1,1 @@
-"""From attitudes and rates to the calibration of six channels."""
+"""Reduction of attitudes and rates to the calibration of six channels."""

@@ -1,4 +1,4 @@
-"""Whether a unit stood as it was meant to: what gravity and earth rate say of its attitudes (equations 4.7)."""
+"""Check that a unit had its commanded attitudes, by gravity and earth rate (equations 4.7)."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from numpy.typing import NDArray
 from bench.methods.imu.reduction.attitudes import AXES, EARTH_RATE_DPS, HEADINGS, NAMES, NORTH, block
 from bench.metrology.least_squares import Array
 
-CLEAR = 0.15  # of the horizontal earth rate: gyros that scatter less about the headings tell them apart
-_HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # of two horizontal axes: how much each points north
+CLEAR = 0.15  # of the horizontal earth rate: with less scatter over the headings, gyros distinguish these
+_HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # sensitivities of two horizontal axes to north
 
 
 def doubtful_attitudes(accelerometer_pps: Array, tolerance_g: float) -> NDArray[np.bool_]:
-    """Which of the attitudes (24,) read otherwise than the others of their kind, from pulse/s (24, 3); NaN is missing.
+    """Mask of the attitudes (24,) with readings unlike the others of their kind, from pulse/s (24, 3); NaN is missing.
 
-    The reading of the vertical axis is held against the median of the four attitudes in which that axis points the same
-    way. One g is half the difference of the medians; if there is none the unit was not turned, and all are doubtful.
+    The reading of the vertical axis is compared with the median of the four attitudes in which that axis has the same
+    direction. One g is half the difference of the medians; if that is zero the unit was not turned, and all are
+    doubtful.
     """
     doubtful = np.zeros(len(NAMES), dtype=np.bool_)
     for axis in range(len(AXES)):
@@ -33,11 +34,11 @@ def doubtful_attitudes(accelerometer_pps: Array, tolerance_g: float) -> NDArray[
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def exchanged_headings(gyro_pps: Array, pulse_per_deg: Array, latitude_deg: float) -> tuple[list[int], list[int]]:
-    """Attitudes whose heading was another than scheduled, and those of which the gyros cannot tell it.
+    """Attitudes with another heading than scheduled, and those whose heading the gyros cannot determine.
 
-    The own accelerometer reads the same at every heading; the two horizontal gyros see north. `gyro_pps` (24, 3) are
-    readings at rest, `pulse_per_deg` (3,) the gyros' scale factors; NaN is missing. The four headings of a kind share
-    their mean, so exchanged ones are found, a single wrong one may not be.
+    The vertical accelerometer reads the same at every heading; the two horizontal gyros sense north. `gyro_pps` (24, 3)
+    are readings at rest, `pulse_per_deg` (3,) the gyros' scale factors; NaN is missing. The four headings of a kind
+    share their mean, so exchanged ones are found, a single wrong one may not be.
     """
     horizontal_pps = pulse_per_deg * EARTH_RATE_DPS * np.cos(np.radians(latitude_deg))
     exchanged: list[int] = []
@@ -52,6 +53,6 @@ def exchanged_headings(gyro_pps: Array, pulse_per_deg: Array, latitude_deg: floa
         if np.sqrt(np.mean((north - nearest) ** 2)) < CLEAR:
             wrong = np.any(nearest != NORTH[kind, others], axis=-1)
             exchanged += (first + np.flatnonzero(wrong)).tolist()
-        else:  # also where something is missing
+        else:  # also for missing values
             unclear += range(first, first + HEADINGS)
     return exchanged, unclear

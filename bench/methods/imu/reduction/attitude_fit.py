@@ -1,7 +1,7 @@
 """Least squares over the 24 attitudes of a set point: bias, nonlinearity, misalignment, g-sensitivity (equations 4.4).
 
-All channels were read in all attitudes. That separates what the eight attitudes of one axis leave together: K2 from the
-bias of an accelerometer, g-sensitivity from the zero of a gyro, and it gives the misalignments. K3 stays in K1.
+All channels were read in all attitudes. This separates terms confounded in the eight attitudes of one axis: K2 from the
+bias of an accelerometer, g-sensitivity from the zero of a gyro; it also gives the misalignments. K3 remains in K1.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ class AccelerometerFit:
 
     @property
     def misalignment_rad(self) -> Array:
-        """How much of x, y and z the input axis sees beside its own: (3,), 0 for its own."""
+        """Sensitivity of the input axis to x, y and z: (3,), 0 for its own axis."""
         return np.where(np.arange(3) == self.axis, 0.0, self.fit.coefficients[1:4] / self._k1)
 
     @property
     def weights(self) -> Array:
-        """What K0, K1, K2 and the misalignments x, y and z change by for a change of each reading used: (6, n)."""
+        """Sensitivities of K0, K1, K2 and the misalignments x, y and z to each reading used: (6, n)."""
         own = 1 + self.axis
         ratios = (0, 4, 1, 2, 3)
         jacobian = np.zeros((6, 5))
         for row, column in zip((0, 2, 3, 4, 5), ratios, strict=True):
             jacobian[row, column] = 1 / self._k1
             jacobian[row, own] -= self.fit.coefficients[column] / self._k1**2
-        jacobian[2 + own] = 0  # an axis has no misalignment against itself
+        jacobian[2 + own] = 0  # an axis has no misalignment with itself
         jacobian[1, own] = 1
         return np.asarray(jacobian @ self.fit.gain)
 
@@ -72,10 +72,10 @@ class AccelerometerFit:
 
 @dataclass(frozen=True, slots=True)
 class GyroFit:
-    """Zero in pulse/s and sensitivity to x, y and z in pulse/s/g (3,), NaN where it is not determined; u is type A.
+    """Zero in pulse/s and sensitivity to x, y and z in pulse/s/g (3,), NaN if not determined; u is type A.
 
-    `weights` (4, n) are what zero and sensitivities change by for a change of each reading used. `squares` is the sum
-    of the squares of the residuals, `dof` are their degrees of freedom.
+    `weights` (4, n) are the sensitivities of zero and g-sensitivities to each reading used. `squares` is the sum of
+    squared residuals, `dof` their degrees of freedom.
     """
 
     d0_pps: float
@@ -89,9 +89,9 @@ class GyroFit:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def fit_accelerometer(pps: Array, axis: int) -> AccelerometerFit:
-    """From the readings (24,) in pulse/s of the channel `axis`, NaN where there is none.
+    """Fit the readings (24,) in pulse/s of the channel `axis`, NaN if missing.
 
-    Raises NotDetermined when too many are missing.
+    Raises NotDetermined if too many are missing.
     """
     there = np.isfinite(pps)
     force_g = SPECIFIC_FORCE_G[there]
@@ -102,11 +102,11 @@ def fit_accelerometer(pps: Array, axis: int) -> AccelerometerFit:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def fit_gyro(pps: Array, axis: int, latitude_deg: float) -> GyroFit:
-    """From the readings (24,) in pulse/s of the channel `axis`, NaN where there is none.
+    """Fit the readings (24,) in pulse/s of the channel `axis`, NaN if missing.
 
     W/t = D0 + KG (w_a + m_b w_b + m_c w_c) + g_x f_x + g_y f_y + g_z f_z, w the earth rate.
 
-    Raises NotDetermined when too many are missing, or so near a pole that headings tell nothing.
+    Raises NotDetermined if too many are missing, or near a pole, where headings carry no information.
     """
     there = np.isfinite(pps)
     rate_dps, force_g = earth_rate_dps(latitude_deg)[there], SPECIFIC_FORCE_G[there]
@@ -134,7 +134,7 @@ def fit_gyro_of_known_scale(pps: Array, axis: int, latitude_deg: float, pulse_pe
 
 
 def _gyro(fit: LinearFit, known: list[bool]) -> GyroFit:
-    """The first four coefficients; sensitivities that are not `known` are NaN."""
+    """Fit of a gyro from the first four coefficients; sensitivities that are not `known` are NaN."""
     u = fit.residual_sd * np.linalg.norm(fit.gain, axis=-1)
     sensitivity, u_sensitivity = (np.where(known, values[1:4], math.nan) for values in (fit.coefficients, u))
     squares = float(np.sum(fit.residuals**2))
@@ -146,13 +146,13 @@ def _g_sensitivities() -> list[str]:
 
 
 def _by_axis(own: str, other: str, axis: int) -> list[str]:
-    """Names of three coefficients, the one of `axis` by another word."""
+    """Names of three coefficients, with another word for that of `axis`."""
     return [own if i == axis else f"{other} {name}" for i, name in enumerate(AXES)]
 
 
 @dataclass(frozen=True, slots=True)
 class AttitudeFits:
-    """The channels x, y and z; None where one is not determined. `notes` name what cannot be told apart."""
+    """Fits of the channels x, y and z; None if not determined. `notes` name coefficients that cannot be separated."""
 
     accelerometers: tuple[AccelerometerFit | None, ...]
     gyros: tuple[GyroFit | None, ...]
@@ -160,9 +160,9 @@ class AttitudeFits:
 
 
 def fit_attitudes(accelerometer_pps: Array, gyro_pps: Array, latitude_deg: float, pulse_per_deg: Array) -> AttitudeFits:
-    """All channels from readings (24, 3) in pulse/s, NaN where there is none; `pulse_per_deg` (3,) is KG of the rates.
+    """Fit all channels from readings (24, 3) in pulse/s, NaN if missing; `pulse_per_deg` (3,) is KG from the rates.
 
-    Where the headings do not tell KG from the g-sensitivity, KG is taken as known.
+    If the headings do not separate KG from the g-sensitivity, KG is taken as known.
     """
     notes: list[str] = []
     accelerometers, gyros = [], []
@@ -177,7 +177,7 @@ def fit_attitudes(accelerometer_pps: Array, gyro_pps: Array, latitude_deg: float
 
 
 def _attempt(notes: list[str], fit: Callable[Given, Fit], *args: Given.args, **kwargs: Given.kwargs) -> Fit | None:
-    """What a fit gives; None, with a note, where it is not determined."""
+    """Result of a fit; None, with a note, if it is not determined."""
     try:
         return fit(*args, **kwargs)
     except NotDetermined as problem:

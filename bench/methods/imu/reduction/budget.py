@@ -1,4 +1,4 @@
-"""What makes a result of an inertial unit uncertain beside the table: scatter, clocks, encoders, steps of codes."""
+"""Contributions to the budgets of an inertial unit other than the table: scatter, clocks, encoders, quantisation."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.run_data import UnitUnderTest
-from bench.metrology.sampled_codes import by_level
+from bench.metrology.sampled_codes import quantisation_by_level
 
 READINGS = "readings: scatter pooled over the run"
 
 
 @dataclass(frozen=True, slots=True)
 class OwnErrors:
-    """What one channel of a unit, such as acc_x, and the clock that its scale hangs on give to a budget."""
+    """Errors of one channel of a unit, such as acc_x, and of the clock of its scale factor."""
 
     unit: UnitUnderTest
     bench: BenchRecord
@@ -30,21 +30,21 @@ class OwnErrors:
 
     @property
     def is_sent(self) -> bool:
-        """Whether the unit sends it, as codes or values, and no counter counts its pulses."""
+        """True if the unit sends the channel, as codes or values, so that no counter counts its pulses."""
         return self.channel in self.unit.channel_units
 
     def clock_of_scale(self, scale: float) -> Iterator[BudgetLine]:
-        """That of a scale factor.
+        """Line for the clock of a scale factor.
 
         Pulses of an accelerometer are counted by the counter's clock; those of a gyro are counted over an angle, which
-        takes no clock. Codes are sent without one, but the rate of the table is timed by the host's.
+        needs no clock. Codes need none either, but the rate of the table is timed by the host's.
         """
         of_gyro = self.channel.startswith("gyro")
         if of_gyro == self.is_sent:
             yield self.clock(scale)
 
     def clock(self, size: float) -> BudgetLine:
-        """What the clock that times this channel does to something of that size."""
+        """Line for the effect of the clock of this channel on a quantity of this size."""
         if self.is_sent:
             return shared_line("computer: clock", abs(size) * self.bench.host_clock_u)
         return shared_line("counter: time base", abs(size) * self.bench.time_base_u)
@@ -52,40 +52,44 @@ class OwnErrors:
     def hidden(
         self, windows: Sequence[Acquisition | None], gain: Array, level: Array | None = None
     ) -> Iterator[BudgetLine]:
-        """What steps of codes hide from what depends on windows by `gain` (n,), alike from those at one level (n,)."""
+        """Quantisation uncertainty of a result with sensitivities `gain` (n,) to windows, one error at each level."""
         channel = self.unit.channels[self.channel]
-        step_u = np.array([0.0 if window is None else window.windows[channel].step_u for window in windows])
-        yield from self.stepped(by_level(gain, step_u, np.arange(float(len(gain))) if level is None else level))
+        quantisation_u = np.array(
+            [0.0 if window is None else window.windows[channel].quantisation_u for window in windows]
+        )
+        yield from self.stepped(
+            quantisation_by_level(gain, quantisation_u, np.arange(float(len(gain))) if level is None else level)
+        )
 
     def stepped(self, hidden: Array) -> Iterator[BudgetLine]:
-        """The same of what they hide, (m,) and independent."""
+        """Line for independent quantisation uncertainties (m,)."""
         if self.is_sent:
             yield BudgetLine(self.steps, "B", float(np.linalg.norm(hidden)))
 
     @property
     def steps(self) -> str:
-        """What budgets call the steps of its codes."""
+        """Name in budgets of the quantisation of its codes."""
         return f"{self.unit.channels[self.channel]}: steps of the codes"
 
 
 def gyro_scale_unit(unit: UnitUnderTest) -> str:
-    """What the scale factors of its gyros are in."""
+    """Unit of the scale factors of its gyros."""
     return "pulse/°" if unit.gyro_output_unit == "pulse/s" else f"{unit.gyro_output_unit}/(°/s)"
 
 
 def scatter_line(noise: tuple[float, int], gain: Array, name: str = READINGS) -> BudgetLine:
-    """A type A line: what the scatter of readings, with its freedom, does to a result that has them by `gain` (n,)."""
+    """Type A line: effect of the scatter of readings on a result with sensitivities `gain` (n,)."""
     sd, dof = noise
     return BudgetLine(name, "A", sd * float(np.linalg.norm(gain)), dof)
 
 
 def shared_line(name: str, u: float | np.floating | Array) -> BudgetLine:
-    """A type B line of an error that several findings have."""
+    """Type B line of an error common to several findings."""
     return BudgetLine(name, "B", float(u), None, shared_by(name))
 
 
 def merged(lines: list[BudgetLine]) -> list[BudgetLine]:
-    """Lines of one name as one."""
+    """Combine lines of one name."""
     squares: dict[str, float] = {}
     for line in lines:
         squares[line.source] = squares.get(line.source, 0.0) + line.u**2
@@ -93,14 +97,14 @@ def merged(lines: list[BudgetLine]) -> list[BudgetLine]:
 
 
 def rate_weights(rates: Sequence[Turning]) -> Array:
-    """What a scale factor changes by, relative, for an error of each rate in °/s, (r,)."""
+    """Relative sensitivity of a scale factor to an error of each rate in °/s, (r,)."""
     rate_dps = np.array([each.rate_dps for each in rates])
     away = rate_dps - rate_dps.mean()
     return np.asarray(away / np.sum(away**2))
 
 
 def harmonics_of_rates(rates: Sequence[Turning], bench: BenchRecord) -> dict[str, float]:
-    """What those of encoders leave in the scale factor, relative, by source: nothing over exactly whole turns."""
+    """Relative effect of encoder harmonics on the scale factor, by source: zero over exactly whole turns."""
     weights, found = rate_weights(rates), {}
     for role, axis in bench.axes.items():
         changes = [
@@ -108,12 +112,12 @@ def harmonics_of_rates(rates: Sequence[Turning], bench: BenchRecord) -> dict[str
             for order in range(1, len(axis.harmonics_u_deg) + 1)
         ]
         parts = np.array(axis.harmonics_u_deg) * changes
-        found[f"{role}: harmonics"] = float(np.linalg.norm(parts))  # of cosines and sines together
+        found[f"{role}: harmonics"] = float(np.linalg.norm(parts))  # cosine and sine together
     return found
 
 
 def _change(turning: Turning, role: str, order: int) -> complex:
-    """What a harmonic of an axis's error changes the mean rate of a rotation by, for amplitudes of 1° each; °/s.
+    """Change of the mean rate of a rotation by a harmonic of an axis's error, for amplitudes of 1° each; °/s.
 
     The real part is that of its cosine, the imaginary part that of its sine.
     """

@@ -1,8 +1,8 @@
 """Calibration of an inertial unit at each temperature: zeros and scale factors of six channels (equations 4.4, 4.7).
 
-Each axis is calibrated by the eight attitudes in which it is vertical and by the six rates at which it was turned. The
-mean of the eight is the zero, for in it gravity, earth rate and what leaks in from the other axes cancel. The
-accelerometer's zero contains K2, its scale factor K3.
+Each axis is calibrated by the eight attitudes in which it is vertical and by six rates about it. The mean of the eight
+is the zero, because gravity, earth rate and cross-coupling from the other axes cancel in it. The accelerometer's zero
+contains K2, its scale factor K3.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class AxisUncertainty:
 class AxisCalibration:
     """One axis at one set point; a temperature is NaN when most readings of its thermometer are bad.
 
-    Coefficients of the fits: `accelerometer` (zero, scale), `gyro_at_rest` (zero, and what turns with the axis),
+    Coefficients of the fits: `accelerometer` (zero, scale), `gyro_at_rest` (zero, and terms that change with the axis),
     `gyro_turning` (intercept, scale).
     """
 
@@ -87,7 +87,7 @@ class AxisCalibration:
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")
     def uncertainty(self, scatter: Scatter) -> AxisUncertainty:
-        """What the scatter of the readings leaves uncertain."""
+        """Standard uncertainties from the scatter of the readings."""
         u_k0, u_k1 = scatter.accelerometer_pps * np.linalg.norm(self.accelerometer.gain, axis=-1)
         u_d0 = scatter.gyro_at_rest_pps * np.linalg.norm(self.gyro_at_rest.gain[0])
         u_kg = scatter.gyro_turning_pps * np.linalg.norm(self.gyro_turning.gain[1])
@@ -102,7 +102,7 @@ class AxisCalibration:
 class SetPoint:
     """The axes x, y and z at one visit of a temperature of the chamber; None where one could not be calibrated.
 
-    `doubted` (24,) marks attitudes in which the unit seems to have stood otherwise.
+    `doubted` (24,) masks attitudes in which the unit seems to have had another one.
     """
 
     set_c: float
@@ -115,8 +115,8 @@ class SetPoint:
 class ImuCalibration:
     """Set points from hot to cold; `scatter` is that of x, y and z.
 
-    `flags` are those of equations 4.7, `notes` say what has no flag; `excluded` counts rows and thermometer readings
-    that were left out, by reason.
+    `flags` are those of equations 4.7, `notes` are on problems without a flag; `excluded` counts rows and thermometer
+    readings that were left out, by reason.
     """
 
     points: tuple[SetPoint, ...]
@@ -155,7 +155,7 @@ def calibrate(readings: ImuReadings, attitude_tolerance_g: float, latitude_deg: 
 
 @dataclass(slots=True)
 class _Remarks:
-    """What is to be said of the readings, gathered on the way."""
+    """Flags, notes and exclusions collected from the readings."""
 
     excluded: Counter[str]
     flags: list[str] = field(default_factory=list)
@@ -165,7 +165,7 @@ class _Remarks:
 def _axis(
     readings: ImuReadings, point: int, axis: int, doubted: NDArray[np.bool_], remarks: _Remarks
 ) -> AxisCalibration | None:
-    """One axis at one set point; None when something is missing or contradicts itself."""
+    """Calibration of one axis at one set point; None if something is missing or contradictory."""
     at = f"T={readings.set_c[point]:.10g}"
     problems = list(_problems(readings.accelerometer_pps[point], axis, doubted))
     turning = _turning(readings.rates[point][axis])
@@ -189,11 +189,11 @@ def _problems(accelerometer_pps: Array, axis: int, doubted: NDArray[np.bool_]) -
 
 
 def _at_rest(readings: ImuReadings, point: int, axis: int) -> tuple[LinearFit, LinearFit]:
-    """The accelerometer and the gyro of one axis over its eight attitudes.
+    """Fit accelerometer and gyro of one axis over its eight attitudes.
 
-    All columns are at right angles to each other: the first coefficient is the mean, the accelerometer's second is half
-    the difference between up and down. The horizontal earth rate, which a misaligned gyro sees by its heading, has
-    columns of its own so that the scatter about the fit is that of the readings.
+    All columns are orthogonal: the first coefficient is the mean, the accelerometer's second is half the difference
+    between up and down. The horizontal earth rate, which a misaligned gyro senses depending on its heading, has its own
+    columns, so that the scatter about the fit is that of the readings.
     """
     own = block(axis)
     one, up = np.ones(own.stop - own.start), SPECIFIC_FORCE_G[own, axis]
@@ -203,7 +203,7 @@ def _at_rest(readings: ImuReadings, point: int, axis: int) -> tuple[LinearFit, L
 
 
 def _turning(readings: RateReadings) -> LinearFit | None:
-    """The gyro against the table's rate; None when rates are missing, or do not determine a line."""
+    """Fit the gyro against the table's rate; None if rates are missing, or do not determine a line."""
     if len(readings.rate_dps) < RATES:
         return None
     try:
@@ -213,7 +213,7 @@ def _turning(readings: RateReadings) -> LinearFit | None:
 
 
 def _check_headings(readings: ImuReadings, points: list[SetPoint], latitude_deg: float | None) -> Iterator[str]:
-    """Adds exchanged headings to the doubted attitudes; gives what is to be said of them."""
+    """Add exchanged headings to the doubted attitudes; return notes on them."""
     if latitude_deg is None:
         yield "headings were not checked: the latitude is not known"
         return
@@ -231,7 +231,7 @@ def _check_headings(readings: ImuReadings, points: list[SetPoint], latitude_deg:
 
 
 def _scatter(calibrated: Sequence[AxisCalibration]) -> Scatter:
-    """Of one axis at all its set points; NaN without any."""
+    """Scatter of one axis at all its set points; NaN without any."""
     return Scatter(
         accelerometer_pps=_pooled_sd([one.accelerometer for one in calibrated]),
         gyro_at_rest_pps=_pooled_sd([one.gyro_at_rest for one in calibrated]),
@@ -246,7 +246,7 @@ def _pooled_sd(fits: Sequence[LinearFit]) -> float:
 
 
 def _mean(temperature_c: Array, excluded: Counter[str]) -> float:
-    """Mean of the good ones of the readings (n,) of a thermometer; NaN when they are fewer than half."""
+    """Mean of the good readings (n,) of a thermometer; NaN if they are fewer than half."""
     good = temperature_c[np.isfinite(temperature_c)]
     good = good[~broken_at_rest(good)]
     excluded["thermometer"] += len(temperature_c) - len(good)

@@ -1,9 +1,9 @@
-"""Whether an inertial unit and its table are at the end of a run as they were at its beginning.
+"""Stability check of an inertial unit and its table, start against end of a run.
 
-The unit stands with one axis up at opposite headings, at the beginning and again at the end. Of an accelerometer that
-is level half the sum of two opposite readings is its bias, half their difference the tilt of the table along it: the
-same as at 0° and 180° of a head. What is common to both times, as misalignments are, is in neither change, nor are the
-errors of a table that comes to an attitude by the same angles.
+The unit has one axis up at opposite headings, at the beginning and again at the end. For a level accelerometer half the
+sum of two opposite readings is its bias, half their difference the tilt of the table along it, as at 0° and 180° of a
+head. Contributions common to both times, such as misalignments, cancel in the changes, and so do the errors of a table
+that reaches an attitude by the same angles.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """Of one accelerometer: pulse/s per g, the scatter of a reading in pulse/s with its freedom, g/°C of its bias."""
+    """Properties of one accelerometer: pulse/s per g, scatter in pulse/s with degrees of freedom, g/°C of its bias."""
 
     pps_per_g: float
     scatter_pps: float
@@ -43,7 +43,7 @@ class Sensitivity:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """One time at which it was looked: biases in g by axis, tilts in rad by direction, and what they come from.
+    """Check at one time: biases in g by axis, tilts in rad by direction, and the data they come from.
 
     `at_s` is the mean bench time of its windows.
 
@@ -58,14 +58,14 @@ class _Entry:
 
     @property
     def names(self) -> list[tuple[str, str]]:
-        """The quantity and the axis or direction of each coefficient."""
+        """Quantity and axis or direction of each coefficient."""
         return [("K0", AXES[axis]) for axis in self.axes] + [("level", each) for each in DIRECTIONS]
 
 
 def closure_findings(data: RunData, unit: UnitUnderTest, sensitive: Mapping[int, Sensitivity]) -> Iterator[Finding]:
-    """The change of each bias and of the level between the first and the last time, in each mount of the unit.
+    """Change of each bias and of the level between the first and the last check, in each mount of the unit.
 
-    `sensitive` are the accelerometers by their axes. Nothing where it was looked once only.
+    `sensitive` are the accelerometers by their axes. Empty with a single check.
     """
     by_mount: dict[str, dict[str, list[Acquisition]]] = {}
     for acquisition in data.closure:
@@ -81,9 +81,9 @@ def closure_findings(data: RunData, unit: UnitUnderTest, sensitive: Mapping[int,
 def _entry(
     windows: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord, sensitive: Mapping[int, Sensitivity]
 ) -> _Entry | None:
-    """What the windows of one time tell; None when they tell nothing, as without opposite headings.
+    """Check from the windows of one time; None if they determine nothing, as without opposite headings.
 
-    Without a calibrated accelerometer they tell nothing either, as where a run ended before its first set point.
+    Also None without a calibrated accelerometer, if a run ended before its first set point.
     """
     rows, values_g, readings = [], [], []
     for window in windows:
@@ -131,7 +131,7 @@ def _changes(
 
 
 def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Sensitivity]) -> Iterator[BudgetLine]:
-    """That of the readings of both times."""
+    """Contribution of the scatter of both times."""
     square, dofs = 0.0, [1]
     for entry in (first, last):
         for weight, (_, axis) in zip(entry.fit.gain[index], entry.readings, strict=True):
@@ -142,7 +142,7 @@ def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Se
 
 
 def _of_table(first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, bench: BenchRecord) -> Iterator[BudgetLine]:
-    """What its errors do to a change: nothing where they are the same, but an attitude may be had by other angles."""
+    """Contribution of table errors to a change: zero if an attitude is reached by the same angles both times."""
     windows = list({window.step: window for entry in (first, last) for window, _ in entry.readings}.values())
     number = {window.step: row for row, window in enumerate(windows)}
     weights = np.zeros((len(windows), len(AXES)))

@@ -1,4 +1,4 @@
-"""What is found of one axis of an inertial unit at one visit of a set point, each with its budget (equations 4.4)."""
+"""Findings of one axis of an inertial unit at one visit of a set point, each with its budget (equations 4.4)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from bench.metrology.least_squares import NotDetermined, least_squares
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, Subject
 from bench.metrology.run_data import UnitUnderTest
-from bench.metrology.sampled_codes import by_level
+from bench.metrology.sampled_codes import quantisation_by_level
 
 UP = np.array([0.0, 0.0, 1.0])
 UNITS = {
@@ -54,13 +54,13 @@ CONTAINS = {
 
 @dataclass(frozen=True, slots=True)
 class AxisAtVisit:
-    """One axis at one visit, and all that its budgets need.
+    """One axis at one visit, with all inputs of its budgets.
 
-    `slopes` are those of K0, K1, D0 and KG over temperature, in their units, NaN where they are not known, and
-    `per_c_u` what they then may change by with 1 °C; `used` (24,) are the attitudes that the fit over all of them
-    has of the accelerometer. `accelerometer_c` and `gyro_c` (24,) are the temperatures in each attitude, which is
-    not quite that of the findings: that is a mean over rates too. `turned_s` (r,) is for how long each of the rates
-    about the axis was counted. `errors` are those of the table in all attitudes, of those that are missing any.
+    `slopes` are those of K0, K1, D0 and KG over temperature, in their units, NaN if unknown, and `per_c_u` their
+    standard uncertainties per 1 °C in that case; `used` (24,) masks the attitudes of the accelerometer in the fit over
+    all of them. `accelerometer_c` and `gyro_c` (24,) are the temperatures in each attitude, which differ slightly from
+    those of the findings: these are means over rates too. `turned_s` (r,) is the duration of each rate about the axis.
+    `errors` are those of the table in all attitudes, of one of them for missing ones.
     """
 
     subject: Subject
@@ -80,13 +80,13 @@ class AxisAtVisit:
     errors: TableErrors
 
     def findings(self) -> Iterator[Finding]:
-        """All of them."""
+        """All findings of the axis."""
         yield from self._accelerometer()
         yield from self._gyro()
         yield from self._over_attitudes()
         yield from self._turned_about_others()
 
-    # The means over the own block
+    # Means over the attitudes with the axis vertical
 
     def _accelerometer(self) -> Iterator[Finding]:
         one, k1 = self.calibration, self.calibration.k1_pps_per_g
@@ -145,7 +145,7 @@ class AxisAtVisit:
         )  # fmt: skip
 
     def _leakage(self, rates: list[Turning]) -> float:
-        """What earth rate across a misaligned gyro leaves, relative; it is gone over whole turns (equations 4.3)."""
+        """Relative effect of earth rate across a misaligned gyro; zero over whole turns (equations 4.3)."""
         leaking_dps = float(local_earth_rate_dps(self.bench.latitude_deg)[1]) * self._gyro_misalignment_rad()
         total = 0.0
         for weight, each in zip(rate_weights(rates), rates, strict=True):
@@ -155,7 +155,7 @@ class AxisAtVisit:
         return math.sqrt(total)
 
     def _gyro_misalignment_rad(self) -> float:
-        """The largest that the rates about other axes show; 1 mrad where they show none."""
+        """Largest misalignment found from the rates about other axes; 1 mrad without one."""
         found = [abs(value) for other in self._others if (value := self._cross(other)[0]) is not None]
         return max(found, default=1e-3)
 
@@ -199,7 +199,7 @@ class AxisAtVisit:
             lines = [
                 shared_line(source.name, abs(float(effect[0])) * source.u_rad)
                 for source, effect in zip(errors.sources, errors.seen(UP, self.axis), strict=True)
-                if not source.name.startswith("fixture: level")  # the axis of the table is tilted with it
+                if not source.name.startswith("fixture: level")  # the axis of the table tilts with it
             ]
             yield self._finding(
                 "gyro_misalignment", value, [scatter_line(self.noise.gyro_across, gain), *merged(lines), *hidden],
@@ -207,23 +207,25 @@ class AxisAtVisit:
             )  # fmt: skip
 
     def _cross(self, other: int) -> tuple[float | None, Array | None, list[BudgetLine]]:
-        """The slope of this gyro over the rates about another axis, over its scale; what noise and steps do to it."""
+        """Slope of this gyro over rates about another axis, relative to its scale; effect of noise and quantisation."""
         read = about_another(self.axis, other, self.unit, self.visit)
         try:
             fit = least_squares(np.stack([np.ones_like(read.rate_dps), read.rate_dps], axis=-1), read.output)
         except NotDetermined:
             return None, None, []
         gain = fit.gain[1] / self.calibration.kg_pulse_per_deg
-        hidden = by_level(gain, read.step_u, np.zeros_like(gain))  # across the rates it reads about the same
+        hidden = quantisation_by_level(
+            gain, read.quantisation_u, np.zeros_like(gain)
+        )  # its readings across the rates hardly change
         value = float(fit.coefficients[1] / self.calibration.kg_pulse_per_deg)
         return value, gain / np.sqrt(read.span_s), list(self._of("gyro").stepped(hidden))
 
     # Parts of findings
 
     def _steps(self, sensor: str, attitudes: Iterable[int], gain: Array) -> Iterator[BudgetLine]:
-        """What steps of codes hide from what depends on the readings in attitudes by `gain` (n,).
+        """Quantisation uncertainty of a result with sensitivities `gain` (n,) to the readings in attitudes.
 
-        Readings with the axis up fall onto one step, and so do those with it down, and level.
+        Readings with the axis up fall into one step, and so do those with it down, and level.
         """
         numbers = list(attitudes)
         windows = [self.visit.window_of(number) for number in numbers]
@@ -233,7 +235,7 @@ class AxisAtVisit:
         return OwnErrors(self.unit, self.bench, f"{sensor}_{AXES[self.axis]}")
 
     def _windows(self, attitudes: Iterable[int]) -> list[Acquisition]:
-        """The windows of attitudes that there are."""
+        """Windows of the attitudes that were measured."""
         return [window for index in attitudes if (window := self.visit.window_of(index)) is not None]
 
     @property
@@ -253,12 +255,12 @@ class AxisAtVisit:
         return BudgetLine(f"{name}: offset, gain", "B", u, None, name)
 
     def _slope(self, quantity: str) -> float:
-        """Over temperature; 0 where it is not known."""
+        """Slope over temperature; 0 if unknown."""
         slope = self.slopes.get(quantity, math.nan)
         return 0.0 if math.isnan(slope) else slope
 
     def _moved_pps(self, attitudes: Sequence[int]) -> Array:
-        """What the accelerometer's readings in attitudes are off because it was not yet as warm as in the mean."""
+        """Changes of the accelerometer's readings in attitudes, because its temperature differed from the mean."""
         away_c = self.accelerometer_c[attitudes] - self.calibration.accelerometer_c
         force_g, k1 = SPECIFIC_FORCE_G[attitudes, self.axis], self.calibration.k1_pps_per_g
         bias_g = self.calibration.k0_pps / k1
@@ -266,12 +268,12 @@ class AxisAtVisit:
         return np.where(np.isfinite(moved), moved, 0.0)
 
     def _turned_c(self, rates: list[Turning]) -> float:
-        """The temperature of the gyro while it was turned."""
+        """Temperature of the gyro during the rates."""
         name = self.unit.gyro_temperature
         return float(np.mean([each.acquisition.temperatures_c[name].mean() for each in rates]))
 
     def _warming(self, moved: float | np.floating) -> BudgetLine:
-        """What the change of temperature during a visit does, which is not corrected."""
+        """Line for the temperature change during a visit, which is not corrected."""
         return BudgetLine("temperature: changes during the visit", "B", abs(float(moved)))
 
     def _finding(self, quantity: str, value: float, lines: list[BudgetLine], toward: int | None = None) -> Finding:

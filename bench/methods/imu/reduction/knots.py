@@ -1,6 +1,6 @@
-"""Compensation of an inertial unit for temperature: zero and scale factor straight between knots (equations 4.5).
+"""Temperature compensation of an inertial unit: zero and scale factor, linear between knots (equations 4.5).
 
-With them a reading becomes a physical value, and what the unit would have read at its nominal temperature.
+It converts a reading to a physical value, and to the reading at the nominal temperature.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ class TemperatureTable:
 
     @property
     def usable(self) -> bool:
-        """Whether there is anything to interpolate between."""
+        """True if there are at least two knots to interpolate between."""
         return len(self.temperature_c) > 1
 
     def covers(self, temperature_c: Array) -> NDArray[np.bool_]:
-        """Which temperatures (n,) lie between the first knot and the last."""
+        """Mask of temperatures (n,) between the first knot and the last."""
         return np.asarray((self.temperature_c[0] <= temperature_c) & (temperature_c <= self.temperature_c[-1]))
 
     def at(self, temperature_c: Array, extrapolation: Extrapolation) -> tuple[Array, Array]:
-        """Zero and scale factor at temperatures (n,); NaN where they are outside of the knots and rejected."""
+        """Zero and scale factor at temperatures (n,); NaN outside the knots without extrapolation."""
         inside = self.covers(temperature_c)
         if extrapolation == "hold":
             temperature_c = np.clip(temperature_c, self.temperature_c[0], self.temperature_c[-1])
@@ -53,9 +53,9 @@ class TemperatureTable:
 
 
 def temperature_table(knots: Array) -> TemperatureTable:
-    """From temperatures, zeros and scale factors (n, 3) in any order.
+    """Table from temperatures, zeros and scale factors (n, 3) in any order.
 
-    Neighbours closer than 0.5 °C become their mean; a knot without a number is left out.
+    Neighbours closer than 0.5 °C become their mean; a knot with missing values is left out.
     """
     knots = knots[np.isfinite(knots).all(axis=-1)].T
     knots = knots[:, np.argsort(knots[0])]
@@ -68,8 +68,8 @@ def temperature_table(knots: Array) -> TemperatureTable:
 class Compensated:
     """Readings after compensation, arrays (n,): in g or °/s, and in pulse/s at the nominal temperature.
 
-    NaN where there is no reading, no working thermometer, no table, or no extrapolation is wanted. `extrapolated` marks
-    temperatures outside of the knots.
+    NaN without a reading, a working thermometer or a table, or outside the knots without extrapolation. `extrapolated`
+    marks temperatures outside of the knots.
     """
 
     value: Array
@@ -81,7 +81,7 @@ class Compensated:
 def compensate(
     table: TemperatureTable, temperature_c: Array, raw_pps: Array, nominal_c: float, extrapolation: Extrapolation
 ) -> Compensated:
-    """Readings (n,) of one channel at temperatures (n,), regressed to the nominal temperature."""
+    """Compensate readings (n,) of one channel at temperatures (n,), and convert them to the nominal temperature."""
     if not table.usable:
         unknown = np.full(len(raw_pps), np.nan)
         return Compensated(unknown, unknown, np.zeros(len(raw_pps), dtype=np.bool_))
@@ -94,10 +94,10 @@ def compensate(
 
 @dataclass(frozen=True, slots=True)
 class ModelCheck:
-    """How well straight lines between the knots tell the inner knots themselves; arrays (k - 2,).
+    """Interpolation error of the inner knots from straight lines between their neighbours; arrays (k - 2,).
 
     `error` is the value between its neighbours minus the value of the knot; `curvature` the second divided difference
-    times 2, in the unit of the values per °C². An inner knot left out doubles the interval, so that the error of the
+    times 2, in the unit of the values per °C². Leaving out an inner knot doubles the interval, so that the error of the
     full table is about a quarter.
     """
 
@@ -107,7 +107,7 @@ class ModelCheck:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def check_model(temperature_c: Array, values: Array) -> ModelCheck:
-    """Leaves out each knot (k,) but the ends in turn; temperatures rise."""
+    """Leave out each knot (k,) except the ends in turn; temperatures rise."""
     below_c, at_c, above_c = temperature_c[:-2], temperature_c[1:-1], temperature_c[2:]
     below, at, above = values[:-2], values[1:-1], values[2:]
     between = below + (at_c - below_c) / (above_c - below_c) * (above - below)

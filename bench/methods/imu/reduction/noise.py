@@ -1,9 +1,9 @@
-"""How much one reading of an inertial unit scatters, from what the readings of a run leave of their fits.
+"""Scatter of one reading of an inertial unit, from the residuals of the fits of a run.
 
-Readings at rest are all counted for equally long. Those at the rates are not: at a low rate a turn takes longer. The
-noise of a gyro's mean rate falls with the root of the time it is counted for (its angle random walk), so that short
-readings, which are those of the highest rates and decide the slope, scatter most. What is pooled is therefore the
-density: the scatter of a reading of 1 s.
+Readings at rest all have the same duration. Those at the rates have not: at a low rate a turn takes longer. The noise
+of a gyro's mean rate falls with the root of its duration (angle random walk), so that short readings, which are those
+of the highest rates and determine the slope, scatter most. Therefore the density is pooled: the scatter of a reading of
+1 s.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from bench.metrology.run_data import UnitUnderTest
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """The scatter about their fits of the readings of one axis, pooled over the run, with its degrees of freedom.
+    """Scatter of the readings of one axis about their fits, pooled over the run, with its degrees of freedom.
 
-    At rest it is the standard deviation of a reading in the unit of the output. While turned, about its own axis and
-    about the others, it is the density in that unit times √s: over the root of its length in s, the standard deviation
-    of a reading.
+    At rest it is the standard deviation of a reading in the unit of the output. During rotation, about its own axis and
+    about the others, it is the density in that unit times √s: divided by the root of the duration in s it is the
+    standard deviation of a reading.
     """
 
     accelerometer: tuple[float, int]
@@ -44,12 +44,12 @@ def noise_of(
     axis: int, unit: UnitUnderTest, visits: Sequence[Visit], arranged: ImuReadings, found: ImuCalibration,
     over_attitudes: Sequence[GyroFit | None],
 ) -> Noise:  # fmt: skip
-    """The noise of one axis; `over_attitudes` are the fits of its gyro over the attitudes of each visit.
+    """Noise of one axis; `over_attitudes` are the fits of its gyro over the attitudes of each visit.
 
-    A reading is not believed to scatter less than what it alone tells: equal counts in equal windows show nothing of
-    what the count resolves, and samples have their own scatter. About its own axis a gyro's scatter holds that of the
-    table's rate, about the others hardly anything of it: the six rates of a visit tell a standard deviation badly,
-    which is therefore no less than what the others tell.
+    The scatter of a reading is at least its single-reading uncertainty: equal counts in equal windows do not show the
+    resolution of the count, and samples have their own scatter. About its own axis a gyro's scatter contains that of
+    the table's rate, about the others hardly any of it: the six rates of a visit determine a standard deviation poorly,
+    which is therefore at least that of the others.
     """
     scatter = found.scatter[axis]
     every = found.over_temperature(axis)
@@ -69,38 +69,38 @@ def noise_of(
 
 
 def _at_rest(fits: Sequence[GyroFit | None]) -> tuple[float, int] | None:
-    """Of a reading at rest, over all attitudes: those in which an axis is vertical leave few degrees of freedom."""
+    """Scatter at rest over all attitudes: those with an axis vertical leave few degrees of freedom."""
     known = [fit for fit in fits if fit is not None]
     dof = sum(fit.dof for fit in known)
     return (float(np.sqrt(sum(fit.squares for fit in known) / dof)), dof) if dof else None
 
 
 class Across(NamedTuple):
-    """What a gyro read while another axis was turned, (r,): at which rates in °/s, for how long, and its output.
+    """Readings of a gyro during rotation about another axis, (r,): rates in °/s, durations, and output.
 
-    `step_u` is what the steps of codes hide from each.
+    `quantisation_u` is the quantisation uncertainty of each.
     """
 
     rate_dps: Array
     span_s: Array
     output: Array
-    step_u: Array
+    quantisation_u: Array
 
 
 def about_another(axis: int, other: int, unit: UnitUnderTest, visit: Visit) -> Across:
-    """The readings of a gyro while another axis was turned; only good ones."""
+    """Good readings of a gyro during rotation about another axis."""
     turned = visit.turned(other)
     windows = [each.acquisition.windows[unit.channels[f"gyro_{AXES[axis]}"]] for each in turned]
     rows = np.array(
-        [(each.rate_dps, of.span_s, of.mean, of.step_u) for each, of in zip(turned, windows, strict=True)]
+        [(each.rate_dps, of.span_s, of.mean, of.quantisation_u) for each, of in zip(turned, windows, strict=True)]
     ).reshape(-1, 4)
     return Across(*rows[np.isfinite(rows).all(axis=-1)].T)
 
 
 def _density(readings: Iterable[tuple[Array, Array, Array]], floor: float) -> tuple[float, int]:
-    """Pooled over several lines through readings: rates, for how long, and outputs; it is at least the floor.
+    """Density pooled over several lines through readings (rates, durations, outputs); at least the floor.
 
-    What is even in the rate is taken away: a gyro's asymmetry scatters nothing, and turns no line.
+    The part even in the rate is removed: a gyro's asymmetry is no scatter, and does not tilt a line.
     """
     squares, dof = 0.0, 0
     for rate_dps, span_s, pps in readings:
@@ -113,15 +113,15 @@ def _density(readings: Iterable[tuple[Array, Array, Array]], floor: float) -> tu
 
 
 def _alone(channel: str, visits: Sequence[Visit]) -> float:
-    """What the usual window of a channel at rest tells alone of its uncertainty."""
+    """Median single-reading uncertainty of a channel at rest."""
     windows = [each.acquisition.windows[channel] for visit in visits for each in visit.at_rest]
-    return _usual([window.alone_u for window in windows])
+    return _usual([window.single_u for window in windows])
 
 
 def _alone_density(channel: str, visits: Sequence[Visit]) -> float:
-    """The same while it is turned, as a density."""
+    """The same during rotation, as a density."""
     windows = [each.acquisition.windows[channel] for visit in visits for each in visit.turning]
-    return _usual([window.alone_u * window.span_s**0.5 for window in windows])
+    return _usual([window.single_u * window.span_s**0.5 for window in windows])
 
 
 def _usual(values: Sequence[float]) -> float:

@@ -1,7 +1,7 @@
-"""Readings of an inertial unit in 24 attitudes and at six rates, from rows into arrays (equations 4.3, 4.7, 9).
+"""Readings of an inertial unit in 24 attitudes and at six rates, from rows to arrays (equations 4.3, 4.7, 9).
 
 A row whose counts, dwell or place in the schedule is missing is passed over, and of several rows of one position in one
-visit the last good one counts, so that an operator can repeat what went wrong.
+visit the last good one counts, so that an operator can repeat a failed one.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ SAME_SET_POINT_DIGITS = 6
 class PositionRecord:
     """One row per dwell at rest, in the order of acquisition; a missing number is NaN.
 
-    `attitude` (n,) counts from 0 in the order of `attitudes.NAMES`, -1 where it is missing. Counts are net pulses of x,
-    y and z in the dwell (n, 3), temperatures those of the thermometers at the accelerometers and at the gyros (n, 3).
-    `visit` (n,) numbers the visits of each set point; without it there is one of each.
+    `attitude` (n,) counts from 0 in the order of `attitudes.NAMES`, -1 if missing. Counts are net pulses of x, y and z
+    in the dwell (n, 3), temperatures those of the thermometers at the accelerometers and at the gyros (n, 3). `visit`
+    (n,) numbers the visits of each set point; without it there is one of each.
     """
 
     set_c: Array
@@ -42,8 +42,8 @@ class PositionRecord:
 class RateRecord:
     """One row per dwell at a constant rate about one axis, in the order of acquisition; a missing number is NaN.
 
-    `axis` (n,) is 0, 1 or 2, -1 where it is missing; `rate_dps` is what the table's encoder measured; the rest is as in
-    a PositionRecord.
+    `axis` (n,) is 0, 1 or 2, -1 if missing; `rate_dps` is the rate by the table's encoder; the rest is as in a
+    PositionRecord.
     """
 
     set_c: Array
@@ -59,7 +59,7 @@ class RateRecord:
 
 @dataclass(frozen=True, slots=True)
 class RateReadings:
-    """What one axis read while it was turned, one per commanded rate, and for how long; arrays (r,)."""
+    """Readings of one axis during rotation, one per commanded rate, with durations; arrays (r,)."""
 
     rate_dps: Array
     dwell_s: Array
@@ -70,7 +70,7 @@ class RateReadings:
 
 @dataclass(frozen=True, slots=True)
 class ImuReadings:
-    """Readings at rest by visit (m, hottest set point first), attitude (24) and axis (3), NaN where there is none.
+    """Readings at rest by visit (m, hottest set point first), attitude (24) and axis (3), NaN if missing.
 
     `rates` are those of each visit and axis, `visit` (m,) its number at its set point. `excluded` counts the rows
     left out: `missing`, `duplicate` (a position or rate was repeated later in the visit), `rate` (the table did not
@@ -87,7 +87,7 @@ class ImuReadings:
     visit: NDArray[np.int_]
 
     def temperatures_c(self, point: int, axis: int) -> tuple[Array, Array]:
-        """Of the accelerometer and of the gyro of one axis while it was calibrated: eight attitudes, then the rates."""
+        """Temperatures of accelerometer and gyro of one axis in its calibration: eight attitudes, then the rates."""
         own, turned = (point, block(axis), axis), self.rates[point][axis]
         return (
             np.concatenate([self.accelerometer_c[own], turned.accelerometer_c]),
@@ -97,7 +97,7 @@ class ImuReadings:
 
 @np.errstate(over="ignore", invalid="ignore")
 def arrange(positions: PositionRecord, rates: RateRecord, *, rate_tolerance: float) -> ImuReadings:
-    """The rows as arrays; `rate_tolerance` is how far, relative to the command, the table's rate may be off."""
+    """Arrange rows in arrays; `rate_tolerance` is the maximum relative deviation of the table's rate."""
     keys = np.concatenate([_keys(positions), _keys(rates)])
     placed = np.isfinite(keys).all(axis=-1)
     visits, point = np.unique(keys[placed], axis=0, return_inverse=True)
@@ -111,13 +111,13 @@ def arrange(positions: PositionRecord, rates: RateRecord, *, rate_tolerance: flo
 
 
 def _keys(record: PositionRecord | RateRecord) -> Array:
-    """What the visits of the rows are sorted by (n, 2): the hottest set point first, then the number of the visit."""
+    """Sort keys of the visits of the rows (n, 2): the hottest set point first, then the number of the visit."""
     visit = np.ones(len(record.set_c)) if record.visit is None else record.visit.astype(np.float64)
     return np.stack([-rounded(record.set_c), visit], axis=-1)
 
 
 def rounded(set_c: Array) -> Array:
-    """Set points without the rounding of whoever wrote them, and without a zero below zero."""
+    """Set points without rounding errors, and without a negative zero."""
     return np.asarray(np.round(set_c, SAME_SET_POINT_DIGITS) + 0.0)
 
 
@@ -133,7 +133,7 @@ def _at_rest(
 
     def by_place(values: Array) -> Array:
         array = np.full((points, len(NAMES), len(AXES)), np.nan)
-        array[point[row], record.attitude[row], axis] = values[row, axis]  # of one place the last row stays
+        array[point[row], record.attitude[row], axis] = values[row, axis]  # of one position the last row counts
         return array
 
     vertical = good[np.arange(len(good)), record.attitude // BLOCK]
@@ -145,7 +145,7 @@ def _at_rest(
 def _turning(
     record: RateRecord, point: NDArray[np.int_], points: int, tolerance: float, excluded: Counter[str]
 ) -> tuple[tuple[RateReadings, ...], ...]:
-    """What the turned axis read, by set point and axis."""
+    """Readings of the rotated axis, by set point and axis."""
     own = (np.arange(len(record.axis)), record.axis)
     pps = record.gyro_counts[own] / np.where(record.dwell_s > 0, record.dwell_s, np.nan)
     given = np.isfinite(record.set_c) & np.isfinite(record.command_dps) & np.isfinite(record.rate_dps)
@@ -168,6 +168,6 @@ def _turning(
 
 
 def _last_of_each(*places: NDArray[np.int_] | Array) -> NDArray[np.int_]:
-    """Numbers of the last row of each place, in the order of the places; all arrays (n,)."""
+    """Indices of the last row of each place, in the order of the places; all arrays (n,)."""
     place = np.stack(places, axis=-1)[::-1]
     return len(place) - 1 - np.unique(place, axis=0, return_index=True)[1]

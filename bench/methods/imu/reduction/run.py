@@ -1,7 +1,7 @@
-"""Method M2 on counts and codes: an inertial unit calibrated at every set point, and compensated (equations 4).
+"""Method M2 on a run: an inertial unit calibrated at every set point, and compensated (equations 4).
 
-Type A is the scatter of the readings about their fits, pooled over the run; type B comes from the certificates of the
-bench by what each error of the table does to each attitude. The temperature is what the unit's thermometers say.
+Type A is the scatter of the readings about their fits, pooled over the run; type B is from the certificates of the
+bench, through the effect of each table error on each attitude. The temperature is that of the unit's thermometers.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from bench.metrology.results.curves import KnotModel
 from bench.metrology.results.finding import NOT_CLOSED, Finding, Interval, UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
-MODELLED = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # what changes with temperature, and what its changes are in
+MODELLED = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # quantities over temperature, and the units of their changes
 RELATIVE = ("K1", "KG")
 OF_GYROS = ("D0", "KG")
 LONG = {"K0": "bias", "K1": "scale factor of the accelerometer", "D0": "zero of the gyro", "KG": "scale factor"}
@@ -41,7 +41,7 @@ LONG = {"K0": "bias", "K1": "scale factor of the accelerometer", "D0": "zero of 
 
 @dataclass(frozen=True, slots=True)
 class ImuDetail:
-    """What the report draws: the calibration, and the knots of each quantity of each axis.
+    """Data for the report: the calibration, and the knots of each quantity of each axis.
 
     `curves` are temperature (k,), value (k,), by quantity and axis.
     """
@@ -51,12 +51,12 @@ class ImuDetail:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The findings and models of every unit."""
+    """Reduce a run to the findings and models of every unit."""
     return [_Unit(data, unit, settings).result() for unit in data.units]
 
 
 class _Unit:
-    """The reduction of one unit."""
+    """Reduction of one unit."""
 
     def __init__(self, data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> None:
         self._data, self._unit, self._settings = data, unit, settings
@@ -76,7 +76,7 @@ class _Unit:
         }
 
     def result(self) -> UnitResult:
-        """Everything that was found."""
+        """All results of the unit."""
         at_visits = [finding for axis in self._at_visits() for finding in axis.findings()]
         unplaced = [f"{step}: no_attitude" for visit in self._visits for step in visit.unplaced]
         closure = list(closure_findings(self._data, self._unit, dict(self._sensitive())))
@@ -97,7 +97,7 @@ class _Unit:
         )
 
     def _sensitive(self) -> Iterator[tuple[int, Sensitivity]]:
-        """The accelerometers that were calibrated where the run began, for its closure."""
+        """Properties of the accelerometers calibrated at the beginning of the run, for its stability check."""
         for axis in range(len(AXES)):
             every, (scatter_pps, dof) = self._found.over_temperature(axis), self._noise[axis].accelerometer
             if every:
@@ -138,7 +138,7 @@ class _Unit:
                     )
 
     def _fitted(self, number: int) -> tuple[NDArray[np.bool_], AttitudeFits]:
-        """The least squares over the attitudes of a visit without doubtful ones; which readings it has (24, 3)."""
+        """Fits over the attitudes of a visit without doubtful ones; mask of the readings used (24, 3)."""
         point = self._found.points[number]
         doubted = point.doubted[:, np.newaxis]
         accelerometers = np.where(doubted, np.nan, self._readings.accelerometer_pps[number])
@@ -148,7 +148,7 @@ class _Unit:
         return np.isfinite(accelerometers), fits
 
     def _per_c_u(self, calibration: AxisCalibration) -> dict[str, float]:
-        """What each quantity may change by with 1 °C where the run does not tell it."""
+        """Standard uncertainty of each quantity per 1 °C, where the run does not determine its slope."""
         relative = self._settings["scale_per_c_u"]
         return {
             "K0": self._settings["bias_per_c_u"],
@@ -158,7 +158,7 @@ class _Unit:
         }
 
     def _slope(self, quantity: str, axis: int, calibration: AxisCalibration) -> float:
-        """How a quantity changes with temperature there, from knot to knot; NaN with a single one."""
+        """Slope of a quantity over temperature at a set point, from knot to knot; NaN with a single one."""
         temperature_c, values = self._curves[quantity, axis]
         if len(temperature_c) < 2:
             return math.nan
@@ -175,7 +175,7 @@ class _Unit:
                     yield from self._of_quantity(quantity, axis, found)
 
     def _of_quantity(self, quantity: str, axis: int, found: Sequence[Finding]) -> Iterator[Finding]:
-        """How much it changes, how well the knots tell it, and how well it repeats where the run began."""
+        """Change over temperature, interpolation error of the knots and repeatability at the first set point."""
         temperature_c, values = self._curves[quantity, axis]
         scale = 1 / found[0].value if quantity in RELATIVE else 1.0
         own = [_own(each) for each in found]
@@ -217,7 +217,7 @@ class _Unit:
         found: Sequence[Finding],
         interval: Interval,
     ) -> Finding:
-        """Its uncertainty is that of the readings: all else is common to the visits."""
+        """A finding with the uncertainty of the readings: all other errors are common to the visits."""
         base = quantity.partition("/")[0]
         scattered = [line for each in found for line in each.budget if line.source == READINGS]
         dof = min((line.dof for line in scattered if line.dof), default=0)
@@ -228,7 +228,7 @@ class _Unit:
             quantity, name, abs(value), MODELLED[base], lines, {"axis": AXES[axis]}, steps, interval=interval
         )
 
-    # What a user computes with
+    # Models for the user
 
     def _models(self, at_visits: Sequence[Finding]) -> Iterator[KnotModel]:
         for axis in range(len(AXES)):
@@ -246,7 +246,7 @@ class _Unit:
                     yield Compensation(f"{sensor}_{name}", output_unit, value_unit, scale, offset)
 
     def _knots(self, sensor: str, axis: int, at_visits: Sequence[Finding]) -> tuple[KnotModel, KnotModel] | None:
-        """Zero and scale factor of a channel; None when there are not two knots."""
+        """Knots of zero and scale factor of a channel; None with fewer than two."""
         every = self._found.over_temperature(axis)
         table = knots_of(sensor, every)
         if not table.usable:
@@ -270,7 +270,7 @@ class _Unit:
         return self._unit.output_unit if sensor == "acc" else self._unit.gyro_output_unit
 
     def _u_at(self, table: TemperatureTable, quantity: str, axis: int, at_visits: Sequence[Finding]) -> Array:
-        """The largest uncertainty of the findings that a knot is the mean of."""
+        """Largest uncertainty of the findings averaged in a knot."""
         own = [each for each in at_visits if each.quantity == quantity and each.at["axis"] == AXES[axis]]
         return np.array([
             max((each.u for each in own if abs(each.at["temperature_c"] - at_c) < SAME_KNOT_C), default=math.nan)
@@ -279,7 +279,7 @@ class _Unit:
 
 
 def knots_of(sensor: str, every: Sequence[AxisCalibration]) -> TemperatureTable:
-    """The knots of one channel, from its axis at all visits."""
+    """Knots of one channel, from its axis at all visits."""
     rows = [
         (one.accelerometer_c, one.k0_pps, one.k1_pps_per_g)
         if sensor == "acc"
@@ -298,7 +298,7 @@ def _curve(every: Sequence[AxisCalibration], quantity: str) -> tuple[Array, Arra
 
 
 def _own(finding: Finding) -> float:
-    """The part of an uncertainty that comes from the readings."""
+    """Part of an uncertainty that is due to the readings."""
     return math.sqrt(math.fsum(line.u**2 for line in finding.budget if line.type == "A"))
 
 

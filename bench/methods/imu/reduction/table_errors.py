@@ -1,8 +1,8 @@
-"""What the errors of a table do to the attitudes of a unit, and so to what is worked out from them (equations 8.1).
+"""Effect of the errors of a table on the attitudes of a unit, and on the results (equations 8.1).
 
-Every error is a small rotation of the unit. The zero and the harmonics of an axis turn it about where the axis then
-points; an axis that is not square to the one that carries it, in proportion to how far it has turned; the base as a
-whole is not level, and not aligned to north. A rotation r changes a level vector v, as a unit sees it, by v × r.
+Every error is a small rotation of the unit. Zero and harmonics of an axis rotate it about the present direction of the
+axis; non-orthogonality of an axis to the one that carries it, in proportion to its rotation; the base as a whole is not
+level, and not aligned to north. A rotation r changes a level vector v, as seen by a unit, by v × r.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ EAST, NORTH, UP = np.eye(3)
 
 @dataclass(frozen=True, slots=True)
 class ErrorSource:
-    """One error of the table: `u_rad`, and in each of the windows what it turns the unit by, for 1 rad (n, 3).
+    """One error of the table: `u_rad`, and the rotation of the unit in each window, for 1 rad (n, 3).
 
-    An error that is drawn anew for each window has a vector (n, 3) all the same, and is `fresh`.
+    An error that is independent for each window also has a vector (n, 3), and is `fresh`.
     """
 
     name: str
@@ -35,31 +35,31 @@ class ErrorSource:
     fresh: bool = False
 
     def seen(self, axes: Array, vector: Array) -> Array:
-        """What a level vector changes by along the rows of `axes` (n, 3, 3), for 1 rad: (n, 3)."""
+        """Change of a level vector along the rows of `axes` (n, 3, 3), for 1 rad: (n, 3)."""
         return np.asarray(np.einsum("nij,nj->ni", axes, self.turns @ _crossing(vector).T))
 
 
 @dataclass(frozen=True, slots=True)
 class TableErrors:
-    """The axes of a unit in the level frame in each of some windows, (n, 3, 3), and every error of the table there."""
+    """Axes of a unit in the level frame in each of some windows, (n, 3, 3), with every error of the table there."""
 
     axes: Array
     sources: tuple[ErrorSource, ...]
 
     def of(self, windows: Sequence[int]) -> TableErrors:
-        """The same of some of the windows, by their numbers."""
+        """The same for some of the windows, by index."""
         chosen = list(windows)
         return TableErrors(self.axes[chosen], tuple(replace(each, turns=each.turns[chosen]) for each in self.sources))
 
     def seen(self, vector: Array, axis: int) -> list[Array]:
-        """What each error changes a level vector by along one axis of the unit, for 1 rad: (n,) each."""
+        """Change of a level vector along one axis of the unit by each error, for 1 rad: (n,) each."""
         return [source.seen(self.axes, vector)[:, axis] for source in self.sources]
 
     def propagated(self, effects: Sequence[Array], weights: Array) -> dict[str, Array]:
-        """The standard uncertainties by the names of the sources, of what depends on the windows by `weights` (n,).
+        """Standard uncertainties, by source, of a result with sensitivities `weights` (n,) to the windows.
 
-        Of several such things the weights are (m, n), and so many are the uncertainties. `effects` (n,) are what each
-        source changes the window's reading by for 1 rad.
+        For m results the weights are (m, n), and the uncertainties (m,). `effects` (n,) are the changes of the window's
+        reading by each source for 1 rad.
         """
         squares: dict[str, Array] = {}
         for source, effect in zip(self.sources, effects, strict=True):
@@ -70,18 +70,18 @@ class TableErrors:
 
 
 def shared_by(name: str) -> str | None:
-    """What findings with a source of this name share; what is drawn anew for each attitude is common to nothing."""
+    """Identifier shared by findings with a source of this name; an error independent for each attitude has none."""
     return None if name.endswith("repeatability") else name.replace(": ", ".")
 
 
 def table_errors(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> TableErrors:
-    """The errors of the table over windows (n,)."""
+    """Errors of the table over windows (n,)."""
     axes = np.array([unit_axes(acquisition, unit, bench) for acquisition in acquisitions]).reshape(-1, 3, 3)
     return TableErrors(axes, tuple(_sources(acquisitions, bench)))
 
 
 def _sources(acquisitions: Sequence[Acquisition], bench: BenchRecord) -> list[ErrorSource]:
-    """Every error of the table that has an uncertainty."""
+    """Errors of the table that have an uncertainty."""
     by_window = [list(_rotations(acquisition, bench)) for acquisition in acquisitions]
     return [
         ErrorSource(name, u_rad, np.array([sources[number][2] for sources in by_window]), fresh=fresh)
@@ -91,7 +91,7 @@ def _sources(acquisitions: Sequence[Acquisition], bench: BenchRecord) -> list[Er
 
 
 def _rotations(acquisition: Acquisition, bench: BenchRecord) -> Iterator[tuple[str, float, Array, bool]]:
-    """The sources in one window: name, u, rotation for 1 rad in the level frame, whether it is drawn anew."""
+    """Sources in one window: name, u, rotation for 1 rad in the level frame, independence between windows."""
     carried = np.eye(3)
     for number, (role, axis) in enumerate(bench.axes.items()):
         angle_rad = np.radians(acquisition.angles_deg.get(role, 0.0))
@@ -112,7 +112,7 @@ def _rotations(acquisition: Acquisition, bench: BenchRecord) -> Iterator[tuple[s
     yield "fixture: azimuth", np.radians(bench.azimuth_u_deg), UP, False
 
 
-@lru_cache(maxsize=16)  # of the few axes of a bench
+@lru_cache(maxsize=16)  # for the few axes of a bench
 def _square_to(axis: tuple[float, float, float]) -> tuple[Array, Array]:
     least = np.eye(3)[int(np.argmin(np.abs(axis)))]
     first = np.cross(axis, least) / np.linalg.norm(np.cross(axis, least))
@@ -120,12 +120,12 @@ def _square_to(axis: tuple[float, float, float]) -> tuple[Array, Array]:
 
 
 def _turn(axis: Array, angle_rad: float) -> Array:
-    """What turns a vector about a unit vector, after Rodrigues, (3, 3)."""
+    """Rotation matrix (3, 3) about a unit vector (Rodrigues)."""
     cross = _crossing(axis)
     return np.asarray(np.eye(3) + math.sin(angle_rad) * cross + (1 - math.cos(angle_rad)) * (cross @ cross))
 
 
 def _crossing(vector: Array) -> Array:
-    """What makes the product vector × r of any r, (3, 3)."""
+    """Matrix (3, 3) of the product vector × r for any r."""
     x, y, z = vector
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -1,4 +1,4 @@
-"""Visits of set points: a set point that comes again is measured anew, not corrected (equations 4.3, 4.5)."""
+"""Visits of set points: a repeated set point is measured anew, not a correction (equations 4.3, 4.5)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from bench.metrology.least_squares import Array
 
 
 def visits_in_order(set_c: Array, place: NDArray[np.int_]) -> NDArray[np.int_]:
-    """The visit (n,) of each row, counted from 1 at each set point, from the order of the rows alone.
+    """Visit (n,) of each row, counted from 1 at each set point, from the order of the rows alone.
 
-    `place` is the position or the rate that a row is of, negative where it says none or has no reading. A stretch of
-    rows at one set point belongs to the first visit there that has none of its places: what completes a visit, or was
-    written in another order, begins no new one. A stretch without a place belongs to the visit before it.
+    `place` is the position or the rate of a row, negative if missing or without a reading. A stretch of rows at one set
+    point belongs to the first visit there that has none of its places: rows that complete a visit, or were written in
+    another order, begin no new one. A stretch without a place belongs to the visit before it.
     """
     visit = np.ones(len(set_c), dtype=np.int_)
     seen: dict[float, list[set[int]]] = {}
@@ -34,7 +34,7 @@ def visits_in_order(set_c: Array, place: NDArray[np.int_]) -> NDArray[np.int_]:
 
 
 def ranked(set_c: Array, visit: Array) -> NDArray[np.int_]:
-    """Numbers (n,) that somebody gave to visits, counted from 1 at each set point; NaN is a number too."""
+    """Visits (n,) by given numbers, renumbered from 1 at each set point; NaN is a number too."""
     rank = np.ones(len(set_c), dtype=np.int_)
     for at_c in np.unique(set_c[np.isfinite(set_c)]):
         there = set_c == at_c
@@ -43,10 +43,9 @@ def ranked(set_c: Array, visit: Array) -> NDArray[np.int_]:
 
 
 def differences(at_c: Sequence[float], values: Sequence[float], knots: tuple[Array, Array]) -> Array:
-    """How visits of one set point (n,) differ from the first of them, (n - 1,).
+    """Differences of visits of one set point (n,) from the first of them, (n - 1,).
 
-    What the temperatures at which they were differ by is taken off with the slope of the knots there: temperatures and
-    values (k,).
+    They are corrected for different temperatures by the slope of the knots there: temperatures and values (k,).
     """
     knots_c, knot_values = knots
     gradient = np.gradient(knot_values, knots_c) if len(knots_c) > 1 else np.zeros_like(knot_values)

@@ -1,7 +1,7 @@
-"""From the windows of a run to the readings of an inertial unit, by visits of set points (equations 4.3).
+"""Readings of an inertial unit from the windows of a run, by visits of set points (equations 4.3).
 
-Which attitude a window is of, and about which axis it was turned, follows from the angles that the table read back and
-from the mount, not from what the sequence calls it.
+The attitude of a window, or the axis of its rotation, follows from the read-back angles of the table and from the
+mount, not from names in the sequence.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 ACCELEROMETERS, GYROS = (tuple(f"{sensor}_{axis}" for axis in AXES) for sensor in ("acc", "gyro"))
 CHANNELS_OF = (*ACCELEROMETERS, *GYROS)
-ALIGNED = 0.999  # the cosine of how far an axis may be from where an attitude has it
+ALIGNED = 0.999  # cosine of the largest deviation of an axis from its direction in an attitude
 SAME_SET_POINT_C = 0.5
-LEAST_SHARE = 0.5  # of the readings of a thermometer must be there
+LEAST_SHARE = 0.5  # minimum share of valid readings of a thermometer
 
 
 @dataclass(frozen=True, slots=True)
 class AtRest:
-    """A window at rest: which of the 24 attitudes it is of."""
+    """A window at rest, with its index among the 24 attitudes."""
 
     attitude: int
     acquisition: Acquisition
@@ -37,7 +37,7 @@ class AtRest:
 
 @dataclass(frozen=True, slots=True)
 class Turning:
-    """A window over whole turns about one axis of the unit, at a rate in °/s of the clock that it was counted by."""
+    """A window over whole turns about one axis of the unit, at a rate in °/s by the clock of its counter."""
 
     axis: int
     command_dps: float
@@ -47,9 +47,9 @@ class Turning:
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """A set point when it was visited, with the windows that can be placed; `path` names it by its loops.
+    """A visit of a set point, with the windows that can be assigned; `path` names it by its loops.
 
-    `unplaced` are the steps of windows that are of no attitude, and of no axis.
+    `unplaced` are the steps of windows with no known attitude or axis.
     """
 
     number: int
@@ -61,33 +61,33 @@ class Visit:
 
     @property
     def tail(self) -> str:
-        """What an id ends with at this visit."""
+        """Last part of an id at this visit."""
         return f"@{self.path}" if self.path else ""
 
     @property
     def told_set_c(self) -> float | None:
-        """The set point; None where there was none."""
+        """Set point; None if there was none."""
         return None if np.isnan(self.set_c) else self.set_c
 
     @property
     def attitudes(self) -> frozenset[int]:
-        """The attitudes that it has."""
+        """Attitudes that were measured."""
         return frozenset(each.attitude for each in self.at_rest)
 
     def window_of(self, attitude: int) -> Acquisition | None:
-        """The last window of an attitude; None without one."""
+        """Last window of an attitude; None without one."""
         return next((each.acquisition for each in reversed(self.at_rest) if each.attitude == attitude), None)
 
     def turned(self, axis: int) -> list[Turning]:
-        """The windows in which an axis was turned."""
+        """Windows with rotation about an axis."""
         return [each for each in self.turning if each.axis == axis]
 
 
 def visits(data: RunData, unit: UnitUnderTest) -> list[Visit]:
-    """The set points in the order in which they were visited.
+    """Visits of set points in run order.
 
-    What was measured at a set point in another mount, because the table does not reach all attitudes in one, belongs to
-    the first visit there that lacks it.
+    Windows at a set point in another mount, because the table does not reach all attitudes in one, belong to the first
+    visit there that lacks them.
     """
     found: list[Visit] = []
     for group, acquisitions in data.groups().items():
@@ -106,7 +106,7 @@ def visits(data: RunData, unit: UnitUnderTest) -> list[Visit]:
 
 
 def _completes(visit: Visit, other: Visit) -> bool:
-    """Whether a visit has what an earlier one at the same set point lacks, in another mount."""
+    """True if a visit supplies, in another mount, data that an earlier one at the same set point lacks."""
     mounts = [{each.acquisition.mount.name for each in of.at_rest} for of in (visit, other)]
     near = abs(visit.set_c - other.set_c) < SAME_SET_POINT_C or (np.isnan(visit.set_c) and np.isnan(other.set_c))
     return bool(near) and mounts[0].isdisjoint(mounts[1]) and visit.attitudes.isdisjoint(other.attitudes)
@@ -131,10 +131,10 @@ def _visit(
 
 
 def _turning(acquisition: Acquisition, axes: Array, unit: UnitUnderTest, bench: BenchRecord) -> Turning | None:
-    """The rotation of a window; None when it is at rest, or turned about no axis of the unit.
+    """Rotation of a window; None if it is at rest, or not about an axis of the unit.
 
-    The table's angles are timed by the host, whose seconds the counter's clock makes its own. What sends samples of a
-    rate leaves the host's as they are.
+    The table's angles are timed by the host's clock; the rate is converted to the counter's clock. For a unit that
+    sends samples of a rate it stays by the host's clock.
     """
     turned = acquisition.turned
     if turned is None or turned.to_s <= turned.from_s:
@@ -151,7 +151,7 @@ def _turning(acquisition: Acquisition, axes: Array, unit: UnitUnderTest, bench: 
 
 
 def axis_direction(acquisition: Acquisition, role: str, bench: BenchRecord) -> Array:
-    """Where the positive end of an axis of the table points in the level frame, as others carry it, (3,)."""
+    """Direction of the positive end of a table axis in the level frame, as carried by the outer axes, (3,)."""
     turned = Rotation.identity()
     for name, axis in bench.axes.items():
         points = np.array(axis.points)
@@ -162,7 +162,7 @@ def axis_direction(acquisition: Acquisition, role: str, bench: BenchRecord) -> A
 
 
 def readings(found: Sequence[Visit], unit: UnitUnderTest, rate_tolerance: float) -> ImuReadings:
-    """The readings of all visits, one entry of each array for each visit; a set point may be visited twice."""
+    """Readings of all visits, one entry of each array for each visit; a set point may be visited twice."""
     parts = [_arranged(visit, unit, rate_tolerance) for visit in found]
     excluded: Counter[str] = Counter()
     for part in parts:
@@ -181,7 +181,7 @@ def readings(found: Sequence[Visit], unit: UnitUnderTest, rate_tolerance: float)
 
 
 def _arranged(visit: Visit, unit: UnitUnderTest, rate_tolerance: float) -> ImuReadings:
-    """One visit as the readings of one set point, by a number of its own."""
+    """One visit as the readings of one set point, with its own number."""
     resting = [each.acquisition for each in visit.at_rest]
     turned = [each.acquisition for each in visit.turning]
     at_rest, turning = _counted(resting, unit), _counted(turned, unit)
@@ -214,7 +214,7 @@ def _arranged(visit: Visit, unit: UnitUnderTest, rate_tolerance: float) -> ImuRe
 
 @dataclass(frozen=True, slots=True)
 class _Counted:
-    """Windows as counts, or as what mean codes add up to: `span_s` (n,), all others (n, 3)."""
+    """Windows as counts, or as the equivalent of mean codes: `span_s` (n,), all others (n, 3)."""
 
     span_s: Array
     accelerometers: Array
@@ -238,7 +238,7 @@ def _counted(acquisitions: Sequence[Acquisition], unit: UnitUnderTest) -> _Count
     return _Counted(
         span_s=span_s,
         accelerometers=net(ACCELEROMETERS, frozenset()),
-        gyros=net(GYROS, frozenset({"dead_band"})),  # a gyro at rest may well give no pulse for long
+        gyros=net(GYROS, frozenset({"dead_band"})),  # a gyro at rest may give no pulse for long
         accelerometer_c=celsius(unit.temperature),
         gyro_c=celsius(unit.gyro_temperature),
     )
@@ -249,7 +249,7 @@ def _span_s(acquisition: Acquisition, unit: UnitUnderTest) -> float:
 
 
 def _mean(acquisition: Acquisition, channel: str, harmless: frozenset[str]) -> float:
-    """The mean output of a channel in its window; NaN when it cannot be used."""
+    """Mean output of a channel in its window; NaN if it cannot be used."""
     window = acquisition.windows[channel]
     return np.nan if set(window.problems) - harmless else window.mean
 
@@ -260,6 +260,6 @@ def _mean_c(values: Array) -> float:
 
 
 def _no_rates() -> tuple[tuple[RateReadings, ...], ...]:
-    """The rates of a set point without any."""
+    """Rates of a set point without any."""
     nothing = RateReadings(*(np.empty(0) for _ in range(5)))
     return ((nothing,) * len(AXES),)

@@ -1,11 +1,11 @@
-"""How a compensated channel settles after power-on: its zero and its scale as courses of time, and when they stay.
+"""Time history of zero and scale of a compensated channel after power-on, and their settling times.
 
-Readings v at times t since power-on, each at a known drive d (what the channel should read), are fitted by
+Readings v at times t since power-on, each at a known input d, are fitted by
 
     v = zero(t) + d · scale(t),   zero and scale each a constant and terms exp(-t / τ) with given time constants τ
 
-so that what changes between a reading and the next at the other drive is in neither. Time constants a factor of three
-apart follow everything between them, to some percent of its size at power-on; of the terms only the sum has a meaning.
+so that a change between readings at different inputs is in neither. Time constants a factor of three apart represent
+all time constants between them, within some percent of the change at power-on; only the sum of the terms has a meaning.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from bench.metrology.least_squares import Array, LinearFit, least_squares
 from bench.metrology.results.finding import CONFIDENCE, Interval
 
 Part = Literal["zero", "scale"]
-GRID_S = 1.0  # how closely the courses are looked at
-DRAWS = 40  # of how far a course is off
-CONDITION_LIMIT = 1e6  # terms that are hardly told apart do no harm, for only their sum is used
+GRID_S = 1.0  # spacing of the time grid
+DRAWS = 40  # errors of a time history that are drawn
+CONDITION_LIMIT = 1e6  # poorly separated terms do no harm, because only their sum is used
 
 
 @dataclass(frozen=True, slots=True)
 class Courses:
-    """The fit of the readings of one channel; `at_s` (n,) are their times since power-on, `drive` (n,) their drives."""
+    """Fit of the readings of one channel; `at_s` (n,) are their times since power-on, `drive` (n,) their inputs."""
 
     at_s: Array
     drive: Array
@@ -37,19 +37,19 @@ class Courses:
 
     @property
     def grid_s(self) -> Array:
-        """From power-on to the last reading."""
+        """Time grid from power-on to the last reading."""
         return np.append(np.arange(0.0, float(self.at_s.max()), GRID_S), float(self.at_s.max()))
 
     def of(self, part: Part, at_s: Array) -> Array:
-        """A course at times (m,)."""
+        """One time history, zero or scale, at times (m,)."""
         return self._terms(at_s) @ self._rows(part, self.fit.coefficients)
 
     def weights(self, part: Part, at_s: Array) -> Array:
-        """What one unit of each reading adds to a course at times (m,): (m, n)."""
+        """Sensitivity of a time history at times (m,) to each reading: (m, n)."""
         return np.asarray(self._terms(at_s) @ self._rows(part, self.fit.gain))
 
     def points(self, part: Part) -> Array:
-        """Each reading as a value of a course, the other one taken as fitted, (n,)."""
+        """Each reading as a value of one time history, the other one taken as fitted, (n,)."""
         own = self.of(part, self.at_s)
         return np.asarray(own + self.fit.residuals / (self.drive if part == "scale" else 1.0))
 
@@ -62,7 +62,7 @@ class Courses:
 
 
 def fit_courses(at_s: Array, values: Array, drive: Array, time_constants_s: Sequence[float]) -> Courses:
-    """The courses of readings (n,); raises NotDetermined when they are too few, too soon over, or all at one drive."""
+    """Fit readings (n,); raises NotDetermined if they are too few, over too short a time, or all at one input."""
     terms = _terms(at_s, time_constants_s)
     design = np.hstack([terms, terms * drive[:, np.newaxis]])
     fit = least_squares(design, values, condition_limit=CONDITION_LIMIT)
@@ -75,12 +75,13 @@ def _terms(at_s: Array, time_constants_s: Sequence[float]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Settling:
-    """From which time on a course stays within its limit, in s since power-on.
+    """Time since power-on (s) after which a quantity stays within its limit.
 
-    `u_s` is how far it moves, in the root mean square, when the course is off by what its standard uncertainties make
-    likely. It is no linear function of the course, least of all of a flat one, so that there is a range beside.
-    `to_the_end` says that the course is outside at its end: it takes longer than the readings go; `perhaps_to_the_end`
-    that it may be, so that the range ends with the readings alone; `from_the_start` that it never is outside.
+    `u_s` is its root-mean-square change under errors of the time history with its standard uncertainties. The settling
+    time is not a linear function of the time history, least of all of a flat one, so that it has a range too.
+    `to_the_end` is true if the quantity is outside at the end: settling takes longer than the readings;
+    `perhaps_to_the_end` if it may be, so that the range ends with the readings; `from_the_start` if it never is
+    outside.
     """
 
     at_s: float
@@ -92,10 +93,10 @@ class Settling:
 
 
 def settling(grid_s: Array, off: Array, u: Array, limit: float) -> Settling:
-    """Of a course that is `off` what it should be, with its standard uncertainties `u`; all (m,).
+    """Settling time of a quantity with the error `off` and its standard uncertainties `u`; all (m,).
 
-    Its distribution is propagated (JCGM 101), the course off everywhere by the same multiple of `u`. The range goes
-    from where the lower edge of the band about the size of the course stays within the limit to where the upper does.
+    The distribution is propagated (JCGM 101) with errors of one common multiple of `u`. The range extends from the
+    settling time of the lower edge of the band about the magnitude to that of the upper edge.
     """
     size, wide = np.abs(off), float(ndtri((1 + CONFIDENCE) / 2))
     at_s = _last_exit_s(grid_s, size, limit)
@@ -110,13 +111,13 @@ def settling(grid_s: Array, off: Array, u: Array, limit: float) -> Settling:
 
 
 def _normal_draws() -> Array:
-    """Values that are each equally likely of a standard normal distribution, (n,), with a standard deviation of 1."""
+    """Equally probable values of a standard normal distribution, (n,), with a standard deviation of 1."""
     draws = ndtri((np.arange(DRAWS) + 0.5) / DRAWS)
     return np.asarray(draws / np.std(draws))
 
 
 def _last_exit_s(grid_s: Array, size: Array, limit: float) -> float:
-    """When a size falls to its limit for good; 0 where it is never above, the end where it is above to the end."""
+    """Time at which a magnitude last falls to its limit; 0 if it is never above, the end if it is above at the end."""
     outside = np.flatnonzero(size > limit)
     if not len(outside):
         return 0.0

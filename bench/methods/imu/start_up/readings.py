@@ -1,7 +1,7 @@
 """The readings of an inertial unit after a power-on, compensated by its released calibration.
 
-The output becomes what it measures at the temperature that the unit's own thermometers then say, as a user of the unit
-would do it. Time counts from power-on, not from the first reading.
+The output is converted at the temperature of the unit's own thermometers, as by a user of the unit. Time counts from
+power-on, not from the first reading.
 """
 
 from __future__ import annotations
@@ -17,45 +17,47 @@ from bench.metrology.acquisition import Acquisition
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import Array
 from bench.metrology.run_data import ReleasedCalibration, UnitUnderTest
-from bench.metrology.sampled_codes import by_level
+from bench.metrology.sampled_codes import quantisation_by_level
 
-HARMLESS = frozenset({"dead_band"})  # to a gyro at rest, which may well give no pulse for long
+HARMLESS = frozenset({"dead_band"})  # for a gyro at rest, which may give no pulse for long
 
 
 class Readings:
-    """Compensated readings of one channel, (n,): when, what, what drives them; in the unit that the channel measures.
+    """Compensated readings of one channel, (n,): times, values and inputs, in the unit of the measured quantity.
 
-    `step_u` is what the steps of codes hide from each, `alone` what one of them tells alone of its uncertainty.
+    `quantisation_u` is the quantisation uncertainty of each, `alone` the single-reading uncertainty.
     """
 
     def __init__(self, rows: Sequence[tuple[float, ...]], windows: Sequence[Acquisition]) -> None:
         columns = np.array(rows, np.float64).reshape(-1, 5).T
-        self.at_s, self.values, self.drive, alone, self.step_u = columns
+        self.at_s, self.values, self.drive, alone, self.quantisation_u = columns
         self.alone = float(np.median(alone)) if rows else 0.0
         self.windows = tuple(windows)
 
     def hidden(self, weights: Array) -> Array:
-        """What steps hide from what depends on the readings by `weights` (m, n), (m,): alike from one drive."""
-        return np.array([float(np.linalg.norm(by_level(gain, self.step_u, self.drive))) for gain in weights])
+        """Quantisation uncertainty (m,) of results with sensitivities `weights` (m, n), one error for each input."""
+        return np.array(
+            [float(np.linalg.norm(quantisation_by_level(gain, self.quantisation_u, self.drive))) for gain in weights]
+        )
 
 
 class PowerOn:
-    """What was read of a unit after one power-on; `flags` tells what could not be used, and why.
+    """Readings of a unit after one power-on; `flags` name unusable ones with the reason.
 
-    `between_s` are the bench times between which it was put on; None where the run does not say.
+    `between_s` are the bench times between which it was switched on; None if the run does not record it.
     """
 
     def __init__(self, visit: Visit, unit: UnitUnderTest, released: ReleasedCalibration, bench: BenchRecord) -> None:
         self.visit = visit
         self._unit, self._released, self._bench = unit, released, bench
         self.flags = [f"{step}: no_attitude" for step in visit.unplaced]
-        told = (each.acquisition.on_since_s.get(unit.supply) for each in visit.at_rest)
-        self.between_s = next(filter(None, told), None)
+        times = (each.acquisition.on_since_s.get(unit.supply) for each in visit.at_rest)
+        self.between_s = next(filter(None, times), None)
         if self.between_s is None:
             self.flags.append(f"{visit.path}: no_power_on")
 
     def accelerometer(self, axis: int) -> Readings:
-        """In the attitudes in which the axis is vertical, driven by gravity in the g of the calibration."""
+        """Accelerometer readings with the axis vertical; the input is gravity in the g of the calibration."""
         known_mps2 = self._released.gravity_mps2
         ratio = 1.0 if math.isnan(known_mps2) else self._bench.gravity_mps2 / known_mps2
         own = self._vertical(axis)
@@ -63,7 +65,7 @@ class PowerOn:
         return self._readings(f"acc_{AXES[axis]}", [window for _, window in own], drive)
 
     def gyro_at_rest(self, axis: int) -> Readings:
-        """In these attitudes, less what it should see of the earth; driven by specific force, for its g-sensitivity."""
+        """Gyro readings in these attitudes, less the earth rate; the input is specific force, for its g-sensitivity."""
         own = self._vertical(axis)
         earth_dps = earth_rate_dps(self._bench.latitude_deg)
         drive = [float(SPECIFIC_FORCE_G[attitude, axis]) for attitude, _ in own]
@@ -71,7 +73,7 @@ class PowerOn:
         return self._readings(f"gyro_{AXES[axis]}", [window for _, window in own], drive, seen_dps)
 
     def gyro_turned(self, axis: int) -> Readings:
-        """While it was turned, driven by the rate of the table."""
+        """Gyro readings during rotation; the input is the rate of the table."""
         turned = self.visit.turned(axis)
         drive = [each.rate_dps for each in turned]
         return self._readings(f"gyro_{AXES[axis]}", [each.acquisition for each in turned], drive)
@@ -83,24 +85,24 @@ class PowerOn:
     def _readings(
         self, channel: str, windows: Sequence[Acquisition], drive: Sequence[float], less: Sequence[float] = ()
     ) -> Readings:
-        """The windows as the released calibration reads them, without those that cannot be used."""
+        """Readings of the windows by the released calibration, without unusable ones."""
         rows, kept = [], []
         for window, driven, subtracted in zip(windows, drive, less or [0.0] * len(windows), strict=True):
-            value, alone, step_u = self._value(channel, window)
+            value, alone, quantisation_u = self._value(channel, window)
             at_s = self._since_s(window)
             if not math.isnan(value + driven + at_s):
-                rows.append((at_s, value - subtracted, driven, alone, step_u))
+                rows.append((at_s, value - subtracted, driven, alone, quantisation_u))
                 kept.append(window)
         return Readings(rows, kept)
 
     def _since_s(self, window: Acquisition) -> float:
-        """From power-on to the middle of a window."""
+        """Time from power-on to the middle of a window."""
         if self.between_s is None:
             return math.nan
         return (window.begin_s + window.end_s) / 2 - math.fsum(self.between_s) / 2
 
     def _value(self, channel: str, window: Acquisition) -> tuple[float, float, float]:
-        """What a channel measured in a window, with its `alone` and its `step_u`; NaN where it cannot be told."""
+        """Value of a channel in a window, with `alone` and `quantisation_u`; NaN if undetermined."""
         read = window.windows[self._unit.channels[channel]]
         of_gyro = channel.startswith("gyro")
         problems = set(read.problems) - (HARMLESS if of_gyro else frozenset())
@@ -109,14 +111,14 @@ class PowerOn:
         if problems or math.isnan(at_c):
             self.flags += [f"{window.step}: {problem}" for problem in sorted(problems) or ["no_temperature"]]
             return math.nan, math.nan, math.nan
-        value, beside = self._compensated(channel, read.mean, read.alone_u, float(at_c))
+        value, beside = self._compensated(channel, read.mean, read.single_u, float(at_c))
         if math.isnan(value):
             self.flags.append(f"{window.step}: beyond_calibration")
-        _, hidden = self._compensated(channel, read.mean, read.step_u, float(at_c))
+        _, hidden = self._compensated(channel, read.mean, read.quantisation_u, float(at_c))
         return value, abs(beside - value), abs(hidden - value)
 
     def _compensated(self, channel: str, output: float, step: float, at_c: float) -> Array:
-        """A mean output, and that and a little more, as values."""
+        """Compensated value of a mean output, and of that plus a step."""
         outputs, at_both_c = np.array([output, output + step]), np.full(2, at_c)
         values, _ = self._released.channels[channel].apply(outputs, at_both_c, "reject")
         return values

@@ -1,8 +1,8 @@
 """Start-up of a compensated inertial unit: its zeros and scale factors against time since power-on (a check of M2).
 
-What is left of zero and scale after compensation by the released calibration is the error of the unit as its users
-have it. The errors of that calibration are in it, and are no source of uncertainty here; nor are those of the unit's
-thermometers.
+Residual zero and scale errors after compensation by the released calibration are the errors for the users of the unit.
+They include the errors of that calibration and of the unit's thermometers, which are therefore no sources of
+uncertainty here.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ PERHAPS_TO_THE_END = "perhaps_to_the_end"
 NOT_DETERMINED = "practically_not_determined"
 SCATTER = "readings: scatter about the courses"
 MODEL = "readings: their courses with other time constants"
-OTHERWISE = math.sqrt(3)  # times the time constants, which are usually a factor of three apart
+OTHERWISE = math.sqrt(3)  # factor on the time constants, which are usually a factor of three apart
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """One quantity of one axis after one power-on: its course over `grid_s` with its standard uncertainty, in its unit.
+    """One quantity of one axis after one power-on: time history over `grid_s`, standard uncertainty, in its unit.
 
-    `at_s` and `points` (n,) are the readings; `limit` is how far off it may be.
+    `at_s` and `points` (n,) are the readings; `limit` is the maximum error.
     """
 
     quantity: str
@@ -61,13 +61,13 @@ class Watched:
 
 @dataclass(frozen=True, slots=True)
 class StartUpDetail:
-    """What the report draws: what was watched after each power-on, with the set point of the chamber."""
+    """Data for the report: quantities after each power-on, with the set point of the chamber."""
 
     power_ons: tuple[tuple[float, tuple[Watched, ...]], ...]
 
 
 class _Source(NamedTuple):
-    """A source of uncertainty of a course: its standard uncertainties at the times of the grid, (m,)."""
+    """Contribution to the uncertainty of a time history: standard uncertainties at the times of the grid, (m,)."""
 
     name: str
     u: Array
@@ -76,7 +76,7 @@ class _Source(NamedTuple):
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The findings of every unit."""
+    """Reduce a run to the findings of every unit."""
     return [_reduced(data, unit, settings) for unit in data.units]
 
 
@@ -101,7 +101,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
 
 
 class _Watch:
-    """What is found after one power-on; `findings` fills the rest."""
+    """Results after one power-on; `findings` computes them."""
 
     def __init__(
         self, data: RunData, unit: UnitUnderTest, released: ReleasedCalibration, power_on: PowerOn,
@@ -114,7 +114,7 @@ class _Watch:
         self.left_out: list[str] = []
 
     def findings(self) -> Iterator[Finding]:
-        """Of all axes; the scale factor of a gyro only where a sequence has turned it."""
+        """Findings of all axes; the scale factor of a gyro only if the sequence rotates it."""
         for axis in range(len(AXES)):
             yield from self._of(axis, self.power_on.accelerometer(axis), ("K0", "K1"))
             yield from self._of(axis, self.power_on.gyro_at_rest(axis), ("D0",))
@@ -151,19 +151,19 @@ class _Watch:
         self.watched.append(Watched(quantity, AXES[axis], grid_s, off, u, courses.at_s, points, limit, found))
         steps = tuple(window.step for window in readings.windows)
         first = int(np.searchsorted(grid_s, courses.at_s.min()))
-        for name, index, told in (("power_on", first, FIRST), ("warm", -1, WARM)):
+        for name, index, name_text in (("power_on", first, FIRST), ("warm", -1, WARM)):
             lines = _lines(sources, index, 1.0)
-            yield self._finding(f"{quantity}/{name}", axis, told, float(off[index]), UNITS[quantity], lines, steps)
+            yield self._finding(f"{quantity}/{name}", axis, name_text, float(off[index]), UNITS[quantity], lines, steps)
         yield self._settling(quantity, axis, found, sources, grid_s, u, steps)
 
     def _settling(
         self, quantity: str, axis: int, found: Settling, sources: Sequence[_Source], grid_s: Array, u: Array,
         steps: tuple[str, ...],
     ) -> Finding:  # fmt: skip
-        """The time until a course stays within its limit, with the shares of its sources at that time."""
+        """Settling time of a quantity, with the shares of its sources at that time."""
         index = int(np.searchsorted(grid_s, found.at_s).clip(0, len(grid_s) - 1))
         begun_s, ended_s = self.power_on.between_s or (0.0, 0.0)
-        index = index if u[index] else int(np.argmax(u))  # a course that is known there exactly may not be elsewhere
+        index = index if u[index] else int(np.argmax(u))  # a time history may be known exactly there, but not elsewhere
         lines = _lines(sources, index, found.u_s / float(u[index]) if u[index] else 0.0)
         lines.append(BudgetLine("power-on: command to reading back", "B", (ended_s - begun_s) / math.sqrt(12)))
         is_open = found.perhaps_to_the_end and not found.to_the_end
@@ -179,7 +179,7 @@ class _Watch:
         return self._finding(f"{quantity}/settling", axis, SETTLING, found.at_s, "s", lines, steps, flags, interval)
 
     def _sources(self, quantity: str, axis: int, readings: Readings, courses: Courses) -> Iterator[_Source]:
-        """What makes a course uncertain."""
+        """Contributions to the uncertainty of a time history."""
         weights = courses.weights(PARTS[quantity], courses.grid_s)
         fit, always = courses.fit, np.ones(len(courses.grid_s))
         scatter = max(fit.residual_sd if fit.dof else 0.0, readings.alone)
@@ -196,13 +196,13 @@ class _Watch:
         seen = errors.seen(earth_dps if quantity == "D0" else UP, axis)
         for name, u_seen in errors.propagated(seen, weights).items():  # each is one rotation in every attitude
             yield _Source(name, u_seen, None, shared_by(name))
-        if quantity == "D0":  # turned over about east, it sees north with the other sign, and the mean does not
+        if quantity == "D0":  # rotated by half a turn about east, it senses north with the other sign; the mean cancels
             across_dps = np.delete(errors.axes @ earth_dps, axis, axis=-1)
             across = np.linalg.norm(weights @ across_dps, axis=-1)
             yield _Source("gyro: earth rate across its axis", across * self._settings["misalignment_rad"])
         if quantity == "K1":
             known_mps2 = self._released.gravity_mps2
-            if not math.isnan(known_mps2) and known_mps2 != self._bench.gravity_mps2:  # else the same survey
+            if not math.isnan(known_mps2) and known_mps2 != self._bench.gravity_mps2:  # otherwise the same survey
                 u = math.hypot(self._bench.gravity_u_mps2, self._released.gravity_u_mps2) / known_mps2
                 yield _Source("site: gravity, against that of the calibration", u * always)
 
@@ -216,7 +216,7 @@ class _Watch:
 
 
 def _lines(sources: Sequence[_Source], index: int, factor: float) -> list[BudgetLine]:
-    """The budget of a course at one time of the grid, times a factor."""
+    """Budget of a time history at one time of the grid, times a factor."""
     return [
         BudgetLine(each.name, "B" if each.dof is None else "A", factor * float(each.u[index]), each.dof, each.shared)
         for each in sources

@@ -1,4 +1,4 @@
-"""How a compensated inertial unit came up: when its quantities stayed within their limits, and their courses."""
+"""Report of the start-up of a compensated inertial unit: settling times, and time histories."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ TITLES = {
 }
 WHEN = {"power_on": "first", "warm": "warm"}
 S_PER_MIN = 60.0
-ROOM = 2.2  # of the limit, that a panel shows at least on either side
+ROOM = 2.2  # of the limit: minimum range of a panel on either side
 
 
 Found = Mapping[tuple[int, str, str], Finding]
-"""By the number of the power-on, the axis, and the quantity."""
+"""Quantities by the number of the power-on, the axis, and the quantity."""
 
 
 def start_up_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """The times after which all stays within its limits, then the courses after each power-on."""
+    """Table of settling times, then the time histories after each power-on."""
     if not isinstance(unit.detail, StartUpDetail):
         return
     found = {(each.at["visit"], each.at["axis"], each.quantity): each for each in unit.findings if "visit" in each.at}
@@ -48,22 +48,22 @@ def start_up_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
             yield _courses(set_c, watched, f"{name}-start-up-{number}")
 
 
-def _rows(found: Found, told: Mapping[str, Callable[[Finding], str]]) -> Iterator[tuple[str, ...]]:
-    """A row for each axis at each power-on: the quantities, each as it is told."""
+def _rows(found: Found, as_text: Mapping[str, Callable[[Finding], str]]) -> Iterator[tuple[str, ...]]:
+    """A row for each axis at each power-on, a formatted cell for each quantity."""
     for visit, axis in dict.fromkeys(key[:2] for key in found):
-        of_axis = {quantity: found.get((visit, axis, quantity)) for quantity in told}
+        of_axis = {quantity: found.get((visit, axis, quantity)) for quantity in as_text}
         set_c = next((each.at["temperature_set_c"] for each in of_axis.values() if each is not None), None)
-        cells = ("–" if each is None else told[quantity](each) for quantity, each in of_axis.items())
+        cells = ("–" if each is None else as_text[quantity](each) for quantity, each in of_axis.items())
         yield ("–" if set_c is None else f"{set_c:g}", axis, *cells)
 
 
 def _errors(found: Found) -> Sheet:
-    """What compensation leaves right after power-on, and when the unit is warm."""
+    """Residual errors of the compensation right after power-on, and of the warm unit."""
     wanted = {f"{quantity}/{when}": shown for quantity in TITLES for when in WHEN}
     heads = (
-        (f"{quantity}, {tr(told)}", IMU_START_UP.shown[f"{quantity}/{when}"])
+        (f"{quantity}, {tr(as_text)}", IMU_START_UP.shown[f"{quantity}/{when}"])
         for quantity in TITLES
-        for when, told in WHEN.items()
+        for when, as_text in WHEN.items()
     )
     return Sheet(
         tr("Residual errors of the compensation after power-on"),
@@ -89,7 +89,7 @@ def _settling(found: Found) -> Sheet:
 
 
 def _hardly_determined(found: Found) -> str:
-    """Which times may be anything from power-on to the end of the watch; empty without one."""
+    """Settling times that are practically undetermined; empty without one."""
     names = [
         f"{each.quantity.removesuffix('/settling')} {where(each.at, {})}"
         for each in found.values()
@@ -99,7 +99,7 @@ def _hardly_determined(found: Found) -> str:
 
 
 def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:
-    """Zeros left, scale factors right; accelerometers above, gyros below."""
+    """Time histories, zeros left, scale factors right; accelerometers above, gyros below."""
     figure = new_figure(5.6)
     panels = figure.subplots(2, 2, sharex=True, gridspec_kw={"hspace": 0.3, "wspace": 0.3}).ravel()
     for axes, quantity in zip(panels, TITLES, strict=True):

@@ -1,1 +1,1 @@
-"""From sweeps to scale factor, bias, misalignment and cross coupling."""
+"""Reduction of sweeps to scale factor, bias, misalignment and cross coupling."""

@@ -1,10 +1,10 @@
-"""What makes results of an indexing table uncertain, by how each depends on every reading (equations 1.9).
+"""Uncertainty of results of an indexing table, from their sensitivity to every reading (equations 1.9).
 
 A result is an `Estimate` over the readings of both sweeps and of the clocking. The errors of the head turn the input
-axis at every reading, whichever way it then lies: so an error that all positions share leaves what the clocking takes
-out of the bias again. How well the head comes back to an angle is one error of all readings between two moves. Where
-each reading of the sweeps has a move of its own before it, their scatter holds that; readings repeated while the head
-stands scatter without it. Readings to which the head came from above are off by its backlash, all by the same.
+axis at every reading, whatever the end: so an error common to all positions is removed from the bias by the clocking.
+The repeatability of the head is one error of all readings between two moves. If each reading of the sweeps has its own
+move before it, their scatter contains the repeatability; readings repeated without a move scatter without it. Readings
+approached from above have a common error, the backlash.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from bench.metrology.least_squares import Array
 from bench.metrology.propagation import Estimate
 from bench.metrology.results.budget import BudgetLine, combined
 from bench.metrology.run_data import UnitUnderTest
-from bench.metrology.sampled_codes import by_position
+from bench.metrology.sampled_codes import quantisation_by_angle
 from bench.metrology.thermometer_drift import source_of
 
 SCATTER = "readings: scatter"
@@ -32,9 +32,9 @@ LEVEL = "fixture: level"
 
 @dataclass(frozen=True)
 class IndexingBudget:
-    """The budgets of one unit: its `readings` (n,), the scatter of each, and its degrees of freedom.
+    """Budgets of one unit: its `readings` (n,), the scatter of each, and its degrees of freedom.
 
-    `moves_scatter` tells that the scatter of the sweeps holds how well the head comes back.
+    `moves_scatter` is true if the scatter of the sweeps contains the repeatability of the head.
     """
 
     unit: UnitUnderTest
@@ -46,9 +46,9 @@ class IndexingBudget:
     moves_scatter: bool
 
     def sources(self, gain: Array) -> Mapping[str, Array]:
-        """The standard uncertainties that each source gives to what depends on the readings by `gain` (n,).
+        """Standard uncertainties by source of a result with sensitivities `gain` (n,) to the readings.
 
-        Several of one source are independent of each other. They have signs, which tell results that go together.
+        Several of one source are independent of each other. Their signs determine correlations between results.
         """
         head_rad = np.array([each.head_rad for each in self.readings])
         turned = gain * np.array([each.turn for each in self.readings]) * self.scale
@@ -74,20 +74,20 @@ class IndexingBudget:
         }
 
     def _by_stand(self, turned: Array) -> Array:
-        """Sums over the readings between two moves, of those whose scatter does not hold how the head comes back."""
+        """Sums over the readings between two moves, if the scatter does not contain the repeatability of the head."""
         stand = np.array([each.stand for each in self.readings], dtype=np.int_)
         scattered = np.array([self.moves_scatter and each.kind == "sweep" for each in self.readings], dtype=np.bool_)
         return np.asarray(np.bincount(stand[~scattered], turned[~scattered], minlength=1), np.float64)
 
     def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[str, Array]:
         if self.unit.telemetry is not None:
-            step_u = np.array([each.step_u for each in self.readings])
-            return {f"{self.unit.telemetry}{STEPS}": by_position(gain, step_u, head_rad)}
+            quantisation_u = np.array([each.quantisation_u for each in self.readings])
+            return {f"{self.unit.telemetry}{STEPS}": quantisation_by_angle(gain, quantisation_u, head_rad)}
         found = instrument_u(self.unit, self.bench, float(gain @ values), float(gain.sum()))
         return {source: np.array([u]) for source, u in found.items()}
 
     def lines(self, result: Estimate, without: Sequence[str] = ()) -> tuple[BudgetLine, ...]:
-        """The budget of a result; `without` the sources that make what it is of, not an error of it."""
+        """Budget of a result; `without` are sources that are part of the quantity, not errors of it."""
         return combined([
             self._line(source, float(np.linalg.norm(parts)))
             for source, parts in self.sources(result.gain).items()
@@ -102,7 +102,7 @@ class IndexingBudget:
         return BudgetLine(source, "B", u, None, shared)
 
     def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:
-        """How results go together, by all their sources."""
+        """Correlation matrix of results, from all their sources."""
         rows = np.array([np.concatenate([*self.sources(result.gain).values()]) for result in results])
         sizes = np.linalg.norm(rows, axis=1)
         matrix = rows @ rows.T / np.outer(sizes, sizes) if np.all(sizes) else np.eye(len(rows))

@@ -32,7 +32,7 @@ LARGEST_CHANGE_C = 0.5
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSettings:
-    """How to reduce: outputs at `output_limit_v` or beyond are never fitted; the angles are φ3 and φ4 of `Mounting`."""
+    """Settings of the reduction: outputs at `output_limit_v` or beyond are not fitted; φ3 and φ4 as in `Mounting`."""
 
     terms: tuple[str, ...] = ("c0", "c1", "cxz", "delta")
     agreement: Agreement = field(default_factory=Agreement)
@@ -45,7 +45,7 @@ class CalibrationSettings:
 
 @dataclass(frozen=True, slots=True)
 class StaticCalibration:
-    """`ends` has None for an end that was not swept; `both` is None unless both ends have a line.
+    """Result of the calibration; `ends` has None for an end that was not swept, `both` needs the lines of both.
 
     `decision` is None when an end was not swept. `excluded` counts dwells by reason; `notes` say in words what a reader
     should know beside the flags.
@@ -63,7 +63,7 @@ class StaticCalibration:
 def calibrate(
     record: SweepRecord, settings: CalibrationSettings, clocking: tuple[Array, Array] | None = None
 ) -> StaticCalibration:
-    """Reduces the sweeps of both ends; `clocking` are angles ψ (m,) in rad of the unit on its seat, and its outputs."""
+    """Reduce the sweeps of both ends; `clocking` are angles ψ (m,) in rad of the unit on its seat, and its outputs."""
     usable, excluded = usable_rows(record, settings.output_limit_v)
     first = float(np.min(usable.sequence, initial=np.inf))
     ends = _ends(record, usable, settings.outlier_k, first)
@@ -103,9 +103,9 @@ def calibrate(
 
 
 def _ends(record: SweepRecord, usable: SweepRecord, outlier_k: float, first: float) -> dict[str, EndSweep | None]:
-    """The line of each end. When the bias of one drifts, both are fitted with a drift, from the dwell `first`.
+    """Line of each end. If the bias of one drifts, both are fitted with a drift, from the dwell `first`.
 
-    An end none of whose dwells is usable is missing, unless that is so of both.
+    An end without usable dwells is missing, unless that applies to both.
     """
     swept = [name for name in ENDS if np.any(usable.end == name)] or list(_swept(record))
     ends = {name: reduce_end(usable.rows(usable.end == name), outlier_k=outlier_k) for name in swept}
@@ -119,7 +119,7 @@ def _swept(record: SweepRecord) -> Iterator[str]:
 
 
 def _model(ends: Mapping[str, EndSweep | None], settings: CalibrationSettings, first: float) -> SweepModel:
-    """The model of all dwells that the lines of the ends have kept, with a drift when one of them has it."""
+    """Model of all dwells kept by the lines of the ends, with a drift if one of them has it."""
     swept = [end for end in ends.values() if end]
     dwells = joined([end.dwells for end in swept])
     drifts = any(end.fit and end.fit.drift_v is not None for end in swept)
@@ -134,7 +134,7 @@ def _model(ends: Mapping[str, EndSweep | None], settings: CalibrationSettings, f
 
 
 def _seat(clocking: tuple[Array, Array] | None, output_limit_v: float) -> tuple[Clocking | None, str]:
-    """The fit over the clocking, or why there is none."""
+    """Fit over the clocking, or the reason why there is none."""
     if clocking is None:
         return None, ""
     psi_rad, output_v = clocking
@@ -160,7 +160,7 @@ def _decision(
 
 
 def _equal_histories(ends: Mapping[str, EndSweep | None]) -> bool:
-    """Whether there is a reverse pass, and yet no angle to which the input came from both sides."""
+    """True if there is a reverse pass, but no angle approached from both sides."""
     fits = [end.fit for end in ends.values() if end is not None and end.fit is not None]
     both_ways = any(len(np.unique(fit.dwells.direction)) > 1 for fit in fits)
     return both_ways and not any(len(fit.loop_v) for fit in fits)

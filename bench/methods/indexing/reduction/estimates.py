@@ -1,4 +1,4 @@
-"""Bias, scale factor and tilts of a unit as they depend on every reading on an indexing table (equations 3.4)."""
+"""Bias, scale factor and tilts of a unit as functions of every reading on an indexing table (equations 3.4)."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from bench.methods.indexing.reduction.budget import IndexingBudget
 from bench.methods.indexing.reduction.calibrate import StaticCalibration
 from bench.methods.indexing.reduction.readings import IndexingReading
 from bench.methods.indexing.reduction.sweep import LEAST_REPEATS
-from bench.methods.indexing.reduction.two_ends import BothEnds, Clocking, fit_clocking, taken_apart
+from bench.methods.indexing.reduction.two_ends import BothEnds, Clocking, fit_clocking, separate_coefficients
 from bench.metrology.propagation import Estimate, Measured
 from bench.metrology.run_data import RunData, UnitUnderTest
 
-LEAST_CLOCKING = 1.0  # by which cos ψ must change
+LEAST_CLOCKING = 1.0  # minimum range of cos ψ
 
 
 class IndexingEstimates:
-    """The results of one unit as they depend on its readings: `rows` are those of both sweeps, then of the clocking.
+    """Results of one unit as functions of its readings: `rows` are those of both sweeps, then of the clocking.
 
-    `fits` are the lines of the ends that have one, `tilts` what is known of b3 and b4, in rad, positive when they raise
-    the input axis.
+    `fits` are the lines of the ends that have one, `tilts` the known angles of b3 and b4, in rad, positive if they
+    raise the input axis.
     """
 
     def __init__(
@@ -55,11 +55,11 @@ class IndexingEstimates:
 
     @cached_property
     def both(self) -> BothEnds | None:
-        """What both ends tell; None when one of them has no line."""
+        """Results of both ends together; None if one of them has no line."""
         if len(self.fits) < 2:
             return None
         lines = [line for name in ("up", "down") for line in self.line(name)]
-        bias, scale, tilted, coupling = taken_apart(lines, self.fits["up"], self.fits["down"])
+        bias, scale, tilted, coupling = separate_coefficients(lines, self.fits["up"], self.fits["down"])
         known = scale * math.fsum(np.sin(tilt.value) for tilt in self.tilts.values())
         return BothEnds(bias, scale, tilted, coupling, self._seat, known)
 
@@ -73,7 +73,7 @@ class IndexingEstimates:
 
     @cached_property
     def clocking(self) -> Clocking | None:
-        """The fit over the clocking; None when its angles do not tell a tilt."""
+        """Fit over the clocking; None if its angles do not determine a tilt."""
         psi_rad = np.array([each.clock_rad for each in self._clocked])
         if len(psi_rad) < 2 or np.ptp(np.cos(psi_rad)) < LEAST_CLOCKING:
             return None
@@ -81,13 +81,13 @@ class IndexingEstimates:
 
     @cached_property
     def budget(self) -> IndexingBudget:
-        """What makes all of it uncertain.
+        """Sources of uncertainty of all results.
 
-        The scatter is that of readings repeated while the head stands; without enough of them that of readings at one
-        angle from one side, which holds how the head comes back, or of the residuals. It is that of both ends together:
-        they are read in the same way, and a few repeats on one of them tell a standard deviation badly. Nor is a
-        reading believed to scatter less than what it alone tells: repeats that come out near each other by chance
-        would make results more certain than any reading is.
+        The scatter is that of readings repeated without a move; if these are too few, that of readings at one angle
+        from one side, which contains the repeatability of the head, or of the residuals. Both ends are pooled: they are
+        read in the same way, and a few repeats determine a standard deviation poorly. The scatter is at least the
+        single-reading uncertainty: repeats that agree by chance would otherwise make results more certain than any
+        reading.
         """
         fits = list(self.fits.values())
         standing, moved = ([fit.repeats(standing=each) for fit in fits] for each in (True, False))
@@ -96,7 +96,7 @@ class IndexingEstimates:
         repeats = standing if stands else moved if sum(dof for _, dof in moved) >= LEAST_REPEATS else residual
         dof = sum(each for _, each in repeats)
         pooled = float(np.sqrt(sum(squares for squares, _ in repeats) / dof)) if dof else 0.0
-        alone = float(np.sqrt(np.mean([each.alone_u**2 for each in self.rows]))) if self.rows else 0.0
+        alone = float(np.sqrt(np.mean([each.single_u**2 for each in self.rows]))) if self.rows else 0.0
         swept = sum(len(used) for used in self._used.values())
         scale = float(np.mean([fit.scale_v_per_g for fit in self.fits.values()])) if self.fits else 0.0
         come_back = scale * float(np.radians(self._data.bench.head.repeatability_u_deg))
@@ -106,7 +106,7 @@ class IndexingEstimates:
 
     @property
     def reading_sd_g(self) -> float:
-        """Standard deviation of a reading of the sweeps, with how well the head comes back to its angle, in g."""
+        """Standard deviation of a reading of the sweeps, including the repeatability of the head, in g."""
         if not self.fits:
             return 0.0
         head_rad = 0.0 if self.budget.moves_scatter else np.radians(self._data.bench.head.repeatability_u_deg)

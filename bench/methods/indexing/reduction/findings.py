@@ -1,6 +1,6 @@
-"""The findings of a calibration on an indexing table, each with its budget, and its equations.
+"""Findings of a calibration on an indexing table, each with its budget, and its equations.
 
-With both ends the results are the unit's; with one of them only its equation is found, for tests in that orientation.
+With both ends the results describe the unit; with one end there is only the equation for tests in that orientation.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 SELECTION = "readings: scatter makes the largest of many larger"
 TILT_SOURCES = {"b3": "fixture: level", "b4": "platform: angle"}
 TILT_NAMES = {"b3": "tilt by the level of the fixture", "b4": "tilt of the platform"}
-TILTS = ("head: zero", "head: harmonics", "fixture: level")  # of which the tilt of the seat consists
+TILTS = ("head: zero", "head: harmonics", "fixture: level")  # contributions to the tilt of the seat
 ORBIT = "a = (U - b) / K1, U the output, a along the input axis in g"
 MODEL = "U = c0 + c1·a + cxz·a·a_z, a = sin(θ + s·δ), a_z = s·cos(θ + s·δ), s = +1 with +Z up, -1 with it down"
 
 
 @dataclass(frozen=True)
 class IndexingFindings:
-    """The results of one unit, out of the last time that both ends were measured: `found`.
+    """Results of one unit, from the last attempt at both ends, `found`.
 
-    All is at one temperature: what the bias in g and the scale factor, relative, may change by with 1 °C is stated.
+    All is at one temperature; the settings state the change per 1 °C of the bias (g) and of the scale factor
+    (relative).
     """
 
     data: RunData
@@ -53,7 +54,7 @@ class IndexingFindings:
     # Findings
 
     def findings(self) -> Iterator[Finding]:
-        """Everything that a limit may name."""
+        """All findings that a limit may name."""
         both = self.estimates.both
         if both is not None:
             yield from self._of_the_unit(both)
@@ -84,7 +85,7 @@ class IndexingFindings:
         yield self._finding("scale_difference", name, (up - down) / scale, "1", at, flags=flags)
 
     def _higher_orders(self) -> Iterator[Finding]:
-        """K2 and K3, where the angles are large enough to tell them."""
+        """K2 and K3, if the angles are large enough to determine them."""
         model, c1 = self.found.model, self.found.model.value("c1")
         if model.fit is None or not c1:
             return
@@ -106,7 +107,7 @@ class IndexingFindings:
         return self._of("K1_si", "scale factor of the channel, per m/s²", value, unit, lines, self._at)
 
     def _of_the_mounting(self, both: BothEnds) -> Iterator[Finding]:
-        """The bias as it was measured, what the mounting adds to it, and what is left."""
+        """Measured bias, contributions of the mounting, and remaining bias."""
         output, at, scale = self.unit.output_unit, self._at, both.scale
         warm = tuple(self._thermometer(scale.value * self.bias_per_c_u))
         known = (*self._unknown_tilt(both), *warm)
@@ -123,7 +124,7 @@ class IndexingFindings:
             yield from self._seat_tilt(scale.value)
 
     def _unknown_tilt(self, both: BothEnds, factor: float = 1.0) -> tuple[BudgetLine, ...]:
-        """What is not known of the platform where no clocking has seen it; the level is among the sources already."""
+        """Uncertainty of the platform without a clocking; the level is already among the sources."""
         platform = self.estimates.tilts.get("b4")
         if both.seat is not None or platform is None:
             return ()
@@ -152,9 +153,9 @@ class IndexingFindings:
         return self._of("linearity", name, fit.linearity, "1", lines, at, tail=f"/{end}", interval=interval)
 
     def _hysteresis(self) -> Iterator[Finding]:
-        """The largest difference between readings from below and from above over both ends, of the same angle.
+        """Largest difference between readings from below and from above at one angle, over both ends.
 
-        Of noise alone it would be what its budget says. Nothing where each angle was come to from one side only.
+        Its budget is that of a difference by noise alone. None if each angle was approached from one side only.
         """
         loops = {name: fit for name, fit in self.estimates.fits.items() if len(fit.loop_v)}
         if not loops:
@@ -174,7 +175,7 @@ class IndexingFindings:
         yield self._of("hysteresis", name, value, "g", lines, {"end": worst}, interval=interval)
 
     def verification_residuals_g(self) -> Array:
-        """What the equations of the ends leave of the readings of the verification, in g."""
+        """Residuals (g) of the verification readings against the equations of the ends."""
         known = [each for each in self.verified if each.end in self.estimates.fits]
         fits = [self.estimates.fits[each.end] for each in known]
         found = [(each.output - fit.bias_v) / fit.scale_v_per_g for each, fit in zip(known, fits, strict=True)]
@@ -200,7 +201,7 @@ class IndexingFindings:
     # Equations
 
     def models(self) -> Iterator[Equation]:
-        """For use in orbit, for each end on the ground, and the model of all readings."""
+        """Equations for use in orbit and for each end on the ground, and the model of all readings."""
         output = self.unit.output_unit
         both = self.estimates.both
         if both is not None:
@@ -248,7 +249,7 @@ class IndexingFindings:
         valid = {"input_g": (float(sines.min()), float(sines.max()))}
         return valid | ({"temperature_c": (min(warm_c), max(warm_c))} if warm_c else {})
 
-    # Forms
+    # Parts of findings
 
     @property
     def _at(self) -> Mapping[str, Any]:
@@ -256,7 +257,7 @@ class IndexingFindings:
         return {"at_c": float(np.mean(warm_c))} if warm_c else {}
 
     def _thermometer(self, per_c: float) -> Iterator[BudgetLine]:
-        """The line of the temperature that a result names, which changes by so much with 1 °C."""
+        """Line for the temperature of a result that changes by `per_c` with 1 °C."""
         thermometer, at_c = self.unit.temperature, self._at.get("at_c")
         if at_c is not None:
             u_c = self.data.bench.temperature_u_c(thermometer, at_c)

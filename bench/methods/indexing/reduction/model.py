@@ -16,16 +16,16 @@ from bench.metrology.least_squares import Array, NotDetermined
 from bench.metrology.nonlinear import Model, NonlinearFit, NotConverged, fit_nonlinear
 
 TERMS = ("c0", "c1", "c2", "c3", "cxz", "delta")
-HELD = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0)  # what each is where it is not asked for
+HELD = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0)  # values of terms that are not fitted
 DRIFT = "seq"
 
 
 @dataclass(frozen=True, slots=True)
 class SweepModel:
-    """The terms asked for, and `seq`, the change of c0 from dwell to dwell, where there is a drift.
+    """Fitted terms, and `seq`, the change of c0 from dwell to dwell, if a drift is fitted.
 
     Terms are in V per power of g, δ in rad. `fit` is None when no solution was found: `problem`. `doubt` names terms
-    that the readings cannot tell apart.
+    that the readings cannot separate.
     """
 
     terms: tuple[str, ...]
@@ -34,7 +34,7 @@ class SweepModel:
     problem: str
 
     def value(self, term: str) -> float | None:
-        """One of the terms; None when it was not asked for or not found."""
+        """One of the terms; None if it was not requested or not found."""
         if self.fit is None or term not in self.terms:
             return None
         return float(self.fit.parameters[self.terms.index(term)])
@@ -49,7 +49,7 @@ def fit_sweeps(
     since_first: Array | None = None,
     condition_limit: float,
 ) -> SweepModel:
-    """Fits `terms` to outputs (n,) at angles (n,) of the table; `side` (n,) is +1 with +z up and -1 with it down.
+    """Fit `terms` to outputs (n,) at angles (n,) of the table; `side` (n,) is +1 with +z up and -1 with it down.
 
     `since_first` (n,), the number of dwells since the first, adds a drift of the bias.
     """
@@ -65,7 +65,7 @@ def fit_sweeps(
 
 
 def _model(angle_rad: Array, side: Array, terms: Sequence[str], since_first: Array | None) -> Model:
-    """The model with the terms asked for, and the drift behind them, as its parameters."""
+    """Model function with the requested terms and the drift as parameters."""
     asked = [TERMS.index(term) for term in terms]
     drift = np.zeros((len(angle_rad), 0)) if since_first is None else since_first[:, np.newaxis]
 
@@ -79,7 +79,7 @@ def _model(angle_rad: Array, side: Array, terms: Sequence[str], since_first: Arr
 
 
 def output(every: Array, angle_rad: Array, side: Array) -> tuple[Array, Array]:
-    """The output (n,) in V and its derivatives (n, 6) to `every` term, in the order of `TERMS`."""
+    """Output (n,) in V and its derivatives (n, 6) with respect to `every` term, in the order of `TERMS`."""
     _, c1, c2, c3, cxz, delta = every
     a, a_z = np.sin(angle_rad + side * delta), side * np.cos(angle_rad + side * delta)
     to_delta = (c1 + 2 * c2 * a + 3 * c3 * a**2) * a_z + cxz * (a_z**2 - a**2)
@@ -88,7 +88,7 @@ def output(every: Array, angle_rad: Array, side: Array) -> tuple[Array, Array]:
 
 
 def _slope(sine: Array, output_v: Array) -> float:
-    """Of the line through all readings; 1 where there is none."""
+    """Slope of the line through all readings; 1 without one."""
     away = sine - np.sum(sine) / max(len(sine), 1)
     power = float(away @ away)
     return float(away @ output_v) / power if power else 1.0

@@ -1,9 +1,9 @@
-"""From the acquisitions of a run to the readings of a calibration on an indexing table (equations 3.2).
+"""Readings of a calibration on an indexing table from the acquisitions of a run (equations 3.2).
 
-The end that a unit stands on, its angle and how it is clocked follow from the geometry of the bench. Readings in a
-group `clocking` are those of the clocking, those in a group `verification` are not fitted, all others are the sweeps;
-`reverse` among the loops around one tells the pass that it is of, `pass` how often both ends were measured before. From
-which side the input came to an angle is in the record of the moves, not in a name.
+The end on which a unit stands, its angle and its clocking follow from the geometry of the bench. Readings in a group
+`clocking` are those of the clocking, those in a group `verification` are not fitted, all others are the sweeps; the
+loop `reverse` around a reading marks the reverse pass, the loop `pass` the number of preceding measurements of both
+ends. The side of approach is from the record of the moves, not from a name.
 """
 
 from __future__ import annotations
@@ -24,21 +24,20 @@ from bench.metrology.outputs import STABLE_PART_S, Output, mean_output, measured
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 OTHER_SIDE = {"below": "above", "above": "below", "": ""}
-TURN_DEG = 1e-3  # by which the head is turned in thought, to see what that does
+TURN_DEG = 1e-3  # finite difference of the head angle, for derivatives
 
 Kind = Literal["sweep", "clocking", "verification"]
 
 
 @dataclass(frozen=True, slots=True)
 class IndexingReading:
-    """One reading: its output in the unit of the channel, NaN where it is unusable.
+    """One reading: its output in the unit of the channel, NaN if unusable.
 
-    `angle_rad` is that of the input axis above the horizontal, by the angles of the table alone, `head_rad` that of the
-    head; `turn` is by how much sin(angle) changes when the head turns by 1 rad. `end` is up or down. `number` counts
-    all readings of the run, `stand` the moves before it. `came_from` is the side from which the head came there, `side`
-    that from which the input did, "below" or "above", empty where nobody knows it. `alone_u` is what one alone tells of
-    its standard uncertainty, `step_u` what the steps of codes hide from it. `run_share` is where it is
-    in the run, from -½ to ½.
+    `angle_rad` is the angle of the input axis above the horizontal, by the angles of the table alone, `head_rad` that
+    of the head; `turn` is the change of sin(angle) for 1 rad of the head. `end` is up or down. `number` counts all
+    readings of the run, `stand` the preceding moves. `came_from` is the side of approach of the head, `side` that of
+    the input, "below" or "above", empty if unknown. `single_u` is the single-reading uncertainty, `quantisation_u` the
+    quantisation uncertainty of codes. `run_share` is its position in the run, from -½ to ½.
     """
 
     number: int
@@ -54,8 +53,8 @@ class IndexingReading:
     output: float
     stable: bool
     temperature_c: float
-    alone_u: float = 0.0
-    step_u: float = 0.0
+    single_u: float = 0.0
+    quantisation_u: float = 0.0
     came_from: str = ""
     side: str = ""
     stand: int = 0
@@ -63,7 +62,7 @@ class IndexingReading:
 
 
 def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReading], list[str]]:
-    """All readings of a unit in the order of the run, and flags for those that cannot be used."""
+    """All readings of a unit in run order, and flags for those that cannot be used."""
     flat = replace(data.bench, level_deg=0.0)
     found, flags = [], []
     for number, acquisition in enumerate(data.acquisitions):
@@ -88,8 +87,8 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             output=output.value if usable else float("nan"),
             stable="unstable" not in output.problems,
             temperature_c=float(np.mean(temperature_c)) if len(temperature_c) else float("nan"),
-            alone_u=_alone_u(acquisition, unit, output) if usable else 0.0,
-            step_u=output.step_u if usable else 0.0,
+            single_u=_single_u(acquisition, unit, output) if usable else 0.0,
+            quantisation_u=output.quantisation_u if usable else 0.0,
             came_from=came_from,
             side=came_from if turn > 0 else OTHER_SIDE[came_from],
             stand=acquisition.stand,
@@ -99,34 +98,34 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
     return found, flags
 
 
-def _alone_u(acquisition: Acquisition, unit: UnitUnderTest, output: Output) -> float:
-    """What a reading alone tells of its standard uncertainty, also by the scatter of its parts of 10 s.
+def _single_u(acquisition: Acquisition, unit: UnitUnderTest, output: Output) -> float:
+    """Single-reading standard uncertainty, at least that from the scatter of the parts of 10 s.
 
-    A zero that wanders within seconds scatters these more than samples would that were independent. Parts of a count
-    share what the count does not resolve, so that it tells its resolution only.
+    Variations of the zero within seconds scatter these more than independent samples would. Parts of a count share its
+    resolution, so that it has the uncertainty of the resolution only.
     """
     found, over_s = measured(acquisition, unit), acquisition.over_s
     steady = None if over_s is None or isinstance(found, Counts) else steadiness(found, over_s)
     if over_s is None or steady is None:
-        return output.alone_u
-    return float(max(output.alone_u, steady[0] / np.sqrt(round(over_s / STABLE_PART_S))))
+        return output.single_u
+    return float(max(output.single_u, steady[0] / np.sqrt(round(over_s / STABLE_PART_S))))
 
 
 def _turned(acquisition: Acquisition, bench: BenchRecord) -> Acquisition:
-    """The same with the head a little farther."""
+    """The same acquisition with the head turned by a finite difference."""
     head = next(iter(bench.axes), "")
     angles_deg: Mapping[str, float] = {**acquisition.angles_deg, head: acquisition.angle_deg + TURN_DEG}
     return replace(acquisition, angles_deg=angles_deg)
 
 
 def kind_of(step: str) -> Kind:
-    """What a reading is for, by the id of its step."""
+    """Purpose of a reading, by the id of its step."""
     parts = step.split("/")
     return "clocking" if CLOCKING in parts else "verification" if VERIFICATION in parts else "sweep"
 
 
 def sweep_record(readings: Sequence[IndexingReading]) -> SweepRecord:
-    """Readings as the record of sweeps; what its columns call V is in the unit of the output."""
+    """Readings as a record of sweeps; columns named V are in the unit of the output."""
     return SweepRecord(
         end=np.array([each.end for each in readings], dtype=np.str_),
         direction=np.array([each.direction for each in readings], dtype=np.str_),
@@ -141,7 +140,7 @@ def sweep_record(readings: Sequence[IndexingReading]) -> SweepRecord:
 
 
 def usable_clocking(readings: Sequence[IndexingReading], output_limit: float) -> list[IndexingReading]:
-    """The readings of a clocking that can be fitted."""
+    """Clocking readings that can be fitted."""
     return [each for each in readings if each.stable and np.isfinite(each.output) and abs(each.output) < output_limit]
 
 

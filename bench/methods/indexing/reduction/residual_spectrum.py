@@ -1,4 +1,4 @@
-"""Regular patterns in residuals, which noise does not have: Fisher's test of the largest line of their spectrum."""
+"""Periodic patterns in residuals: Fisher's test of the largest line of their spectrum."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from bench.metrology.least_squares import Array
 
 LEAST_LINES = 3
 CHANCE = 1e-4
-"""That noise shows such a line, at most."""
+"""Maximum probability that noise has such a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +22,10 @@ class SpectralLine:
 
 
 def conspicuous_line(residuals: Array) -> SpectralLine | None:
-    """The largest line in the spectrum of evenly spaced residuals (n,); None when noise may well have one like it.
+    """Largest line in the spectrum of equidistant residuals (n,); None if noise may well have one like it.
 
     R. A. Fisher, Tests of significance in harmonic analysis, Proc. R. Soc. A 125 (1929) 54. The line at half the
-    sampling frequency, which has half the freedom of the others, is not looked at.
+    sampling frequency, with half the degrees of freedom of the others, is not considered.
     """
     power = np.abs(np.fft.rfft(residuals)[1 : (len(residuals) + 1) // 2]) ** 2
     total = float(np.sum(power))

@@ -1,7 +1,7 @@
 """Method M1: scale factor, bias, misalignment and cross coupling from small angles on both ends (equations 3).
 
-What the arithmetic calls V is in the unit of the output, V or pulse/s. The clocking sees the whole tilt of the seat,
-that of the head's zero, of the fixture and of the platform in it: b5 is what it finds beyond b3 and b4, and b - b3 - b4
+Quantities named V are in the unit of the output, V or pulse/s. The clocking measures the whole tilt of the seat,
+including those of the head's zero, of the fixture and of the platform: b5 is the part beyond b3 and b4, and b - b3 - b4
 - b5 is the bias without any tilt.
 """
 
@@ -30,27 +30,27 @@ from bench.metrology.results.curves import Constant
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
-LEAST_FOR_K2_RAD = np.radians(30.0) * 0.999  # smaller angles do not tell K2 and K3: equations 3.4
+LEAST_FOR_K2_RAD = np.radians(30.0) * 0.999  # smaller angles do not determine K2 and K3: equations 3.4
 SMALL_TERMS = ("c0", "c1", "cxz", "delta")
 ALL_TERMS = ("c0", "c1", "c2", "c3", "cxz", "delta")
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """Both ends measured once; `agrees` is whether their scale factors are taken for equal."""
+    """One measurement of both ends; `agrees` is true if their scale factors count as equal."""
 
     readings: tuple[IndexingReading, ...]
     found: StaticCalibration
 
     @property
     def agrees(self) -> bool:
-        """Whether nothing asks for another attempt."""
+        """True if no further attempt is required."""
         return self.found.decision in ("accept", "marginal")
 
 
 @dataclass(frozen=True, slots=True)
 class IndexingDetail:
-    """What a report draws: every attempt, the readings of the clocking and of the verification."""
+    """Data for the report: every attempt, the readings of the clocking and of the verification."""
 
     unit: str
     attempts: tuple[Attempt, ...]
@@ -60,12 +60,12 @@ class IndexingDetail:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The findings and equations of every unit, by the settings of the method."""
+    """Reduce a run to the findings and equations of every unit, by the settings of the method."""
     return [_reduced(data, unit, settings) for unit in data.units]
 
 
 def attempts_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> list[Attempt]:
-    """Every time that both ends were measured; the last one counts."""
+    """All measurements of both ends; the last one counts."""
     readings, _ = readings_of(data, unit)
     return _attempts(readings, unit, settings)
 
@@ -94,7 +94,7 @@ def _settings(
 
 
 def _limit(unit: UnitUnderTest, settings: Mapping[str, Any]) -> float:
-    """The output from which on nothing is fitted."""
+    """Output limit of the fit."""
     limit_g, per_g = settings["output_limit_g"], unit.nominal_per_g
     return np.inf if limit_g is None or per_g is None else float(limit_g * abs(per_g))
 
@@ -130,7 +130,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
 
 
 def _flags(attempts: Sequence[Attempt], clocked: Sequence[IndexingReading]) -> list[str]:
-    """What a reader must know of the calibration as a whole."""
+    """Flags of the calibration as a whole."""
     found = attempts[-1].found
     flags = [flag for flag in found.flags if flag != "ill_conditioned" or None not in found.ends.values()]
     flags += [f"{count} readings: {why}" for why, count in found.excluded.items() if count and why != "unstable"]

@@ -1,8 +1,8 @@
 """A sweep of small angles on an indexing table with the unit on one of its two ends (equations 3.3, 3.4 and 3.6).
 
-The table turns the input axis by θ from the horizontal, up to the largest angle and back, and the output at rest is
-U = b + G sin θ: `b` and `G` are the bias and the scale factor of this end. With the misalignment and the cross coupling
-of the unit they differ between the ends.
+The table turns the input axis by θ from the horizontal, up to the largest angle and back, and the output at rest is U =
+b + G sin θ: `b` and `G` are the bias and the scale factor of this end. Misalignment and cross coupling of the unit make
+them differ between the ends.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from bench.metrology.temperature_checks import broken_at_rest
 
 LEAST_ANGLES = 3
 LEAST_REPEATS = 4
-SMOOTH_DEGREE = 5  # of the curve over the angle that a sensor may have
-SAME_ANGLE = 1e-3  # of the range: a table that is sent to one angle twice does not stop at exactly the same
-SAME_ANGLE_DEG = 5e-4  # 2 arcsec, at least
+SMOOTH_DEGREE = 5  # degree of the curve of a sensor over the angle
+SAME_ANGLE = 1e-3  # relative to the range: repeated stops at one angle are not exactly equal
+SAME_ANGLE_DEG = 5e-4  # 2 arcsec, the minimum
 FEW_READINGS = 5.0
-DRIFT_CHANCE = 1e-4  # that noise looks like a drift of the bias
-DRIFT_SHARE = 0.5  # at least, of the scatter of below minus above: what else there is, is hysteresis
+DRIFT_CHANCE = 1e-4  # probability that noise looks like a drift of the bias
+DRIFT_SHARE = 0.5  # minimum share of the scatter of below minus above; the rest is hysteresis
 
 
 @dataclass(frozen=True, slots=True)
 class SweepRecord:
     """One row per dwell in any order, all arrays (n,); a missing number is NaN, a missing word empty.
 
-    `end` is "up" or "down", `direction` "fwd" or "rev", `sequence` counts the dwells in the order of time. The
-    temperature may be unknown. `side` is that from which the input came to what it was, "below" or "above"; `stand`
-    is the same for dwells between which the table did not move.
+    `end` is "up" or "down", `direction` "fwd" or "rev", `sequence` numbers the dwells in time order. The temperature
+    may be unknown. `side` is the side of approach of the input, "below" or "above"; `stand` is equal for dwells without
+    a move of the table between them.
     """
 
     end: NDArray[np.str_]
@@ -70,16 +70,16 @@ class SweepRecord:
 
     @property
     def temperature_change_c(self) -> float:
-        """Largest minus smallest temperature; 0 where it is not known. A broken thermometer does not count."""
+        """Largest minus smallest temperature; 0 if unknown. Readings of a broken thermometer do not count."""
         known_c = self.temperature_c[np.isfinite(self.temperature_c)]
         known_c = known_c[~broken_at_rest(known_c)]
         return float(np.ptp(known_c)) if len(known_c) else 0.0
 
 
 def by_travel(record: SweepRecord) -> SweepRecord:
-    """With the sides and stands that follow from the order of the angles at each end; `side` stays where it is known.
+    """Record with the sides and stands that follow from the order of the angles at each end; known sides are kept.
 
-    From where the first of an end came is not known.
+    The side of the first dwell of an end is unknown.
     """
     stand, side = np.full(len(record), -1), record.side.astype("<U5")
     for end in np.unique(record.end):
@@ -95,16 +95,16 @@ def by_travel(record: SweepRecord) -> SweepRecord:
 
 
 def joined(parts: Sequence[SweepRecord]) -> SweepRecord:
-    """Several parts of a record as one; without any it has no rows."""
+    """Join parts of a record; without any it has no rows."""
     columns = {c.name: [getattr(part, c.name) for part in parts] or [np.zeros(0)] for c in fields(SweepRecord)}
     return SweepRecord(**{name: np.concatenate(column) for name, column in columns.items()})
 
 
 def usable_rows(record: SweepRecord, output_limit_v: float) -> tuple[SweepRecord, Counter[str]]:
-    """The dwells that can be fitted, in the order of time within each end, and how many were left out for which reason.
+    """Dwells that can be fitted, in time order within each end, and the number left out for each reason.
 
-    Left out are rows with something missing (the temperature may), all but the first of equal ones, unstable dwells,
-    and outputs at `output_limit_v` or beyond.
+    Left out are rows with missing values (except the temperature), duplicates, unstable dwells, and outputs at
+    `output_limit_v` or beyond.
     """
     present = np.isfinite(np.stack([record.sequence, record.angle_deg, record.output_v])).all(axis=0)
     present &= (record.end != "") & (record.direction != "")
@@ -124,10 +124,10 @@ def usable_rows(record: SweepRecord, output_limit_v: float) -> tuple[SweepRecord
 class EndFit:
     """U = b + G sin θ through the dwells of one end; V and V/g.
 
-    `gain` (2, n) is what one volt more in each reading adds to b and G. `residuals` (n,) are what the line, and the
-    drift where there is one, leave. `drift_v` is the change of the bias from one dwell to the next; b is then the bias
-    at the first dwell of the record. `loop_v` are those from below minus those from above at each angle to which the
-    input came from both sides.
+    `gain` (2, n) is the sensitivity of b and G to each reading. `residuals` (n,) are those of the line, including the
+    drift if there is one. `drift_v` is the change of the bias from one dwell to the next; b is then the bias at the
+    first dwell of the record. `loop_v` are those from below minus those from above at each angle to which the input
+    came from both sides.
     """
 
     dwells: SweepRecord
@@ -151,9 +151,9 @@ class EndFit:
         return np.sqrt(np.diag(self.covariance))
 
     def repeats(self, *, standing: bool) -> tuple[float, int]:
-        """Sum of squares of readings at one angle, come to from one side, about their mean; its degrees of freedom.
+        """Sum of squares of readings at one angle from one side, about their mean, and its degrees of freedom.
 
-        It holds neither hysteresis nor nonlinearity. Those `standing` were read without a move of the table between.
+        It contains neither hysteresis nor nonlinearity. Those `standing` were read without a move of the table between.
         """
         angle, side, stand = _same_angle(self.dwells.angle_deg), self.dwells.side, self.dwells.stand
         alike = np.stack([angle, side == "below", side == "above", stand if standing else 0 * stand], axis=-1)
@@ -163,7 +163,7 @@ class EndFit:
 
     @property
     def linearity(self) -> float:
-        """Largest residual as a part of the span of the output."""
+        """Largest residual relative to the span of the output."""
         sine = np.sin(self.dwells.angle_rad)
         return float(np.max(np.abs(self.residuals)) / np.abs(self.scale_v_per_g * np.ptp(sine)))
 
@@ -174,14 +174,14 @@ class EndFit:
 
     @property
     def factors(self) -> Array:
-        """What the fit makes of cos θ and of sin θ cos θ (columns) in b and G (rows): about 1 over small angles."""
+        """Coefficients of cos θ and sin θ cos θ (columns) in b and G (rows): about 1 over small angles."""
         sine, cosine = np.sin(self.dwells.angle_rad), np.cos(self.dwells.angle_rad)
         return np.asarray(self.gain @ np.stack([cosine, sine * cosine], axis=-1))
 
 
 @dataclass(frozen=True, slots=True)
 class EndSweep:
-    """The dwells of one end without outliers, and their line; `fit` is None when they are no calibration: `why`."""
+    """Dwells of one end without outliers, and their line; `fit` is None if that failed, for the reason `why`."""
 
     dwells: SweepRecord
     outliers: int
@@ -189,7 +189,7 @@ class EndSweep:
     why: str = ""
 
     def with_drift(self, first: float) -> EndSweep:
-        """With a drift in the line, where it is determined, and b for the sequence number `first`."""
+        """The same with a drift in the line, if it is determined, and b for the sequence number `first`."""
         if self.fit is None:
             return self
         try:
@@ -199,7 +199,7 @@ class EndSweep:
 
 
 def reduce_end(dwells: SweepRecord, *, outlier_k: float) -> EndSweep:
-    """The usable dwells (n,) of one end without the outliers, and the line through them."""
+    """Remove outliers from the usable dwells (n,) of one end and fit the line."""
     if len(np.unique(_same_angle(dwells.angle_deg))) < LEAST_ANGLES:
         return EndSweep(dwells, 0, None, f"fewer than {LEAST_ANGLES} different angles are left")
     good = _without_outliers(dwells, outlier_k)
@@ -211,15 +211,16 @@ def reduce_end(dwells: SweepRecord, *, outlier_k: float) -> EndSweep:
         fit = fit_line(kept)
     except NotDetermined:
         return EndSweep(kept, outliers, None, "its angles do not determine a line")
-    if not abs(fit.scale_v_per_g) * np.ptp(np.sin(kept.angle_rad)) > _rounding(kept):  # nor if it is no number
+    if not abs(fit.scale_v_per_g) * np.ptp(np.sin(kept.angle_rad)) > _rounding(kept):  # NaN counts as not following
         return EndSweep(kept, outliers, None, "its output does not follow the angle")
     return EndSweep(kept, outliers, fit)
 
 
 def _without_outliers(dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_]:
-    """Which dwells (n,) are no outliers beside a bent line for each side.
+    """Mask of dwells (n,) that are no outliers from a curved line for each side.
 
-    Hysteresis would else make two clusters of residuals, whose robust standard deviation may be that of one of them.
+    Otherwise hysteresis would form two clusters of residuals, and the robust standard deviation could be that of one of
+    them.
     """
     sine, side = np.sin(dwells.angle_rad), np.where(dwells.side == "above", -1.0, 1.0)
     shapes = [np.ones_like(sine), sine, sine**2]
@@ -227,11 +228,11 @@ def _without_outliers(dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_
 
 
 def _kept(choices: Sequence[Sequence[Array]], dwells: SweepRecord, outlier_k: float) -> NDArray[np.bool_]:
-    """Which dwells (n,) are no outliers beside the first of several sets of columns that they determine.
+    """Mask of dwells (n,) without outliers from the first of several sets of columns that they determine.
 
-    Dwells of one stand share the error of its angle, so the stands count, not the dwells. A median of few residuals
-    about many parameters is too small: its correction is that of Rousseeuw and Leroy (Robust Regression and Outlier
-    Detection, 1987, 5.1.2), 1 + 5 / (n - p).
+    Dwells of one stand share the error of its angle, so the stands count, not the dwells. The median of few residuals
+    with many parameters is too small; it is corrected after Rousseeuw and Leroy (Robust Regression and Outlier
+    Detection, 1987, 5.1.2): 1 + 5 / (n - p).
     """
     stands = len(np.unique(dwells.stand))
     for columns in choices:
@@ -246,9 +247,9 @@ def _kept(choices: Sequence[Sequence[Array]], dwells: SweepRecord, outlier_k: fl
 
 
 def fit_line(dwells: SweepRecord, *, drift_from: float | None = None) -> EndFit:
-    """Ordinary least squares over all dwells. Raises NotDetermined when the angles do not suffice.
+    """Fit all dwells by ordinary least squares. Raises NotDetermined when the angles do not suffice.
 
-    `drift_from` gives the fit a term for a drift, and is the sequence number for which b is wanted then.
+    `drift_from` adds a drift term; b is then the bias at this sequence number.
     """
     sine, middle = np.sin(dwells.angle_rad), float(np.mean(dwells.sequence))
     columns = [np.ones_like(sine), sine]
@@ -260,7 +261,7 @@ def fit_line(dwells: SweepRecord, *, drift_from: float | None = None) -> EndFit:
 
 
 def _end_fit(dwells: SweepRecord, fit: LinearFit, to_line: Array) -> EndFit:
-    """`to_line` makes b and G of what was fitted."""
+    """Fit of an end; `to_line` converts the fitted coefficients to b and G."""
     bias_v, scale_v_per_g = (to_line @ fit.coefficients).tolist()
     return EndFit(
         dwells=dwells,
@@ -276,18 +277,18 @@ def _end_fit(dwells: SweepRecord, fit: LinearFit, to_line: Array) -> EndFit:
 
 
 def bias_drifts(fit: EndFit) -> bool:
-    """Whether below minus above of a fit without a drift changes in proportion to the time between the two."""
+    """True if below minus above of a fit without a drift is proportional to the time between the two."""
     loop_v, dwells_between = _below_minus_above(fit.dwells, fit.residuals)
     if len(loop_v) < LEAST_ANGLES + 1 or np.ptp(dwells_between) == 0 or np.ptp(loop_v) <= _rounding(fit.dwells):
         return False
     line = fit_polynomial(dwells_between, loop_v, 1)
     unexplained = float(np.var(line.residuals) / np.var(loop_v))
-    by_chance = betainc(line.dof / 2, 0.5, unexplained)  # of the square of a correlation coefficient
+    by_chance = betainc(line.dof / 2, 0.5, unexplained)  # distribution of the squared correlation coefficient
     return bool(by_chance < DRIFT_CHANCE and unexplained < 1 - DRIFT_SHARE)
 
 
 def _below_minus_above(dwells: SweepRecord, value: Array) -> tuple[Array, Array]:
-    """Mean `value` from below minus from above, and of the mean time in dwells, at each angle come to from both."""
+    """Mean `value` from below minus from above, and mean time difference, at each angle approached from both sides."""
     angle = _same_angle(dwells.angle_deg)
     below, above = dwells.side == "below", dwells.side == "above"
     both = np.intersect1d(angle[below], angle[above])
@@ -298,12 +299,12 @@ def _below_minus_above(dwells: SweepRecord, value: Array) -> tuple[Array, Array]
 
 
 def _means(group: NDArray[np.int_], value: Array) -> Array:
-    """Mean of `value` by the number of its group; 0 for a number without a value."""
+    """Mean of `value` by group number; 0 for a number without a value."""
     return np.asarray(np.bincount(group, value) / np.maximum(np.bincount(group), 1))
 
 
 def _same_angle(angle_deg: Array) -> NDArray[np.int_]:
-    """Numbers (n,) of the angles, from the smallest up; equal for dwells at one angle."""
+    """Group numbers (n,) of the angles, ascending; equal for dwells at one angle."""
     order = np.argsort(angle_deg)
     number = np.zeros(len(angle_deg), dtype=np.int_)
     span_deg = np.ptp(angle_deg) if len(angle_deg) else 0.0
@@ -312,7 +313,7 @@ def _same_angle(angle_deg: Array) -> NDArray[np.int_]:
 
 
 def _pattern(dwells: SweepRecord, residuals: Array) -> SpectralLine | None:
-    """A regular pattern of the residuals over the angle, beside a smooth curve."""
+    """Periodic pattern of the residuals over the angle, beside a smooth curve."""
     angle = _same_angle(dwells.angle_deg)
     mean_v, mean_deg = _means(angle, residuals), _means(angle, dwells.angle_deg)
     degree = min(SMOOTH_DEGREE, len(mean_v) // 3)
@@ -322,5 +323,5 @@ def _pattern(dwells: SweepRecord, residuals: Array) -> SpectralLine | None:
 
 
 def _rounding(dwells: SweepRecord) -> float:
-    """Differences (V) that are nothing but rounding."""
+    """Differences (V) that are rounding only."""
     return 64 * float(np.finfo(np.float64).eps * np.max(np.abs(dwells.output_v)))

@@ -1,9 +1,9 @@
 """Both ends of a unit together: bias and scale factor free of misalignment and cross coupling (equations 3.4).
 
 Over small angles the output at the end with the sign s is U = c0 + c1 sin θ + s c1 δ cos θ + s c_xz sin θ cos θ. Its
-line has b = c0 + s c1 δ c̄ and G = c1 + s c_xz k̄, with c̄ and k̄ about 1, so that the means of both ends are the unit's
-and the differences tell δ and c_xz. Angles that are not symmetric, or not the same at both ends, mix the four: they are
-taken apart as linear equations, of which this is the special case.
+line has b = c0 + s c1 δ c̄ and G = c1 + s c_xz k̄, with c̄ and k̄ about 1, so that the means of both ends are those of
+the unit and the differences give δ and c_xz. Angles that are not symmetric, or not the same at both ends, mix the four
+coefficients: they are separated by linear equations, of which this is the special case.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from bench.methods.indexing.reduction.sweep import EndFit
 from bench.metrology.least_squares import CONDITION_LIMIT, Array, least_squares
 from bench.metrology.propagation import Estimate, Measured, inputs, weighted
 
-ON_AXIS = 0.01  # |sin ψ| of a unit that was turned by 0° or 180° only
+ON_AXIS = 0.01  # |sin ψ| of a unit rotated by 0° or 180° only
 Decision = Literal["accept", "repeat", "marginal"]
 
 
@@ -27,8 +27,8 @@ Decision = Literal["accept", "repeat", "marginal"]
 class Clocking:
     """Output at table angle 0 against the angle ψ of the unit on its seat: U = m + p cos ψ + q sin ψ, in V.
 
-    `q_v` is None when only ψ = 0° and 180° were measured. `u_per_reading` is u(p) for readings with u = 1 V, and `gain`
-    (n,) what one volt more in each reading adds to p.
+    `q_v` is None if only ψ = 0° and 180° were measured. `u_per_reading` is u(p) for readings with u = 1 V, and `gain`
+    (n,) the sensitivity of p to each reading.
     """
 
     p_v: float
@@ -38,7 +38,7 @@ class Clocking:
 
 
 def fit_clocking(psi_rad: Array, output_v: Array) -> Clocking:
-    """Fits readings (n,) at angles (n,). Raises NotDetermined when the angles do not suffice."""
+    """Fit readings (n,) at angles (n,). Raises NotDetermined if the angles do not suffice."""
     columns = [np.ones_like(psi_rad), np.cos(psi_rad), np.sin(psi_rad)]
     names = ["mean", "cos ψ", "sin ψ"]
     if np.all(np.abs(columns[2]) < ON_AXIS):
@@ -50,10 +50,10 @@ def fit_clocking(psi_rad: Array, output_v: Array) -> Clocking:
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """What mounts the unit off the horizontal; None is what was not measured.
+    """Tilts of the mounted unit; None if not measured.
 
     `installation_rad` is φ3, the residual angle of the installation, `platform_rad` φ4, that between the table's
-    horizontal and the platform. Tilts are positive when they raise the input axis.
+    horizontal and the platform. Tilts are positive if they raise the input axis.
     """
 
     installation_rad: Measured | None = None
@@ -63,7 +63,7 @@ class Mounting:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """When the scale factors of both ends are taken for equal.
+    """Criterion for equal scale factors of both ends.
 
     They may differ by `relative` of their mean or by `k` standard uncertainties, whichever is more. A calibration that
     has been repeated `most_repeats` times and still differs is marginal: the difference is the cross coupling.
@@ -75,7 +75,7 @@ class Agreement:
     most_repeats: int = 3
 
     def judge(self, difference: Measured, scale: float) -> Decision:
-        """Whether to accept a difference between the ends, in the unit of `scale`."""
+        """Decide whether to accept a difference between the ends, in the unit of `scale`."""
         if abs(difference.value) <= max(self.relative * abs(scale), self.k * difference.u):
             return "accept"
         return "repeat" if self.repeats < self.most_repeats else "marginal"
@@ -83,7 +83,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class BothEnds:
-    """Results of both ends as they depend on their inputs; `scale` in the unit of the output per g, others in that.
+    """Results of both ends as functions of their inputs; `scale` in the unit of the output per g, others in that unit.
 
     `tilted` is K1 times the misalignment; it and the cross coupling are None where the angles do not determine them.
     `seat` is the whole effect of the tilt of the seat on the output, by the clocking, b3 and b4 within it; None without
@@ -99,12 +99,12 @@ class BothEnds:
 
     @property
     def tilt(self) -> Estimate:
-        """The effect of the tilt of the seat: by the clocking where there is one, else b3 + b4."""
+        """Effect of the tilt of the seat: by the clocking if there is one, else b3 + b4."""
         return self.known if self.seat is None else self.seat
 
     @property
     def beyond(self) -> Estimate | None:
-        """b5: what the clocking finds beyond b3 and b4; None without a clocking."""
+        """b5: effect of the tilt beyond b3 and b4, by the clocking; None without a clocking."""
         return None if self.seat is None else self.seat - self.known
 
     @property
@@ -114,16 +114,16 @@ class BothEnds:
 
     @property
     def total(self) -> Estimate:
-        """B + b3 + b4 + b5."""
+        """Sum b + b3 + b4 + b5."""
         return self.bias + self.tilt
 
 
 @dataclass(frozen=True, slots=True)
 class TwoEnds:
-    """Results of both ends, in V and V/g; None is what they do not determine, or what of the mounting was not measured.
+    """Results of both ends, in V and V/g; None if undetermined, or if the mounting was not measured.
 
-    Differences are up minus down. `beyond_v` is b5, what the clocking finds beyond b3 and b4. `bias_total_v` has the
-    terms of the mounting added to the bias, `bias_corrected_v` taken away from it.
+    Differences are up minus down. `beyond_v` is b5, the effect of the tilt beyond b3 and b4. `bias_total_v` is the bias
+    plus the terms of the mounting, `bias_corrected_v` the bias minus these terms.
     """
 
     scale_v_per_g: Measured
@@ -141,12 +141,12 @@ class TwoEnds:
 
 
 def combine(up: EndFit, down: EndFit, mounting: Mounting) -> TwoEnds:
-    """Bias, scale factor, misalignment and cross coupling out of the lines of both ends."""
+    """Bias, scale factor, misalignment and cross coupling from the lines of both ends."""
     values, covariance = _inputs(up, down, mounting)
     *lines, installation, platform, seat = inputs(values)
     b_up, g_up, b_down, g_down = lines
-    b, g, tilted, coupling = taken_apart(lines, up, down)
-    b3, b4 = g * installation.sine(), g * platform.sine()  # one that was not measured is 0 among the inputs
+    b, g, tilted, coupling = separate_coefficients(lines, up, down)
+    b3, b4 = g * installation.sine(), g * platform.sine()  # an input that was not measured is 0
     both = BothEnds(b, g, tilted, coupling, seat if mounting.seat else None, b3 + b4)
     return TwoEnds(
         scale_v_per_g=g.measured(covariance),
@@ -164,12 +164,12 @@ def combine(up: EndFit, down: EndFit, mounting: Mounting) -> TwoEnds:
     )
 
 
-def taken_apart(
+def separate_coefficients(
     lines: Sequence[Estimate], up: EndFit, down: EndFit
 ) -> tuple[Estimate, Estimate, Estimate | None, Estimate | None]:
-    """c0, c1, c1 δ and c_xz out of b and G up, b and G down.
+    """Separate c0, c1, c1 δ and c_xz from b and G up, b and G down.
 
-    Over a whole turn the lines know nothing of δ and c_xz: these are None, and the means are c0 and c1.
+    Over a whole turn the lines do not depend on δ and c_xz: these are None, and the means are c0 and c1.
     """
     mixed = np.block([[np.eye(2), up.factors], [np.eye(2), -down.factors]])
     if np.linalg.cond(mixed) > CONDITION_LIMIT:
@@ -181,7 +181,7 @@ def taken_apart(
 def _inputs(up: EndFit, down: EndFit, mounting: Mounting) -> tuple[Array, Array]:
     """Values (7,) and covariance (7, 7) of b and G up, b and G down, φ3, φ4 and p of the seat.
 
-    The seat's few readings are as uncertain as those of the sweeps.
+    The few readings of the seat have the uncertainty of those of the sweeps.
     """
     angles = [angle or Measured(0.0, 0.0) for angle in (mounting.installation_rad, mounting.platform_rad)]
     seat = mounting.seat or Clocking(0.0, None, 0.0)

@@ -1,1 +1,1 @@
-"""From legs to the dynamic characteristic."""
+"""Reduction of legs to the dynamic characteristic."""

@@ -1,9 +1,9 @@
-"""What the figures of a temperature ramp are uncertain by.
+"""Uncertainty of the results of a temperature ramp.
 
-A figure in g is an output over K1, and K1 holds the misalignment of the input axis as an error. Two positions do not
-tell it from the bias, so that what is known of it before stands in the budgets. An offset of the thermometer moves all
-temperatures alike and no figure here, its gain moves slopes only; its drift within the run, and that of the level, all
-that differs between times. What lags behind it, and what the unit makes of the rate itself, is part of the loop.
+A result in g is an output / K1, and K1 contains the misalignment of the input axis as an error. Two positions do not
+separate it from the bias, so that its prior uncertainty is in the budgets. An offset of the thermometer shifts all
+temperatures and no result, its gain affects slopes only; its drift within the run, and that of the level, affect all
+differences over time. The lag behind the thermometer, and the unit's response to the rate itself, are part of the loop.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ SCATTER = "samples: scatter"
 COUNTING = "samples: resolution of the count"
 LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
 LEVEL = "fixture: level"
-COUNT_STRIDE = 2  # neighbours share a latch, and so the error of a count
+COUNT_STRIDE = 2  # neighbours share a latch, and therefore the counting error
 
 
 @dataclass(frozen=True)
 class RampBudget:
-    """Sources of uncertainty of the figures of one unit."""
+    """Sources of uncertainty of the results of one unit."""
 
     data: RunData
     unit: UnitUnderTest
@@ -44,25 +44,25 @@ class RampBudget:
 
     @property
     def subject(self) -> Subject:
-        """Whom findings are of."""
+        """Unit and label of the findings."""
         return self.data.subject(self.unit)
 
     # Scatter
 
     @cached_property
     def sd_g(self) -> float:
-        """Standard deviation of a sample about anything smooth."""
+        """Standard deviation of a sample about a smooth curve."""
         smooth = [residuals_ug / UG_PER_G for residuals_ug in self.ramp.found.residuals_ug]
         return _known_sd(scatter_sd(smooth, COUNT_STRIDE), self.ramp.found.line.residual_sd)
 
     def sds_of(self, differences: Sequence[Differences]) -> list[Array]:
-        """Standard deviations (n,) of the differences between two legs about anything smooth, in g."""
+        """Standard deviations (n,) of the differences between two legs about a smooth curve, in g."""
         gains = [each.gain for each in differences]
         sd_g = scatter_sd([each.ug / UG_PER_G for each in differences], COUNT_STRIDE, gains)
         return [_known_sd(sd_g, self.sd_g) * gain for gain in gains]
 
     def scatter_of_slope(self) -> list[BudgetLine]:
-        """Of the bias, in g/°C."""
+        """Scatter contribution to the slope of the bias, in g/°C."""
         found = slope_scatter(self.ramp.level)
         if found is None:
             u = self.sd_g * _slope_gain(self.ramp.level)
@@ -70,7 +70,7 @@ class RampBudget:
         return _scatter_lines(found, self.ramp.per_g)
 
     def scatter_of_rms(self) -> list[BudgetLine]:
-        """Of the root mean square of the residuals, in g: what goes along with them."""
+        """Scatter contribution to the root mean square of the residuals, in g: the correlated part."""
         found, rms_g = self.ramp.found, self.ramp.found.rms_residual_ug / UG_PER_G
         count = len(found.line.residuals)
         known = {
@@ -84,7 +84,7 @@ class RampBudget:
         return _scatter_lines(scatter, self.ramp.per_g)
 
     def scatter_of_scale_slope(self) -> list[BudgetLine]:
-        """Of the scale factor, relative to it, in 1/°C."""
+        """Scatter contribution to the slope of the scale factor, relative to it, in 1/°C."""
         at_0g, at_1g = slope_scatter(self.ramp.whole), slope_scatter(self.ramp.upright)
         if at_0g is not None and at_1g is not None:
             return _scatter_lines(at_1g.together(at_0g), self.ramp.per_g)
@@ -96,12 +96,12 @@ class RampBudget:
     # What changes within the run
 
     def thermometer(self, slope: float) -> BudgetLine:
-        """Of a slope, by the gain of the thermometer."""
+        """Contribution of the gain of the thermometer to a slope."""
         _, gain = self.data.bench.thermometer_u(self.unit.temperature)
         return BudgetLine(f"{self.unit.temperature}: gain", "B", abs(slope) * gain, None, self.unit.temperature)
 
     def drifts(self, figure: Callable[[ReducedRamp], float]) -> list[BudgetLine]:
-        """Of a figure of the ramp, by a thermometer and by a level that drift within the run."""
+        """Contributions to a result of the ramp from a thermometer and a level that drift within the run."""
         as_found, of_level = figure(self.ramp), source_of(LEVEL, self.data.bench.level_drift)
         by_level = abs(figure(self._tilted) - as_found)
         by_thermometer = self._drift.line(figure(self._drifted) - as_found)
@@ -123,15 +123,15 @@ class RampBudget:
     # The scale factor
 
     def scale_error(self, value_g: float) -> BudgetLine:
-        """The misalignment in K1, relative to it as large as in rad."""
+        """Contribution of the misalignment in K1; its relative error equals the misalignment in rad."""
         return BudgetLine(
             "K1: misalignment in it", "B", abs(value_g) * self.misalignment_u_rad, None, self.subject.id("K1")
         )
 
     def scale_left(self, factor: float = 1.0) -> BudgetLine:
-        """What K1 is not known by over temperature, on all that a head off the level puts out at 0 g beside the bias.
+        """Contribution of the unmodelled part of K1 over temperature, on the output at 0 g of a head off the level.
 
-        What the polynomials of K1 leave of the 1 g part, beside scatter, is an error of K1 that changes with the
+        Residuals of the polynomials of K1 in the 1 g part, beyond scatter, are an error of K1 that depends on
         temperature; 1° off the level it acts on 17 mg. Between two cycles it cancels.
         """
         ramp = self.ramp
@@ -141,10 +141,11 @@ class RampBudget:
         return BudgetLine("K1: what its polynomial leaves", "B", float(factor * abs(read_g) * left))
 
     def bias_slope_change(self) -> BudgetLine:
-        """What changes of the bias do to the slope of K1, in 1/°C: what cycles tell of it, beside scatter; 0 with one.
+        """Contribution of changes of the bias to the slope of K1, in 1/°C, beyond scatter; 0 with one cycle.
 
-        Only what a change has of a slope makes one of K1. If that of every cycle is as another's, with the standard
-        deviation s, the mean of n cycles at 1 g less that of n at 0 g has s √(2/n), and two cycles differ by s √2.
+        Only the slope of a change affects the slope of K1. If the slopes of the cycles are independent, with the
+        standard deviation s, the mean of n cycles at 1 g minus that of n at 0 g has s √(2/n), and two cycles differ by
+        s √2.
         """
         squares = []
         for each, sd_g in zip(self.ramp.changes, self.sds_of(self.ramp.changes), strict=True):
@@ -163,7 +164,7 @@ def _scatter_lines(found: SlopeScatter, scale: float) -> list[BudgetLine]:
 
 
 def _at_times(leg: RampLeg, time_s: Array, values: Array) -> Array:
-    """Values at some of the times of a leg, by its usable samples; 0 at the others."""
+    """Values at the times of the usable samples of a leg; 0 at the others."""
     usable_s = leg.time_s[np.isfinite(leg.output) & np.isfinite(leg.temperature_c)]
     found = np.zeros(len(usable_s))
     found[np.isin(usable_s, time_s)] = values[np.isin(time_s, usable_s)]
@@ -171,12 +172,12 @@ def _at_times(leg: RampLeg, time_s: Array, values: Array) -> Array:
 
 
 def _known_sd(sd: float, otherwise: float) -> float:
-    """A standard deviation, or another one where there were too few values to tell it."""
+    """A standard deviation, or the alternative if there were too few values."""
     return float(sd if np.isfinite(sd) else otherwise if np.isfinite(otherwise) else 0.0)
 
 
 def _slope_gain(legs: Sequence[RampLeg]) -> float:
-    """Standard uncertainty of the slope of a straight line through samples that scatter by 1, in 1/°C."""
+    """Standard uncertainty of the slope of a straight line through samples with a standard deviation of 1, in 1/°C."""
     temperature_c = np.concatenate([_finite(leg.temperature_c) for leg in legs])
     return 1 / (float(np.std(temperature_c)) * float(np.sqrt(len(temperature_c))))
 

@@ -1,7 +1,7 @@
 """Dynamic temperature characteristic: one position, the temperature ramped up and down (equations 6.3).
 
-A straight line through all data, and what departs from it: residuals, the loop between rising and falling temperature,
-the difference between cycles, jumps, and a model in which the output lags behind the thermometer.
+A straight line through all data, and the departures from it: residuals, the loop between rising and falling
+temperature, the difference between cycles, jumps, and a model in which the output lags behind the thermometer.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from bench.metrology.least_squares import Array, NotDetermined, PolynomialFit, f
 from bench.metrology.temperature_checks import rates_c_per_s
 
 UG_PER_G = 1e6
-RATE_SAMPLES = 21  # over which dT/dt is smoothed
-LEFT_BY_LAG = 0.2  # of the mean loop, when lag explains most of it
+RATE_SAMPLES = 21  # window of the smoothing of dT/dt
+LEFT_BY_LAG = 0.2  # of the mean loop: maximum remainder after the lag model if the loop is lag
 
 
 @dataclass(frozen=True, slots=True)
 class RampLimits:
-    """What the verdict depends on, in µg; None is no limit.
+    """Limits of the verdict, in µg; None is no limit.
 
     A jump is a step of more than the threshold between `jump_window` samples on either side.
     """
@@ -36,7 +36,7 @@ class RampLimits:
 
 @dataclass(frozen=True, slots=True)
 class RampJump:
-    """A jump of the output at `temperature_c`; `size_ug` is after minus before in time, `u_ug` from the scatter."""
+    """Jump of the output at `temperature_c`; `size_ug` is after minus before in time, `u_ug` from the scatter."""
 
     cycle: int
     leg: str
@@ -49,8 +49,8 @@ class RampJump:
 class LagModel:
     """U = bias + slope T + rate dT/dt. A lag τ behind the thermometer gives a rate coefficient of -slope τ.
 
-    Next to a turn of the ramp, where the smoothing of dT/dt would look into the other leg, the model is neither fitted
-    nor judged: there dT/dt is already new while a lagging output still turns.
+    Next to a turn of the ramp, where the smoothing of dT/dt would extend into the other leg, the model is neither
+    fitted nor judged: there dT/dt has already changed while a lagging output still turns.
     """
 
     bias_g: float
@@ -61,7 +61,7 @@ class LagModel:
 
 @dataclass(frozen=True, slots=True)
 class Differences:
-    """How two legs differ at the whole degrees that both have passed, (n,): one less other in µg at `temperature_c`.
+    """Differences of two legs at whole degrees that both have passed, (n,): one minus other in µg at `temperature_c`.
 
     `cycle` is that of the one, `leg` is empty for the rising against the falling one. `gain` (n,) are the standard
     deviations of the differences of samples that scatter by 1.
@@ -79,9 +79,9 @@ class DynamicCharacteristic:
     """The straight line U = bias + slope T over all data, in g over °C, and the departures from it in µg.
 
     `residuals_ug` by leg; `loops` are rising against falling legs of a cycle, empty without a temperature passed on
-    both, `changes` the legs of later cycles against the same of the first. `lag` is None where the rate of temperature
-    did not change. `is_lag`: the lag model removes most of the loop, which then is no hysteresis. `missing` says in
-    words what the record does not tell of what is judged or belongs to the test. `excluded` counts rows by reason.
+    both, `changes` the legs of later cycles against the same of the first. `lag` is None if the rate of temperature did
+    not change. `is_lag`: the lag model removes most of the loop, which then is no hysteresis. `missing` lists judged or
+    required results that the record does not determine. `excluded` counts rows by reason.
     """
 
     legs: tuple[Leg, ...]
@@ -99,32 +99,32 @@ class DynamicCharacteristic:
 
     @property
     def max_residual_ug(self) -> float:
-        """The largest departure from the line."""
+        """Largest departure from the line."""
         return self.line.max_residual * UG_PER_G
 
     @property
     def rms_residual_ug(self) -> float:
-        """The departure from the line, root mean square."""
+        """Root mean square of the departure from the line."""
         return float(np.sqrt(np.mean(self.line.residuals**2))) * UG_PER_G
 
     @property
     def hysteresis_ug(self) -> float | None:
-        """The largest of the loops; None without one."""
+        """Largest of the loops; None without one."""
         return _largest(self.loops)
 
     @property
     def repeatability_ug(self) -> float | None:
-        """The largest of the changes between cycles; None without a second cycle."""
+        """Largest of the changes between cycles; None without a second cycle."""
         return _largest(self.changes)
 
 
 def reduce_ramp(record: RampRecord, limits: RampLimits, *, turns: bool = False) -> DynamicCharacteristic:
-    """Residuals, hysteresis, repeatability, jumps, lag model and verdict.
+    """Reduce a ramp to residuals, hysteresis, repeatability, jumps, lag model and verdict.
 
-    All usable samples take part in all figures: a jump counts in the residual and in the loop as well. The verdict is
-    "pass", "fail", "invalid" when a leg has lost more than half of its samples, "incomplete" when nothing fails but the
-    record does not tell all that is judged or both ways of the ramp, or None when every leg is too short for a jump to
-    be seen. Flags: `ill_conditioned` when there is no lag model; `invalid`, with either of the latter two.
+    All usable samples are used in all results: a jump counts in the residual and in the loop as well. The verdict is
+    "pass", "fail", "invalid" if a leg has lost more than half of its samples, "incomplete" if nothing fails but the
+    record does not determine all judged results or lacks a direction of the ramp, or None if every leg is too short to
+    detect a jump. Flags: `ill_conditioned` without a lag model; `invalid`, with either of the latter two.
 
     With `turns` the legs have their turn-rounds. Raises NotDetermined without two different temperatures.
     """
@@ -170,7 +170,7 @@ def _missing(loops: Sequence[Differences], changes: Sequence[Differences], limit
 
 
 def _long_enough(legs: Sequence[Leg], jump_window: int) -> bool:
-    """Whether a jump could be seen in any leg."""
+    """True if a jump could be detected in any leg."""
     return any(len(leg.time_s) >= 2 * jump_window for leg in legs)
 
 
@@ -192,9 +192,9 @@ def _exceeds(value: float | None, limit: float | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _AtDegrees:
-    """Each leg, by cycle and name, at every whole degree of the record; NaN where it did not pass.
+    """Values of each leg, by cycle and name, at every whole degree of the record; NaN if not passed.
 
-    `gains` are the standard deviations of these values for samples that scatter by 1.
+    `gains` are the standard deviations of these values for samples with a standard deviation of 1.
     """
 
     temperature_c: Array
@@ -202,7 +202,7 @@ class _AtDegrees:
     gains: dict[tuple[int, str], Array]
 
     def between(self, one: tuple[int, str], other: tuple[int, str], leg: str) -> Differences | None:
-        """How two legs differ; None when they have no degree in common."""
+        """Differences of two legs; None if they have no degree in common."""
         differences_ug = self.legs_ug[one] - self.legs_ug[other]
         common = np.isfinite(differences_ug)
         if not common.any():
@@ -221,10 +221,10 @@ def _at_whole_degrees(legs: Sequence[Leg], residuals_ug: Sequence[Array]) -> _At
 
 
 def _passing(degrees_c: Array, leg: Leg, residual_ug: Array) -> Array:
-    """The residual of a leg at each of `degrees_c`, by a straight line through the samples within ±0.5 °C of it.
+    """Residual of a leg at each of `degrees_c`, by a straight line through the samples within ±0.5 °C of it.
 
-    (2, n): the second row is its standard deviation where samples scatter by 1. Where samples are farther apart than
-    that, the line goes through the next ones. One that would have to be extended beyond its samples is none, and NaN.
+    (2, n): the second row is its standard deviation for samples with a standard deviation of 1. If samples are farther
+    apart, the line goes through the next ones. NaN where the line would have to be extrapolated.
     """
     known = np.flatnonzero(np.isfinite(residual_ug))
     if len(known) < 2:
@@ -241,9 +241,9 @@ def _passing(degrees_c: Array, leg: Leg, residual_ug: Array) -> Array:
 
 
 def _line_at(at: float, x: Array, y: Array) -> tuple[float, float]:
-    """The least-squares line through y over ascending x, at a place between them; NaN elsewhere.
+    """Least-squares line through y over ascending x, at a position between them; NaN elsewhere.
 
-    The second is its standard deviation where y scatters by 1.
+    The second value is its standard deviation for y with a standard deviation of 1.
     """
     if not len(x) or not x[0] <= at <= x[-1]:
         return np.nan, np.nan
@@ -254,14 +254,14 @@ def _line_at(at: float, x: Array, y: Array) -> tuple[float, float]:
 
 
 def _loops(at_degrees: _AtDegrees) -> tuple[Differences, ...]:
-    """Rising less falling for each cycle that has both."""
+    """Rising minus falling for each cycle that has both."""
     cycles = [cycle for cycle, leg in at_degrees.legs_ug if leg == "up" and (cycle, "down") in at_degrees.legs_ug]
     found = (at_degrees.between((cycle, "up"), (cycle, "down"), "") for cycle in cycles)
     return tuple(each for each in found if each is not None)
 
 
 def _changes(at_degrees: _AtDegrees) -> tuple[Differences, ...]:
-    """A later cycle less the first one, by leg."""
+    """Each later cycle minus the first one, by leg."""
     first = {leg: cycle for cycle, leg in sorted(at_degrees.legs_ug, reverse=True)}
     found = (
         at_degrees.between((cycle, leg), (first[leg], leg), leg)
@@ -272,7 +272,7 @@ def _changes(at_degrees: _AtDegrees) -> tuple[Differences, ...]:
 
 
 def _jumps(legs: Sequence[Leg], residuals_ug: Sequence[Array], limits: RampLimits) -> Iterator[RampJump]:
-    """The jumps by leg and time; no leg knows its neighbours, so a turn of the ramp is not looked across."""
+    """Jumps by leg and time; each leg is evaluated by itself, so no step is sought across a turn of the ramp."""
     window, threshold_ug = limits.jump_window, limits.jump_threshold_ug
     for leg, residual_ug in zip(legs, residuals_ug, strict=True):
         for part in leg.stretches(longest_hole=window):
@@ -283,7 +283,7 @@ def _jumps(legs: Sequence[Leg], residuals_ug: Sequence[Array], limits: RampLimit
 
 
 def _lag_model(legs: Sequence[Leg]) -> tuple[LagModel | None, tuple[Differences, ...]]:
-    """The lag model and what it leaves of the loops; None when the rate of temperature is the same throughout."""
+    """Lag model and the loops that it leaves; None if the rate of temperature is constant."""
     designs = [np.stack([np.ones_like(leg.time_s), leg.temperature_c, _rates_c_per_s(leg)], axis=-1) for leg in legs]
     design, output_g = np.concatenate(designs), _joined(leg.output_g for leg in legs)
     known = np.isfinite(design[:, 2])

@@ -1,4 +1,4 @@
-"""The findings of a temperature ramp, each with its budget (`ramp_budget`)."""
+"""Findings of a temperature ramp, each with its budget (`ramp_budget`)."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
 
 @dataclass(frozen=True)
 class RampFindings:
-    """The results of one unit: of its legs at 0 g and at 1 g, its scale factor, and what the legs at 0 g do."""
+    """Results of one unit: its legs at 0 g and at 1 g, its scale factor, and the characteristic of the legs at 0 g."""
 
     budget: RampBudget
 
     def findings(self) -> Iterator[Finding]:
-        """Everything that a limit may name, and each jump."""
+        """All findings that a limit may name, and each jump."""
         yield self._slope()
         yield from self._residuals()
         yield from self._differences()
@@ -40,18 +40,18 @@ class RampFindings:
         yield from self._tilt()
 
     def models(self, left_out: tuple[str, ...]) -> Iterator[TemperatureModel]:
-        """The straight line of the bias, misalignment included, and the scale factor."""
+        """Straight line of the bias, misalignment included, and the scale factor."""
         yield self._model("K0", "g", self._found.line, len(self._ramp.level), left_out)
         ramp, output_unit = self._ramp, self.budget.unit.output_unit
         yield self._model("K1", f"{output_unit}/g", ramp.scale.model, len(ramp.upright), left_out)
 
     def compensation(self) -> Compensation:
-        """How an output becomes an acceleration; the bias has the misalignment at 0 g in it."""
+        """Conversion of an output to an acceleration; the bias contains the misalignment at 0 g."""
         bias, scale = self.models(())
         unit = self.budget.unit
         return Compensation(unit.measured_by, unit.output_unit, "g", scale=scale, bias=bias)
 
-    # The straight line and what departs from it
+    # Straight line and departures from it
 
     def _slope(self) -> Finding:
         slope, budget = self._ramp.bias_slope, self.budget
@@ -95,7 +95,7 @@ class RampFindings:
         return {"cycle": leg.cycle, "leg": leg.name, "at_c": float(at_c)}
 
     def _differences(self) -> Iterator[Finding]:
-        """The loop and the change between cycles, where there are any."""
+        """Loop and change between cycles, if there are any."""
         found, budget = self._found, self.budget
         if found.loops:
             name = "largest difference between rising and falling temperature"
@@ -126,7 +126,7 @@ class RampFindings:
     # Jumps and lag
 
     def _jumps(self) -> Iterator[Finding]:
-        """How many, the largest, and each of them."""
+        """Number of jumps, the largest, and each of them."""
         jumps, limits = self._found.jumps, self._ramp.limits
         threshold = f"steps of more than {limits.jump_threshold_ug:g} µg between {limits.jump_window} samples"
         yield self._finding("K0/jumps", threshold, float(len(jumps)), "1", [], {})
@@ -142,7 +142,7 @@ class RampFindings:
             yield self._finding("K0/jump", name, size_g, "g", lines, _at_jump(jump), id_tail=f"/{number}")
 
     def _lag(self) -> Iterator[Finding]:
-        """The time by which the output is behind the thermometer, where that is what the loop is."""
+        """Lag of the output behind the thermometer, if the loop is lag."""
         lag = self._found.lag
         if lag is None or not self._found.is_lag:
             return
@@ -156,7 +156,7 @@ class RampFindings:
         yield self._finding("K0/lag", name, lag_s, "s", lines, {})
 
     def _rate_gain(self) -> float:
-        """Standard uncertainty of the coefficient of a rate of ±r for samples that scatter by 1: 1 / (r √n)."""
+        """Standard uncertainty of the coefficient of a rate ±r, for samples with standard deviation 1: 1 / (r √n)."""
         legs = self._found.legs
         rate_c_per_s = float(np.median([np.ptp(leg.temperature_c) / np.ptp(leg.time_s) for leg in legs]))
         return 1 / (rate_c_per_s * float(np.sqrt(len(self._found.line.residuals))))
@@ -198,7 +198,7 @@ class RampFindings:
             left_out=left_out,
         )
 
-    # Forms
+    # Parts of findings
 
     @property
     def _ramp(self) -> ReducedRamp:
@@ -229,7 +229,7 @@ class RampFindings:
 
 
 def _normal_u(line: BudgetLine) -> float:
-    """What twice of covers as much as U does, whatever the degrees of freedom."""
+    """Standard uncertainty of which twice covers as much as U, whatever the degrees of freedom."""
     return line.u * coverage_factor(line.dof) / COVERAGE
 
 

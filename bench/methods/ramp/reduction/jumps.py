@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bench.metrology.least_squares import Array
 
 SIGNIFICANCE = 5.0
-"""A step must stand out of the scatter of its own fit by this many standard uncertainties."""
+"""Minimum size of a step in standard uncertainties of its own fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +27,12 @@ class Jump:
 
 
 def find_jumps(time_s: Array, value: Array, *, threshold: float, window: int = 8) -> list[Jump]:
-    """The steps larger than `threshold` in `value` (n,) over increasing `time_s`, in the order of time.
+    """Find steps larger than `threshold` in `value` (n,) over increasing `time_s`, in time order.
 
     Between every two samples a common slope and a step are fitted to the `window` neighbours on either side. A ramp has
-    no step; nor has a curve, whose even part cancels between the two sides. Of several steps within 2 x `window`
-    samples the largest is the jump, the earliest of equals. The first and the last `window` samples, which have no
-    neighbours on one side, are not judged. `window` is at least 2.
+    no step; nor has a curve, whose even part cancels between the two sides. Of several steps within 2 × `window`
+    samples the largest is the jump, the earliest of equals. The first and the last `window` samples, without neighbours
+    on one side, are not judged. `window` is at least 2.
     """
     if len(value) < 2 * window:
         return []
@@ -49,9 +49,9 @@ def find_jumps(time_s: Array, value: Array, *, threshold: float, window: int = 8
 
 
 def _steps(time_s: Array, value: Array, window: int) -> tuple[Array, Array]:
-    """Step and its standard uncertainty at the n + 1 - 2 x window places that have all neighbours.
+    """Step and its standard uncertainty at the n + 1 - 2 × window places that have all neighbours.
 
-    The columns of the design {1, time, side} are made orthogonal one after the other, each window for itself.
+    The columns of the design matrix {1, time, side} are orthogonalised in turn, each window separately.
     """
     time = _centred(sliding_window_view(time_s, 2 * window))
     y = _centred(sliding_window_view(value, 2 * window))
@@ -68,6 +68,6 @@ def _centred(windows: NDArray[np.float64]) -> Array:
 
 
 def _projection(y: Array, onto: Array) -> Array:
-    """The part of each row of `y` along the same row of `onto`."""
+    """Projection of each row of `y` onto the same row of `onto`."""
     share = np.sum(y * onto, axis=-1) / np.sum(onto**2, axis=-1)
     return np.asarray(share[:, np.newaxis] * onto)

@@ -1,4 +1,4 @@
-"""The record of a temperature ramp: bad samples left out, cut into legs of rising and of falling temperature."""
+"""Record of a temperature ramp: bad samples removed, divided into legs of rising and falling temperature."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class RampRecord:
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """The usable samples of one leg of one cycle in the order of time, arrays (n,).
+    """Usable samples of one leg of one cycle in time order, arrays (n,).
 
-    `complete` is false when fewer than half of the recorded samples could be used, or all of them go the other way:
-    then it is `against` its name, and empty.
+    `complete` is false if fewer than half of the recorded samples could be used, or if all of them go in the other
+    direction: then it is `against` its name, and empty.
     """
 
     cycle: int
@@ -45,15 +45,15 @@ class Leg:
     against: bool
 
     def stretches(self, longest_hole: int) -> Iterator[slice]:
-        """Parts of the leg without a hole in time longer than `longest_hole` sample intervals."""
+        """Parts of the leg without a gap in time longer than `longest_hole` sample intervals."""
         return stretches(self.time_s, longest_hole)
 
 
 def cut_into_legs(record: RampRecord, *, turns: bool = False) -> tuple[list[Leg], dict[str, int]]:
-    """The legs by cycle, up before down, and how many rows were left out for which reason.
+    """Legs by cycle, up before down, and the number of rows left out for each reason.
 
-    Left out are rows with something missing, temperatures that a working thermometer cannot say, all but the first
-    good row of one time, and those of the turn-rounds at the ends of a leg ("turn"), unless `turns` are wanted.
+    Left out are rows with missing values, implausible temperatures, all but the first good row of one time, and those
+    of the turn-rounds at the ends of a leg ("turn"), unless `turns` are wanted.
     """
     keys = np.stack([record.cycle, record.leg == "down", record.time_s], axis=-1)
     placed = np.isfinite(keys).all(axis=-1) & np.isin(record.leg, ("up", "down"))
@@ -92,7 +92,7 @@ def _falls(temperature_c: Array) -> bool:
 
 
 def _one_row_of_each_time(keys: Array, placed: NDArray[np.bool_], good: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """Numbers of the placed rows by cycle, leg and time (`keys`); of equal ones the first good row if there is one."""
+    """Indices of the placed rows by cycle, leg and time (`keys`); of equal ones the first good row if there is one."""
     order = np.lexsort((~good, keys[:, 2], keys[:, 1], keys[:, 0]))
     order = order[placed[order]]
     repeated = np.all(np.diff(keys[order], axis=0) == 0, axis=-1)

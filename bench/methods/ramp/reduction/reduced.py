@@ -1,4 +1,4 @@
-"""A temperature ramp of one unit reduced: its scale factor, and what its legs at 0 g do (equations 6.3)."""
+"""Reduced temperature ramp of one unit: scale factor, and characteristic of the legs at 0 g (equations 6.3)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bench.metrology.thermometer_drift import DriftInRun
 
 @dataclass(frozen=True, slots=True)
 class ReducedRamp:
-    """The legs of a unit at 0 g and at 1 g, its scale factor over temperature, and what the legs at 0 g do.
+    """Legs of a unit at 0 g and at 1 g, scale factor over temperature, and characteristic of the legs at 0 g.
 
     The slope of the scale factor is of `whole` legs at 0 g and of those at 1 g, and so are `changes`; `level` and
     `found` are without turn-rounds.
@@ -34,7 +34,7 @@ class ReducedRamp:
 
     @classmethod
     def of(cls, level: Sequence[RampLeg], upright: Sequence[RampLeg], limits: RampLimits) -> Self:
-        """From the legs at 0 g and at 1 g; NotDetermined when they have no direction or too few temperatures."""
+        """Reduce the legs at 0 g and at 1 g; NotDetermined if they have no direction or too few temperatures."""
         whole = scale_over_temperature(level, upright)
         at_0g, at_1g = ([leg.without_turns() for leg in part] for part in (level, upright))
         scale = replace(scale_over_temperature(at_0g, at_1g), line=whole.line)
@@ -43,10 +43,10 @@ class ReducedRamp:
         return cls(at_0g, level, upright, scale, found, changes, limits)
 
     def drifted(self, drift: DriftInRun) -> ReducedRamp:
-        """The same with a thermometer that drifts by one standard uncertainty more.
+        """The same with a thermometer drift of one standard uncertainty added.
 
-        Loops and changes between cycles are by the same samples at each whole degree, whose outputs change as the
-        drift changes their temperatures: with other samples they would differ by the scatter of these.
+        Loops and changes between cycles use the same samples at each whole degree, with outputs corrected for the
+        shifted temperatures: other samples would differ by their scatter.
         """
         warmer, moved = (
             self.of(change(self.whole, drift), change(self.upright, drift), self.limits) for change in (_warmer, _moved)
@@ -54,7 +54,7 @@ class ReducedRamp:
         return replace(warmer, found=replace(warmer.found, loops=moved.found.loops, changes=moved.found.changes))
 
     def tilted(self, level_rad: Callable[[Array], Array]) -> ReducedRamp:
-        """The same where the base is tilted by so much more at bench times (n,)."""
+        """The same with the base tilted by this much more at bench times (n,)."""
         k1 = float(self.scale.line.coefficients[0])
         level, upright = (
             [replace(leg, output=leg.output - k1 * np.cos(leg.angle_rad) * level_rad(leg.time_s)) for leg in part]
@@ -64,7 +64,7 @@ class ReducedRamp:
 
     @property
     def per_g(self) -> float:
-        """The g that are one unit of the output."""
+        """Acceleration in g for one unit of the output."""
         return 1 / abs(float(self.scale.line.coefficients[0]))
 
     @property

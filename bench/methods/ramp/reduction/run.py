@@ -1,7 +1,7 @@
-"""Method M4b: how the bias follows a temperature that never rests (equations 6.3).
+"""Method M4b: bias on temperature ramps without soaks (equations 6.3).
 
 The output at 0 g differs from K0 by the misalignment of the input axis, a constant; its changes are those of K0. The
-scale factor comes from the same run, from its 0 g and 1 g parts. The temperature is what the unit's thermometer says.
+scale factor is from the same run, from its 0 g and 1 g parts. The temperature is that of the unit's thermometer.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.unlike_nominal import flags_of_scale
 
-LEVEL_BELOW_G = 0.5  # of gravity along the input axis: the 0 g part; the others are the 1 g part
+LEVEL_BELOW_G = 0.5  # gravity along the input axis, below which a leg is of the 0 g part, else of the 1 g part
 SAME_ANGLE_RAD = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
 class LegCurve:
-    """A leg of a temperature ramp for a report to draw, (n,) in the order of time; jumps by their temperatures."""
+    """A leg of a temperature ramp for the report, (n,) in time order; jumps by their temperatures."""
 
     cycle: int
     rising: bool
@@ -41,10 +41,10 @@ class LegCurve:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The findings and models of every unit.
+    """Reduce a run to the findings and models of every unit.
 
-    `settings` has the length of a sample, the size of a step that is called a jump, over how many samples on either
-    side it is looked for, and the standard uncertainty of the misalignment.
+    `settings` has the duration of a sample, the minimum size of a jump, the number of samples on either side for its
+    fit, and the standard uncertainty of the misalignment.
     """
     return [_reduced(data, unit, settings) for unit in data.units]
 
@@ -86,7 +86,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
 
 
 def _legs(data: RunData, unit: UnitUnderTest, sample_s: float) -> tuple[list[RampLeg], tuple[str, ...], list[str]]:
-    """The legs of a unit; what was left out of them, and why."""
+    """Legs of a unit, and the number left out for each reason."""
     legs, left_out, flags = [], [], []
     for acquisition in data.acquisitions:
         leg = cut_into_samples(acquisition, unit, elevation_rad(acquisition, unit, data.bench), sample_s)
@@ -104,12 +104,12 @@ def _is_level(leg: RampLeg) -> bool:
 
 
 def _at_first_angle(legs: Sequence[RampLeg]) -> list[RampLeg]:
-    """The legs at the angle of the first: the method is of one position (equations 6.3)."""
+    """Legs at the angle of the first: the method uses one position (equations 6.3)."""
     return [leg for leg in legs if np.isclose(leg.angle_rad, legs[0].angle_rad, rtol=0, atol=SAME_ANGLE_RAD)]
 
 
 def _curves(found: DynamicCharacteristic) -> Iterator[LegCurve]:
-    """What a report draws."""
+    """Curves for the report."""
     for leg, residuals_ug in zip(found.legs, found.residuals_ug, strict=True):
         jumps_c = [jump.temperature_c for jump in found.jumps if (jump.cycle, jump.leg) == (leg.cycle, leg.name)]
         yield LegCurve(

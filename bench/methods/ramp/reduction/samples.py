@@ -1,4 +1,4 @@
-"""An acquisition during a temperature ramp, cut into samples: an output and a temperature each."""
+"""Division of an acquisition during a temperature ramp into samples, each with output and temperature."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from bench.metrology.run_data import UnitUnderTest
 
 @dataclass(frozen=True, slots=True)
 class RampLeg:
-    """The samples of one acquisition, (n,) each; what could not be read is not-a-number. `output` is in its unit.
+    """Samples of one acquisition, (n,) each; unreadable ones are not-a-number. `output` is in its unit.
 
     `direction` is that of the chamber's set point: 1 rising, -1 falling, 0 for an acquisition that is no leg. Samples
-    that are `counted` share a latch with their neighbours.
-    `problems` tells how many samples were left out for which reason, with the flags of `mean_rate`.
+    that are `counted` share a latch with their neighbours. `problems` counts the samples left out for each reason, with
+    the flags of `mean_rate`.
     """
 
     step: str
@@ -43,19 +43,19 @@ class RampLeg:
 
     @property
     def name(self) -> str:
-        """As a record of a ramp calls it."""
+        """Name of the leg in a record of a ramp."""
         return "up" if self.direction > 0 else "down"
 
     @property
     def path(self) -> str:
-        """The loops around its acquisition: `position=0/cycle=1/end=80`."""
+        """Loops around its acquisition: `position=0/cycle=1/end=80`."""
         return self.step.partition("/")[2].rpartition("/")[0]
 
 
 def cut_into_samples(acquisition: Acquisition, unit: UnitUnderTest, angle_rad: float, sample_s: float) -> RampLeg:
-    """The samples of `sample_s` of one acquisition, of which the last one may be missing.
+    """Divide one acquisition into samples of `sample_s`; an incomplete last one is dropped.
 
-    A temperature is the mean of the reading in between.
+    A temperature is the mean of the readings within the sample.
     """
     begins_s = np.arange(acquisition.begin_s, acquisition.end_s, sample_s)
     found = measured(acquisition, unit)

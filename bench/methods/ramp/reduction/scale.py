@@ -1,8 +1,9 @@
-"""The scale factor over temperature, from the 0 g and the 1 g part of a ramp (equations 6.3: U90 - U0 gives K1).
+"""Scale factor over temperature, from the 0 g and the 1 g part of a ramp (equations 6.3: U90 - U0 gives K1).
 
-The difference of the two readings is K1 times the difference of their specific forces. It holds K2, K3 and the
-misalignment of the input axis too, which the two positions do not tell from K1. Rising and falling temperature are kept
-apart: at one indicated temperature the unit is not equally warm on both, nor has its bias the same history.
+The difference of the two readings is K1 times the difference of their specific forces. It contains K2, K3 and the
+misalignment of the input axis too, which two positions do not separate from K1. Rising and falling temperature are
+treated separately: at one indicated temperature the unit does not have the same temperature on both, nor its bias the
+same history.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from bench.methods.ramp.reduction.samples import RampLeg
 from bench.metrology.least_squares import Array, NotDetermined, PolynomialFit, fit_polynomial
 
-DEGREE = 4  # that of K0 and K1 over temperature in equations 6.2
+DEGREE = 4  # degree of K0 and K1 over temperature in equations 6.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +24,8 @@ class RampScale:
     """K1 in pulse/s/g or V/g over the temperature in °C, by the direction of the temperature: 1 rising, -1 falling.
 
     `model` and `line` are the polynomial and the straight line through the readings of both. `left` is the relative
-    root mean square of what the polynomials by direction leave: where a ramp turns, the unit is not as warm at a
-    temperature as it is half way.
+    root mean square of the residuals of the polynomials by direction: near a turn of the ramp, the unit is not as warm
+    at an indicated temperature as half way.
     """
 
     by_direction: Mapping[int, PolynomialFit]
@@ -33,16 +34,16 @@ class RampScale:
     left: float
 
     def output_g(self, leg: RampLeg) -> Array:
-        """What a leg read, less gravity at its angle: at 0 g the bias and the misalignment, which is constant.
+        """Output of a leg without gravity at its angle: at 0 g the bias and the misalignment, which is constant.
 
-        Where the legs at 1 g did not come, K1 is that of the nearest temperature.
+        Beyond the temperatures of the legs at 1 g, K1 is that of the nearest temperature.
         """
         k1 = _within(self.by_direction.get(leg.direction, self.model), leg.temperature_c)
         return np.asarray(leg.output / k1 - np.sin(leg.angle_rad))
 
 
 def scale_over_temperature(level: Sequence[RampLeg], upright: Sequence[RampLeg]) -> RampScale:
-    """K1 of the legs of two angles; NotDetermined when they have no direction in common, or too few temperatures."""
+    """K1 of the legs of two angles; NotDetermined if they have no direction in common, or too few temperatures."""
     lifted_g = np.sin(upright[0].angle_rad) - np.sin(level[0].angle_rad)
     by_direction, temperatures, scales = {}, [], []
     for direction in (1, -1):
@@ -64,12 +65,12 @@ def scale_over_temperature(level: Sequence[RampLeg], upright: Sequence[RampLeg])
 
 
 def over_temperature(legs: Sequence[RampLeg]) -> PolynomialFit:
-    """The output of legs over their temperature, a polynomial of `DEGREE`."""
+    """Output of legs over their temperature, a polynomial of `DEGREE`."""
     return _fitted([leg.temperature_c for leg in legs], [leg.output for leg in legs], DEGREE)
 
 
 def _within(fit: PolynomialFit, temperature_c: Array) -> Array:
-    """A polynomial at temperatures; beyond those that it was fitted to, at the nearest of these."""
+    """Polynomial at temperatures; beyond its fitted range, its value at the nearest end."""
     return fit.value(np.clip(temperature_c, *fit.valid))
 
 

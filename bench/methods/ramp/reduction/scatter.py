@@ -1,9 +1,9 @@
-"""How well the samples of a ramp tell the slope of a straight line over the temperature.
+"""Uncertainty from scatter of the slope of a straight line over temperature, from the samples of a ramp.
 
-Samples side by side share a latch: what one has counted too much, the next has too little, and in a slope little more
-than the ends of the legs is left of it. So what the counts leave is worked out from the latches. The rest is looked for
-in slow waves, as for the line of a channel (`channel_scatter`), of what one cycle has and the next has not: what comes
-again in every cycle, such as the lag after the ramp has turned, is no scatter.
+Adjacent samples share a latch: a count that one has too many, the next has too few, and a slope contains little more
+than the counting error at the ends of the legs. This part is computed from the latches. The rest is estimated from slow
+waves, as for the line of a channel (`channel_scatter`), in the differences between consecutive cycles: effects that
+repeat in every cycle, such as the lag after a turn of the ramp, are no scatter.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from bench.metrology.gate_scatter import (
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array, fit_polynomial
 
-TURN_SHARE = 0.2  # of a leg: the ramp has just turned, and the first has begun from rest
+TURN_SHARE = 0.2  # share of a leg left out: the ramp has just turned, or begun from rest
 
 
 class SlopeScatter(NamedTuple):
-    """Standard uncertainties of a slope, in the unit of the output per °C: of the counts, and of what scatters beside.
+    """Standard uncertainties of a slope, in the unit of the output per °C: from counting, and from additional scatter.
 
     The latter has `dof` degrees of freedom.
     """
@@ -41,13 +41,13 @@ class SlopeScatter(NamedTuple):
     dof: int
 
     def together(self, other: SlopeScatter) -> SlopeScatter:
-        """Those of a slope from which another one is taken away."""
+        """Uncertainties of the difference of two slopes."""
         own = float(np.hypot(self.own, other.own))
         return SlopeScatter(float(np.hypot(self.counted, other.counted)), own, min(self.dof, other.dof))
 
 
 def slope_scatter(legs: Sequence[RampLeg]) -> SlopeScatter | None:
-    """Those of the slope of one line through the samples of all legs; None where these are too short to tell."""
+    """Uncertainties of the slope of one line through the samples of all legs; None if these are too short."""
     temperatures_c = [leg.temperature_c[_usable(leg)] for leg in legs]
     if not legs:
         return None
@@ -57,7 +57,7 @@ def slope_scatter(legs: Sequence[RampLeg]) -> SlopeScatter | None:
 
 
 def sum_scatter(legs: Sequence[RampLeg], gains: Sequence[Array]) -> SlopeScatter | None:
-    """Those of the sum of the usable samples of all legs, each times its gain, (n,) by leg; None as above."""
+    """Uncertainties of the sum of the usable samples of all legs, each times its gain, (n,) by leg; None as above."""
     parts = [_gates(leg) for leg in legs]
     if not parts or min(len(part.seconds) for part in parts) < LEAST_GATES:
         return None
@@ -71,7 +71,7 @@ def sum_scatter(legs: Sequence[RampLeg], gains: Sequence[Array]) -> SlopeScatter
 
 
 def _between_cycles(legs: Sequence[RampLeg], parts: Sequence[Gates]) -> Iterator[float]:
-    """The standard deviation of a sample by which each leg, with its part, differs from that of the cycle before."""
+    """Standard deviation of a sample in the difference of each leg, with its part, from that of the cycle before."""
     in_order = sorted(zip(legs, parts, strict=True), key=lambda pair: pair[0].cycle)
     for direction in (1, -1):
         for before, after in pairwise(part for leg, part in in_order if leg.direction == direction):
@@ -82,7 +82,7 @@ def _between_cycles(legs: Sequence[RampLeg], parts: Sequence[Gates]) -> Iterator
 
 
 def _departures(part: Gates) -> Array:
-    """What the outputs of a leg are away from a smooth curve over the temperature."""
+    """Deviations of the outputs of a leg from a smooth curve over the temperature."""
     return fit_polynomial(part.converter_c, part.rate_pps, SMOOTH_DEGREE).residuals
 
 
@@ -91,7 +91,7 @@ def _usable(leg: RampLeg) -> NDArray[np.bool_]:
 
 
 def _gates(leg: RampLeg) -> Gates:
-    """The usable samples of a leg, with their temperature in the place of the converter's."""
+    """Usable samples of a leg, with their temperature in place of the converter's."""
     usable = _usable(leg)
     seconds, temperature_c = leg.seconds[usable], leg.temperature_c[usable]
     nothing = np.zeros(len(seconds))
@@ -102,5 +102,5 @@ def _gates(leg: RampLeg) -> Gates:
         negative=nothing,
         converter_c=temperature_c,
         accelerometer_c=np.full(len(seconds), np.nan),
-        step_u=None if leg.counted else nothing,
+        quantisation_u=None if leg.counted else nothing,
     )

@@ -1,4 +1,4 @@
-"""Where a leg of a temperature ramp turns round: a unit goes on cooling for a while after the air has begun to warm."""
+"""Turn-rounds of the legs of a temperature ramp: a unit continues to cool after the air has begun to warm."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from bench.metrology.least_squares import Array
 from bench.metrology.temperature_checks import broken_on_a_ramp
 
-WINDOW = 5  # samples whose median no single one changes
-LEAST = 2 * WINDOW  # samples of a stretch that can be seen to turn
+WINDOW = 5  # samples; no single one affects their median
+LEAST = 2 * WINDOW  # minimum number of samples of a stretch in which a turn can be detected
 
 
 def stretches(time_s: Array, longest_hole: int) -> Iterator[slice]:
-    """Parts of samples (n,) in the order of time without a hole longer than `longest_hole` sample intervals."""
+    """Parts of samples (n,) in time order without a gap longer than `longest_hole` sample intervals."""
     interval_s = np.diff(time_s)
     limit_s = longest_hole * float(np.median(interval_s)) if len(interval_s) else 0.0
     holes = np.flatnonzero(interval_s > limit_s) + 1
@@ -25,13 +25,13 @@ def stretches(time_s: Array, longest_hole: int) -> Iterator[slice]:
 
 
 def on_its_way(time_s: Array, temperature_c: Array, *, falls: bool) -> NDArray[np.bool_]:
-    """Which samples (n,) of a leg, in the order of time, belong to the one branch on which it passes its temperatures.
+    """Mask of samples (n,) of a leg, in time order, that belong to its single branch over temperature.
 
-    A stretch begins where the temperature has come back to the median of its first `WINDOW` samples, and ends before it
-    first reaches that of its last; each is within its half, so that a leg that is all turns has the half after its own.
-    At the temperatures of the turn-rounds, which are left out, there are two branches.
-    A stretch of few samples, or one that does not turn, is whole; one that goes the other way is left out. Readings of
-    a broken thermometer, and samples without one, decide nothing.
+    A stretch begins where the temperature has returned to the median of its first `WINDOW` samples, and ends before it
+    first reaches that of its last; each is within its half, so that a leg that consists of turns retains the half after
+    its own. At the temperatures of the turn-rounds, which are left out, there are two branches. A stretch of few
+    samples, or one without a turn, is whole; one in the other direction is left out. Readings of a broken thermometer,
+    and missing samples, are ignored.
     """
     along_c = -temperature_c if falls else temperature_c
     kept = np.zeros(len(time_s), dtype=np.bool_)
@@ -44,7 +44,7 @@ def on_its_way(time_s: Array, temperature_c: Array, *, falls: bool) -> NDArray[n
 
 
 def _branch(along_c: Array) -> tuple[int, int]:
-    """Where the rising branch of (n,) begins and ends, the same where there is none; turns of few samples are in it."""
+    """First and last index of the rising branch of (n,), equal if there is none; it contains turns of few samples."""
     n, away = len(along_c), WINDOW // 2
     medians_c = np.median(sliding_window_view(along_c, WINDOW), axis=1)
     lowest, highest = int(np.argmin(medians_c)), int(np.argmax(medians_c))

@@ -1,1 +1,1 @@
-"""From rates and swings to errors over the range, gain and phase."""
+"""Reduction of rates and oscillations to errors over the range, gain and phase."""

@@ -1,7 +1,7 @@
-"""What a unit reads while the table stands, as a straight line over time and harmonics over its angles.
+"""Output of a unit on a table at rest: a straight line over time, and harmonics over the angle.
 
-A tilt of the axis is in a reading at rest once a turn, a tilt that itself comes once a turn is in it twice. Both cancel
-over whole turns; fitted beside the bias they are not in that.
+A tilt of the axis appears in the readings once a turn, a tilt that itself varies once a turn appears twice. Both cancel
+over whole turns; fitted beside the bias they do not enter it.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 from bench.metrology.least_squares import Array, NotDetermined, least_squares
 from bench.metrology.pooled_scatter import Scatter, pooled
 
-OPPOSITE = 0.02  # rad from half a turn: a pair of angles whose mean is free of the first harmonic
+OPPOSITE = 0.02  # rad from half a turn: such a pair of angles has a mean free of the first harmonic
 
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """One reading: when, at which angle of the table, and the output with its standard uncertainty of type A."""
+    """One reading: time, angle of the table, and the output with its type A standard uncertainty."""
 
     at_s: float
     angle_deg: float
@@ -30,9 +30,9 @@ class RestReading:
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """The bias over time, in the unit of the output; `dof` of the scatter.
+    """Bias over time, in the unit of the output; `dof` of the scatter.
 
-    `of_one_angle`: all readings are at one angle, and a tilt of the axis is in the bias.
+    `of_one_angle`: all readings are at one angle, and a tilt of the axis is contained in the bias.
     """
 
     value: float
@@ -43,15 +43,15 @@ class Rest:
     of_one_angle: bool
 
     def change(self, at_s: float) -> float:
-        """By how much the bias differs at a time from its value in the middle."""
+        """Difference of the bias at a time from its value in the middle."""
         return self.drift_per_s * (at_s - self.middle_s)
 
 
 def fit_rest(readings: Sequence[RestReading], *, axis_wobbles: bool = False) -> Rest:
-    """The bias that readings tell; ValueError for none. With `axis_wobbles` what comes twice a turn is none of it.
+    """Fit the bias from readings; ValueError without any. With `axis_wobbles` the second harmonic is not part of it.
 
-    What scatters is told by each reading and by what the fit leaves of them: by both together, or by the fit where that
-    is significantly more.
+    The scatter is estimated from each reading and from the residuals of the fit: pooled, or from the residuals if these
+    are significantly larger.
     """
     if not readings:
         raise ValueError("no reading at rest")
@@ -75,7 +75,7 @@ def fit_rest(readings: Sequence[RestReading], *, axis_wobbles: bool = False) -> 
 
 
 def _designs(since_s: Array, angle_rad: Array, *, axis_wobbles: bool) -> list[dict[str, Array]]:
-    """What is fitted, from the most to the least that readings may tell."""
+    """Design matrices, from most to fewest terms."""
     one = {"bias": np.ones_like(since_s)}
     over_time = {"drift": since_s / _span_s(since_s)}
     once = _harmonic(1, angle_rad, "cosine", "sine")
@@ -85,7 +85,7 @@ def _designs(since_s: Array, angle_rad: Array, *, axis_wobbles: bool) -> list[di
 
 
 def _harmonic(order: int, angle_rad: Array, cosine: str, sine: str) -> dict[str, Array]:
-    """The columns of a harmonic; angles that see only one phase of it tell one."""
+    """Columns of a harmonic; angles that cover only one phase of it determine one column."""
     since = order * (angle_rad - angle_rad[0])
     if np.max(np.abs(np.sin(since))) < order * OPPOSITE:
         return {cosine: np.cos(since)}

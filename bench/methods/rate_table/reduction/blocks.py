@@ -1,4 +1,4 @@
-"""Records taken on a rate table, cut into the blocks in which the table did one thing (equations 1.10)."""
+"""Records of a rate table, divided into blocks of one motion of the table (equations 1.10)."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.methods.rate_table.reduction.sampling import Kept, at_once
+from bench.methods.rate_table.reduction.sampling import Kept, instantaneous
 from bench.metrology.least_squares import Array
 
-LARGEST_READING = 1e100  # what is larger comes from no instrument, and its square is no number
+LARGEST_READING = 1e100  # larger values come from no instrument, and their square overflows
 LEAST_SAMPLES = 3
-LARGEST_GAP = 0.6  # of the time from the first sample to the last; three that are left may lie a little unevenly
-COMMON = 0.02  # of all samples; a value seen as often belongs to a coarse resolution
+LARGEST_GAP = 0.6  # of the time from the first sample to the last; three remaining samples may be slightly uneven
+COMMON = 0.02  # share of all samples; a value this frequent indicates a coarse resolution
 
 
 @dataclass(frozen=True, slots=True)
 class TableRecord:
     """One row per sample in any order, all arrays (n,); a missing number is NaN, a missing word is empty.
 
-    `block` names what the table did: a word or a frequency. `table` is what its encoder said, `output` the sensor.
+    `block` names the motion of the table: a word or a frequency. `table` is the reading of its encoder, `output` that
+    of the sensor.
     """
 
     block: NDArray[np.str_] | Array
@@ -33,11 +34,11 @@ class TableRecord:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """The usable samples of one block by increasing time; `scheduled` is how many there should have been.
+    """Usable samples of one block by increasing time; `scheduled` is the expected number.
 
-    `step` is by what an output goes that was counted up, 0 for any other; `behind` is by how much it stood behind for
-    the play of its counter, which is no longer in it. `rounding` is by what samples go that were not counted, and
-    `kept` what the output leaves of a sine.
+    `step` is the resolution of a counted output, 0 for any other; `behind` is the lag from converter hysteresis that
+    was removed from it. `rounding` is the resolution of samples that were not counted, and `kept` the response of the
+    sampling to a sine.
     """
 
     time_s: Array
@@ -47,13 +48,13 @@ class Block:
     step: float = 0.0
     behind: Array | None = None
     rounding: float = 0.0
-    kept: Kept = at_once
+    kept: Kept = instantaneous
 
     @property
     def complete(self) -> bool:
-        """Whether at least half of the samples are left, and three, and they are one stretch of time.
+        """True if at least half of the samples are left, and three, and they are one stretch of time.
 
-        Two visits, or a time stamp far away, leave a gap of more than half of the whole time.
+        Two visits, or an outlying time stamp, leave a gap of more than half of the whole time.
         """
         if len(self.time_s) < max(LEAST_SAMPLES, self.scheduled / 2):
             return False
@@ -61,9 +62,9 @@ class Block:
 
 
 def cut_into_blocks(record: TableRecord, excluded: Counter[str], *, settle_s: float = 0.0) -> dict[Any, Block]:
-    """The blocks by name, in the order of names; what cannot be used is counted in `excluded` by reason.
+    """Blocks by name, in the order of names; unusable samples are counted in `excluded` by reason.
 
-    The first `settle_s` of each block are passed over. Of samples with one time stamp the first is kept.
+    The first `settle_s` of each block are discarded. Of samples with one time stamp the first is kept.
     """
     named = record.block != "" if record.block.dtype.kind == "U" else np.isfinite(record.block)
     excluded["missing"] += int(np.sum(~named))
@@ -90,9 +91,9 @@ def _block(record: TableRecord, rows: NDArray[np.int_], settle_s: float, exclude
 
 
 def coarseness(values: Array) -> float:
-    """The smallest step between values that are common in `values` (n,): the resolution where noise is below it.
+    """Smallest step between frequent values in `values` (n,): the resolution, if noise is below it.
 
-    0 where no two values are common, as in readings with noise enough.
+    0 if no two values are frequent, as in readings with enough noise.
     """
     seen, count = np.unique(values, return_counts=True)
     steps = np.diff(seen[count > COMMON * len(values)])

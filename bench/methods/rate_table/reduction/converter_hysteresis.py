@@ -1,9 +1,9 @@
-"""The play of a converter with a + and a - threshold, taken out of what it counts on a swing (equations 8.5).
+"""Hysteresis of a converter with a + and a - threshold, removed from its counts during an oscillation (equations 8.5).
 
-One integrator with two thresholds pulses the other way only when its charge has gone one pulse farther back than it
-would have to go forward. The counts follow the charge as a shaft with play follows a hand: behind it by half the play
-on the way up, ahead by half on the way down, at rest in between. Of a sine of 20 pulses that takes 6 parts in 1000, and
-turns it by 1.8°.
+An integrator with two thresholds gives a pulse of the other sign only when its charge has gone back one pulse farther
+than forward. The counts follow the charge like a shaft with backlash: behind it by half the play upwards, ahead by half
+downwards, at rest in between. For a sine of 20 pulses this reduces the amplitude by 6 parts in 1000, and shifts the
+phase by 1.8°.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from bench.methods.rate_table.reduction.samples import TableSamples
 from bench.methods.rate_table.reduction.sine_fit import find_frequency, resolved
 from bench.metrology.least_squares import Array, NotDetermined, least_squares
 
-MOST_TURNS = 100  # the play that is taken out depends on the sine that is left
-SETTLED = 1e-3  # of a pulse
+MOST_TURNS = 100  # iterations: the removed play depends on the remaining sine
+SETTLED = 1e-3  # convergence, of a pulse
 PHASES = 4096
 HARMONICS = 2
 
 
-def without_play(samples: TableSamples, nominal_hz: float, play_pulses: float) -> TableSamples:
-    """The samples of a swing with the pulses that a converter without play would have counted.
+def without_hysteresis(samples: TableSamples, nominal_hz: float, play_pulses: float) -> TableSamples:
+    """Samples of an oscillation with the counts of a converter without hysteresis.
 
-    As they are where there is no play, where the pulses go one way only, and where they do not turn round twice in a
-    period, as those of a swing smaller than the play.
+    Unchanged if there is no play, if the pulses are of one sign only, or if they do not reverse twice in a period, as
+    for an oscillation smaller than the play.
     """
     if not play_pulses or samples.problems:
         return samples
@@ -39,9 +39,9 @@ def without_play(samples: TableSamples, nominal_hz: float, play_pulses: float) -
 
 
 def _settled(samples: TableSamples, frequency_hz: float, half: float) -> Array:
-    """By how much the counts (n,) stand behind, again and again for the sine that is left, until that does not change.
+    """Lag of the counts (n,), iterated with the remaining sine until it does not change.
 
-    One or two iterations suffice for many pulses, tens where the play is a large part of few pulses.
+    One or two iterations suffice for many pulses, tens if the play is a large part of few pulses.
     """
     behind = np.zeros_like(samples.total)
     for _ in range(MOST_TURNS):
@@ -52,7 +52,7 @@ def _settled(samples: TableSamples, frequency_hz: float, half: float) -> Array:
 
 
 def _behind(time_s: Array, pulses: Array, frequency_hz: float, half: float) -> Array:
-    """By how much the counts (n,) differ from the charge, with the charge that the counts of now would be."""
+    """Difference of the counts (n,) from the charge, with the present counts taken as the charge."""
     turn = 2 * np.pi * frequency_hz
     harmonics = [k for k in range(1, HARMONICS + 1) if resolved(time_s, k * frequency_hz)]
 

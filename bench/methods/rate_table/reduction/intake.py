@@ -1,8 +1,8 @@
-"""From what was acquired on a rate table to its samples: the output of a unit and the table's encoder on one clock.
+"""Samples of an acquisition on a rate table: output of a unit and encoder of the table on one clock.
 
-Pulses are latched with the encoder by the counter, and so are the ends of the samples that a unit sends where its
-telemetry has the encoder. What a voltmeter reads, or a unit sends without the encoder, has only the host's clock in
-common with it: that is good for means over turns, to some ms, and for no phase.
+Pulses are latched with the encoder by the counter, and so are the ends of the samples that a unit sends if its
+telemetry has the encoder. Readings of a voltmeter, or samples sent without the encoder, have only the host's clock in
+common with it: that suffices for means over turns, to some ms, but not for a phase.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.rate_table.reduction.samples import TableSamples
-from bench.methods.rate_table.reduction.sampling import at_once, averaged_over
+from bench.methods.rate_table.reduction.samples import TableSamples, summed_up
+from bench.methods.rate_table.reduction.sampling import averaged_over, instantaneous
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature
 from bench.methods.rate_table.reduction.turning_readings import TurningReadings
 from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Integers, Positions, Voltages
@@ -22,15 +22,15 @@ from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import on_the_host_clock, sampled_at_s
 
 LEAST_LATCHES = 20
-LEAST_READINGS = 3  # whose mean has a scatter
+LEAST_READINGS = 3  # minimum number for a scatter of the mean
 NOTHING: Integers = np.empty(0, np.int64)
 
 
 def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:
-    """The samples of a unit in one acquisition.
+    """Samples of a unit in one acquisition.
 
-    Problems are those of `mean_output` but a dead band, which a swing goes through, no_encoder, and no_common_clock of
-    a swing whose output has no clock in common with the encoder.
+    Problems are those of `mean_output` except dead_band, which an oscillation passes through, no_encoder, and
+    no_common_clock for an oscillation whose output has no clock in common with the encoder.
     """
     if unit.is_counted:
         return _counted(acquisition, unit)
@@ -41,7 +41,7 @@ def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples
 
 
 def _encoder(acquisition: Acquisition) -> tuple[Positions, list[str]]:
-    """That of the axis that moved; one that has read nothing, and the problem, where there is none."""
+    """Encoder of the axis that moved; one without readings, and the problem, if there is none."""
     motion = acquisition.motion
     encoder = acquisition.positions.get(motion.device if motion else next(iter(acquisition.positions), ""))
     if encoder is not None:
@@ -66,7 +66,7 @@ def _counted(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:
 
 
 def _sent(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, problems: list[str]) -> TableSamples:
-    """Of samples at whose ends the encoder was latched."""
+    """Samples sent by a unit with the encoder latched at their ends."""
     codes, mean = acquisition.codes.get(encoder.channel, NO_CODES), mean_output(acquisition, unit)
     latch, of_codes, of_encoder = np.intersect1d(
         codes.sequence, encoder.sequence, assume_unique=True, return_indices=True
@@ -75,24 +75,16 @@ def _sent(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, pro
     if len(latch) < LEAST_LATCHES:
         problems = list(dict.fromkeys([*problems, "too_few_codes"]))
     time_s = np.asarray(_since_first(codes.tick[of_codes], codes.tick_bits) * codes.tick_period_s, np.float64)
-    total = _summed(codes.values[of_codes], latch, time_s)
-    sampled = averaged_over(_interval_s(time_s, latch)) if codes.averaged else at_once
+    total = summed_up(codes.values[of_codes], latch, time_s)
+    sampled = averaged_over(_interval_s(time_s, latch)) if codes.averaged else instantaneous
     return _samples(
         acquisition, unit, encoder, (latch, of_encoder, time_s), total, problems,
-        step_of_codes=codes.step, sampled=sampled, hidden_u=mean.step_u,
+        step_of_codes=codes.step, sampled=sampled, hidden_u=mean.quantisation_u,
     )  # fmt: skip
 
 
-def _summed(values: Array, latch: Integers, time_s: Array) -> Array:
-    """What samples (n,) of these numbers sum up to; those that did not come lie on a line between their neighbours."""
-    if not len(latch):
-        return values
-    filled = np.cumsum(np.interp(np.arange(latch[0], latch[-1] + 1), latch, values))[latch - latch[0]]
-    return np.concatenate(([0.0], np.cumsum(np.diff(filled) / np.diff(latch) * np.diff(time_s))))
-
-
 def _beside(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, problems: list[str]) -> TableSamples:
-    """Of readings whose times are the host's: between them the output goes on a line, over the encoder's clock."""
+    """Readings timed by the host: the output is interpolated linearly between them, over the encoder's clock."""
     found, mean, motion = _readings(acquisition, unit), mean_output(acquisition, unit), acquisition.motion
     problems = [*mean.problems, *problems]
     if motion is not None and motion.frequency_hz is not None:
@@ -113,11 +105,13 @@ def _beside(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, p
     if len(rows) < LEAST_LATCHES:
         problems.append("too_few_latches")
     latches = encoder.sequence[rows], rows, clock_s[rows]
-    return _samples(acquisition, unit, encoder, latches, total, problems, hidden_u=mean.step_u, readings=readings)
+    return _samples(
+        acquisition, unit, encoder, latches, total, problems, hidden_u=mean.quantisation_u, readings=readings
+    )
 
 
 def _turning(read_s: Array, values: Array, clock_s: Array, angle_deg: Array) -> TurningReadings:
-    """Readings at times of the encoder's clock, and the table around them; one before or after its latches is none."""
+    """Readings within the encoder's latches, at times of its clock, with the motion of the table around them."""
     reach_s = float(np.median(np.diff(read_s))) / 4
     seen = (read_s - reach_s >= clock_s[0]) & (read_s + reach_s <= clock_s[-1])
     before_deg, at_deg, after_deg = (
@@ -137,7 +131,7 @@ def _samples(
     acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, latches: tuple[Integers, Integers, Array],
     total: Array | Integers, problems: list[str], **more: Any,
 ) -> TableSamples:  # fmt: skip
-    """At `latches`: their numbers, their rows of the encoder, and their times."""
+    """Samples at `latches`: their numbers, their rows of the encoder, and their times."""
     latch, of_encoder, time_s = latches
     return TableSamples(
         step=acquisition.step,
@@ -155,18 +149,18 @@ def _samples(
 
 
 def _turned_deg(encoder: Positions, rows: Integers | slice = slice(None)) -> Array:
-    """How far the table has turned at rows of an encoder, since the first."""
+    """Angle of the table at rows of an encoder, relative to the first."""
     steps = _since_first(encoder.position[rows], encoder.position_bits, either_way=True)
     return np.asarray(steps * encoder.resolution_deg, np.float64)
 
 
 def _interval_s(time_s: Array, latch: Integers) -> float:
-    """From latch to latch."""
+    """Time between latches."""
     return float(np.median(np.diff(time_s) / np.diff(latch))) if len(latch) > 1 else np.nan
 
 
 def _since_first(cumulative: Integers, bits: int, *, either_way: bool = False) -> Integers:
-    """What a counter that wraps has gone since the first row; one that goes either way goes the shorter."""
+    """Change of a counter that wraps since the first row; in either direction, by the shorter way."""
     steps = np.diff(cumulative) % (1 << bits)
     if either_way:
         half = 1 << (bits - 1)

@@ -1,7 +1,7 @@
-"""Frequency response of an accelerometer on a swinging table, by way of its own lever arms (equations 5.5).
+"""Frequency response of an accelerometer on an oscillating table, through its own lever arms (equations 5.5).
 
-At the place (x, y) of the table an input axis along X senses -ω² x - dω/dt y: the y from the sine at the frequency of
-the swing, the x from that at twice the frequency.
+At the position (x, y) on the table an input axis along X senses -ω² x - dω/dt y: y follows from the sine at the
+frequency of the oscillation, x from that at twice the frequency.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ SHORT_ARM_M = 0.005
 
 @dataclass(frozen=True, slots=True)
 class LeverArm:
-    """Where the accelerometer sits in the frame of the table, its input axis along X, with standard uncertainties.
+    """Position of the accelerometer in the frame of the table, its input axis along X, with standard uncertainties.
 
-    `swing` is that of the table meanwhile; `u_sensed_m` is what the readings of the sensor have in the uncertainties.
+    `swing` is the oscillation of the table meanwhile; `u_sensed_m` is the contribution of the sensor's readings.
     """
 
     x_m: float
@@ -46,11 +46,11 @@ class LeverArm:
 
 @dataclass(frozen=True, slots=True)
 class AccelerometerSweep:
-    """What the samples of a sweep are.
+    """Meaning of the samples of a sweep.
 
     Row k of the record holds the increment of the table angle in rad and the mean acceleration in g over the
-    `interval_s` before its time; without that, the table angle in degrees and of the acceleration what its block keeps.
-    At `lever_hz` the arms are found.
+    `interval_s` before its time; without that, the table angle in degrees and the acceleration with the sampling
+    response of its block. The arms are determined at `lever_hz`.
     """
 
     local_g_mps2: float
@@ -60,10 +60,10 @@ class AccelerometerSweep:
 
 
 def accelerometer_response(record: TableRecord, sweep: AccelerometerSweep) -> tuple[LeverArm | None, FrequencyResponse]:
-    """The arms, None where the lever frequency tells none, and the response relative to that at the lever frequency.
+    """Arms, None if not determined at the lever frequency, and the response relative to that at the lever frequency.
 
-    Without arms, or with both shorter than 5 mm, there are no points and the flag is `invalid`. A y that alone is so
-    short is flagged `lever_arm_short`: the uncertainties of the gains tell how well they are known.
+    Without arms, or with both shorter than 5 mm, there are no points and the flag is `invalid`. If only y is that short
+    the flag is `lever_arm_short`: the uncertainties of the gains include it.
     """
     remarks, points = Remarks(), []
     blocks = cut_into_blocks(record, remarks.excluded, settle_s=sweep.settle_s)
@@ -85,9 +85,10 @@ def accelerometer_response(record: TableRecord, sweep: AccelerometerSweep) -> tu
 
 
 def lever_arm(block: Block, sweep: AccelerometerSweep, remarks: Remarks) -> LeverArm | None:
-    """The arms from a block at the lever frequency, None where it tells none.
+    """Arms from a block at the lever frequency, None if not determined.
 
-    They are magnitudes with the sign of the real part: a small lag of the channel turns them, not shortens.
+    They are magnitudes with the sign of the real part: a small lag of the channel rotates their phasors but does not
+    shorten them.
     """
     swing = _swing(block, sweep.lever_hz, sweep, remarks)
     sensed = fit_output(block, swing, remarks, harmonics=2) if swing else None
@@ -112,7 +113,7 @@ def lever_arm(block: Block, sweep: AccelerometerSweep, remarks: Remarks) -> Leve
 def accelerometer_point(
     block: Block, nominal_hz: float, arm: LeverArm, sweep: AccelerometerSweep, remarks: Remarks
 ) -> SweepPoint | None:
-    """The response at one frequency over that at the lever frequency, None where the block tells none."""
+    """Response at one frequency relative to that at the lever frequency, None if the block does not determine it."""
     swing = _swing(block, nominal_hz, sweep, remarks)
     if not swing:
         return None
@@ -136,23 +137,23 @@ def _swing(block: Block, nominal_hz: float, sweep: AccelerometerSweep, remarks: 
 
 
 def _kept(frequency_hz: Array, sweep: AccelerometerSweep, block: Block) -> Factors:
-    """What the record keeps of a phasor of the acceleration at each frequency (m,)."""
+    """Sampling response of the record for the acceleration at each frequency (m,)."""
     return block.kept(frequency_hz) if sweep.interval_s is None else averaging(frequency_hz, sweep.interval_s)
 
 
 def swing_of_increments(block: Block, nominal_hz: float, interval_s: float, remarks: Remarks) -> Swing | None:
-    """The swing of a table whose angle is known by its increments, in rad, over the `interval_s` before each time.
+    """Oscillation of a table from increments of its angle, in rad, over the `interval_s` before each time.
 
-    An increment over its interval is the mean rate, as the sample of an accelerometer is a mean acceleration.
+    An increment / its interval is the mean rate, like the mean acceleration of an accelerometer sample.
     """
     fit = fit_table(block, nominal_hz, remarks)
     if not fit:
         return None
     mean_rate = complex(fit.phasors[0]) / interval_s / RAD_PER_DEG
     rate = mean_rate / complex(averaging(np.array([fit.frequency_hz]), interval_s)[0])
-    # An increment is the difference of two readings; the errors that repeat are those of the readings.
+    # An increment is a difference of two readings; periodic errors are those of the readings.
     reading = abs(fit.phasors[0]) / (2 * np.sin(np.pi * fit.frequency_hz * interval_s))
-    u_repeating = fit.u_repeating / np.sqrt(2) / reading
+    u_periodic = fit.u_periodic / np.sqrt(2) / reading
     u_random = float(fit.u_random[0]) / abs(fit.phasors[0])
-    u_relative = float(np.hypot(u_random, u_repeating))
-    return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u_relative, bool(u_repeating > u_random))
+    u_relative = float(np.hypot(u_random, u_periodic))
+    return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u_relative, bool(u_periodic > u_random))

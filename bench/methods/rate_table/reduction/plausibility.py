@@ -1,4 +1,4 @@
-"""Records of a rate table that contradict what the table was told: units, exchanged columns (equations 5)."""
+"""Records of a rate table that contradict its commands: units, exchanged columns (equations 5)."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from bench.methods.rate_table.reduction.blocks import LEAST_SAMPLES, Block, Tabl
 from bench.metrology.least_squares import Array
 from bench.metrology.plausibility import Doubt, slip
 
-FASTEST_DPS = 5000.0  # of any table
+FASTEST_DPS = 5000.0  # any table
 LARGEST_ARM_M = 10.0
-SMALLEST_RADIUS_M = 0.01  # of a centrifuge
-LEAST_OF_RANGE = 0.01  # that the largest input of a test of it is
+SMALLEST_RADIUS_M = 0.01  # a centrifuge
+LEAST_OF_RANGE = 0.01  # minimum share of the full scale for the largest input of its test
 LARGEST_LOW_G = 1.5  # low rates are those up to 1 g
-WITHIN = (0.5, 2.0)  # a rate over the one that was told
-GAINS = (0.1, 10.0)  # of a gyro at the lowest frequency
-OUT_OF_ORDER = 0.01  # of the samples of a block
-MOST_FALLING = 0.9  # of its steps in time
+WITHIN = (0.5, 2.0)  # ratio of a rate to its command
+GAINS = (0.1, 10.0)  # gain of a gyro at the lowest frequency
+OUT_OF_ORDER = 0.01  # share of the samples of a block
+MOST_FALLING = 0.9  # share of its time steps
 NAMED = 5  # blocks
-BELOW_CLIP = 0.9  # of the clip level, below which a sensor is not at the end of its range
-LIKE = 0.1  # two rates are alike
-SWINGS_HZ = (0.5, 2.0)  # a frequency over the one that was told
-INTERVALS = (0.5, 2.0)  # the time between samples over the interval of one
+BELOW_CLIP = 0.9  # of the clip level; below it a sensor is not at the end of its range
+LIKE = 0.1  # relative difference of equal rates
+SWINGS_HZ = (0.5, 2.0)  # ratio of a frequency to its command
+INTERVALS = (0.5, 2.0)  # ratio of the time between samples to the interval of one
 
 
 def _blocks(record: TableRecord) -> dict[str, Block]:
@@ -32,12 +32,12 @@ def _blocks(record: TableRecord) -> dict[str, Block]:
 
 
 def _slope(block: Block, values: Array) -> float:
-    """From the first sample to the last."""
+    """Mean slope from the first sample to the last."""
     return float((values[-1] - values[0]) / (block.time_s[-1] - block.time_s[0])) if len(block.time_s) > 1 else np.nan
 
 
 def clock(record: TableRecord) -> Iterator[Doubt]:
-    """Blocks whose clock ran backwards or was set back. Rows in another order, drawn or in pieces, are no such."""
+    """Doubt about blocks with a clock that ran backwards or was set back; rows in another order do not count."""
     names, which = np.unique(record.block, return_inverse=True)
     of_blocks = np.split(np.argsort(which, kind="stable"), np.cumsum(np.bincount(which))[:-1])
     odd = [name for name, rows in zip(names.tolist(), of_blocks, strict=False) if _goes_back(record.time_s[rows])]
@@ -51,7 +51,7 @@ def clock(record: TableRecord) -> Iterator[Doubt]:
 
 
 def _goes_back(time_s: Array) -> bool:
-    """Whether times (n,) fall all along, or in few places to times that were there before; copies count once."""
+    """True if times (n,) fall throughout, or in few places to earlier times; copies count once."""
     time_s = time_s[np.isfinite(time_s)]
     time_s = time_s[np.sort(np.unique(time_s, return_index=True)[1])]
     back = np.flatnonzero(np.diff(time_s) < 0) + 1
@@ -64,22 +64,22 @@ def _goes_back(time_s: Array) -> bool:
     early = pieces > np.minimum.accumulate(pieces[::-1])[::-1]
     return min(int(np.sum(late)), int(np.sum(early))) > OUT_OF_ORDER * len(
         time_s
-    )  # one time far away makes many of one kind
+    )  # a single outlying time gives many deviations of one kind
 
 
 def gyro_range(
     record: TableRecord, commands_dps: Mapping[str, float], clip_dps: float | None = None
 ) -> Iterator[Doubt]:
-    """A table rate, by its encoder, or an output that is another one by far than what was told."""
+    """Doubt about a table rate, by its encoder, or an output that is far from its command."""
     blocks = _blocks(record)
     yield from _stuck(blocks, clip_dps)
-    told = [(block, commands_dps[name]) for name, block in blocks.items() if name in commands_dps]
-    told = [(block, rate_dps) for block, rate_dps in told if len(block.time_s) > 1]
-    if not told:
+    commanded = [(block, commands_dps[name]) for name, block in blocks.items() if name in commands_dps]
+    commanded = [(block, rate_dps) for block, rate_dps in commanded if len(block.time_s) > 1]
+    if not commanded:
         return
-    turned = float(np.median([_slope(block, block.table) / rate_dps for block, rate_dps in told]))
-    ramps = float(np.median([_slope(block, block.output) / rate_dps for block, rate_dps in told]))
-    read = float(np.median([np.median(block.output) / rate_dps for block, rate_dps in told]))
+    turned = float(np.median([_slope(block, block.table) / rate_dps for block, rate_dps in commanded]))
+    ramps = float(np.median([_slope(block, block.output) / rate_dps for block, rate_dps in commanded]))
+    read = float(np.median([np.median(block.output) / rate_dps for block, rate_dps in commanded]))
     if abs(turned) < LIKE and abs(ramps - 1) < LIKE:
         yield Doubt("columns_exchanged", "enc_deg and out_dps: the output rises as an angle does, the encoder does not")
         return
@@ -94,10 +94,10 @@ def gyro_range(
 
 
 def _stuck(blocks: Mapping[str, Block], clip: float | None) -> Iterator[Doubt]:
-    """An output that is one and the same number in a whole block, and to the end of another at an unlike rate.
+    """Doubt about an output constant in a whole block, and to the end of another at a different rate.
 
-    It may be 0 in a dead band, the same where its steps are coarse beside the difference of two rates, and stay at the
-    end of the range of a sensor, which is the largest output where no clip level is stated.
+    It may be 0 in a dead band, equal if its resolution is coarse compared with the difference of two rates, and
+    constant at the end of the range of a sensor, which is the largest output if no clip level is stated.
     """
     seen = np.unique(np.concatenate([block.output for block in blocks.values()] or [np.empty(0)]))
     step = np.min(np.diff(seen), initial=np.inf)
@@ -120,7 +120,7 @@ def _angle(seen: str, ratio: float) -> Doubt:
 
 
 def of_range(largest: float, full_scale: float | None, setting: str) -> Iterator[Doubt]:
-    """A range of which the largest input is next to nothing."""
+    """Doubt about a range whose largest input is next to zero."""
     if full_scale is not None and 0 < abs(largest) < LEAST_OF_RANGE * full_scale:
         seen = f"the largest input is {abs(largest):.4g}, and settings.{setting} is {full_scale:g}"
         yield Doubt("implausible_scale", f"{seen}: see the units of both")
@@ -129,7 +129,7 @@ def of_range(largest: float, full_scale: float | None, setting: str) -> Iterator
 def accelerometer_range(
     record: TableRecord, radius_m: float | None, bias_g: float | None, clip_g: float | None = None
 ) -> Iterator[Doubt]:
-    """Readings at low rates beyond 1 g, an arm longer than any table, a table faster than any."""
+    """Doubts about readings beyond 1 g at low rates, an arm longer than any table, a table faster than any."""
     blocks = _blocks(record)
     yield from _stuck(blocks, clip_g)
     low_g = [abs(float(np.median(b.output)) - (bias_g or 0.0)) for name, b in blocks.items() if name.startswith("low")]
@@ -153,14 +153,14 @@ def accelerometer_range(
 
 
 def gyro_sweep(record: TableRecord) -> Iterator[Doubt]:
-    """A swing at another frequency, or else a gain that no gyro has."""
+    """Doubt about an oscillation at another frequency, or else about an implausible gain of a gyro."""
     blocks = _swinging(record)
     off = [*_off_frequency(blocks), *_frozen(blocks)]
     yield from off or _gain(blocks)
 
 
 def accelerometer_sweep(record: TableRecord, interval_s: float, arms_m: tuple[float, float] | None) -> Iterator[Doubt]:
-    """A swing at another frequency, samples of another interval, arms that no table has."""
+    """Doubts about an oscillation at another frequency, samples of another interval, implausible arms."""
     blocks = _swinging(record)
     yield from (*_off_frequency(blocks), *_frozen(blocks))
     steps_s = [float(np.median(np.diff(block.time_s))) for _, block in blocks]
@@ -175,7 +175,7 @@ def accelerometer_sweep(record: TableRecord, interval_s: float, arms_m: tuple[fl
 
 
 def _off_frequency(blocks: Sequence[tuple[float, Block]]) -> Iterator[Doubt]:
-    """A table that swung at another frequency by far than all blocks say, as by another unit of time."""
+    """Doubt about a table frequency far from that of all blocks, as by another unit of time."""
     ratio = float(np.median([_frequency_hz(block) / nominal_hz for nominal_hz, block in blocks])) if blocks else 1.0
     if ratio > 0 and not SWINGS_HZ[0] <= ratio <= SWINGS_HZ[1]:
         seen = f"the table swung at {ratio:.4g} times f_Hz{slip(ratio)}"
@@ -183,7 +183,7 @@ def _off_frequency(blocks: Sequence[tuple[float, Block]]) -> Iterator[Doubt]:
 
 
 def _frozen(blocks: Sequence[tuple[float, Block]]) -> Iterator[Doubt]:
-    """An output that is one and the same number in a whole block."""
+    """Doubt about an output constant in a whole block."""
     frozen = [f"{nominal_hz:g} Hz" for nominal_hz, block in blocks if not np.ptp(block.output)]
     if frozen:
         yield Doubt("implausible_output", f"the output does not change at {', '.join(frozen[:NAMED])}: it is frozen")
@@ -195,19 +195,19 @@ def _swinging(record: TableRecord) -> list[tuple[float, Block]]:
 
 
 def _frequency_hz(block: Block) -> float:
-    """That of the largest line in the spectrum of the table, as if its samples came evenly; coarse."""
+    """Frequency of the largest line in the spectrum of the table, as for equidistant samples; coarse."""
     spectrum = np.abs(np.fft.rfft(_wave(block, block.table) * np.hanning(len(block.table))))
     return float((int(np.argmax(spectrum[1:])) + 1) / np.ptp(block.time_s))
 
 
 def _wave(block: Block, values: Array) -> Array:
-    """Values without their line over time."""
+    """Values without their linear trend."""
     design = np.stack([np.ones_like(values), block.time_s - block.time_s[0]], axis=-1)
     return np.asarray(values - design @ np.linalg.lstsq(design, values, rcond=None)[0])
 
 
 def _gain(blocks: Sequence[tuple[float, Block]]) -> Iterator[Doubt]:
-    """A gain at the lowest frequency that no gyro has, as of radians, or of exchanged columns."""
+    """Doubt about an implausible gain of a gyro at the lowest frequency, as of radians, or of exchanged columns."""
     if not blocks:
         return
     nominal_hz, block = blocks[0]

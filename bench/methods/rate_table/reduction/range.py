@@ -1,7 +1,8 @@
 """Methods M3a and M3c: errors of a gyro and of an accelerometer over their range (equations 5.2 and 5.4).
 
-A gyro is held against the rate of the table, an accelerometer against ω²r with the radius that it finds itself at low
-rates. The counter's clock is in the rate of pulses and in the table's alike, and cancels; in codes and volts is none.
+A gyro is compared with the rate of the table, an accelerometer with ω²r with the radius that it determines itself at
+low rates. The counter's clock is common to the rates of pulses and table, and cancels; codes and volts depend on no
+clock.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.rate_table.reduction.radius import LARGEST_U_RADIUS, LEAST_LOW_RATES, Arm
-from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeForm, noise_of
+from bench.methods.rate_table.reduction.radius import LEAST_LOW_RATES, Arm, gyro_error
+from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeFindings, noise_of
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning, range_blocks
 from bench.metrology.orientation import turned_axes
 from bench.metrology.results.budget import BudgetLine
@@ -21,42 +22,42 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 RESOLUTION = "encoder: resolution"
 HARMONICS = "encoder: errors over part of a turn"
-ARM_U = 3.0  # by so many standard uncertainties a radius may differ from what the bench file says
-TOUCH_G = 1.02  # of the highest acceleration that the radius is found at: a rate meant for it may turn a little fast
+ARM_U = 3.0  # maximum difference of a radius from the bench file, in standard uncertainties
+TOUCH_G = 1.02  # of the highest acceleration for the radius: tolerance for a rate that is slightly too fast
 
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Bias and errors of every gyro; rates in °/s by the stated scale factor."""
+    """Reduce a run to bias and errors of every gyro; rates in °/s by the stated scale factor."""
     return [_gyro(data, unit, settings) for unit in data.units]
 
 
 def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Bias, radius and errors of every accelerometer; accelerations in local g by the stated scale factor."""
+    """Reduce a run to bias, radius and errors of every accelerometer; in local g by the stated scale factor."""
     return [_accelerometer(data, unit, settings) for unit in data.units]
 
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     blocks = range_blocks(data, unit, 1 / settings["scale"][unit.output_unit], settings["clip_dps"])
-    form = RangeForm(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
+    form = RangeFindings(data, unit, settings, "rate_error", "°/s", settings["full_scale_dps"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
     rest = form.at_rest(blocks, "rest_rate", "mean rate at rest, earth's part included")
     findings, points = [rest], []
     read: list[CurvePoint] = []
     for number, turning in enumerate(blocks.turning):
-        error = turning.steady.output - blocks.bias.output - turning.steady.rate_dps
+        error = gyro_error(turning.steady, blocks.bias)
         lines = [
             form.noise(turning),
             form.of_rest(blocks, 1.0),
-            BudgetLine(RESOLUTION, "B", turning.steady.u_rate_dps),
+            BudgetLine(RESOLUTION, "B", error.by_rate),
             BudgetLine(HARMONICS, "B", turning.u_harmonics_dps, None, "table.harmonics"),
-            *form.of_the_voltmeter(turning.steady.rate_dps),
-            *form.of_the_clock(turning.steady.rate_dps),
+            *form.of_the_voltmeter(error.true),
+            *form.of_the_clock(error.true),
         ]
         at = {"point": number, "rate_dps": turning.command_dps}
-        findings += form.errors(turning, at, turning.steady.rate_dps, error, lines)
-        points.append(form.curve_point(turning, turning.steady.rate_dps, error, lines))
-        read += form.for_the_curve(turning, turning.steady.rate_dps, error, lines)
+        findings += form.errors(turning, at, error.true, error.value, lines)
+        points.append(form.curve_point(turning, error.true, error.value, lines))
+        read += form.for_the_curve(turning, error.true, error.value, lines)
     findings.append(form.saturated(blocks))
     return form.with_curve(blocks, findings, "rate", points, read, ("scale_error", "asymmetry", "cubic"))
 
@@ -64,7 +65,7 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     per_pulse = 1 / settings["scale"][unit.output_unit]
     blocks = range_blocks(data, unit, per_pulse, settings["clip_g"], feels_gravity=True)
-    form = RangeForm(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
+    form = RangeFindings(data, unit, settings, "acceleration_error", "g", settings["full_scale_g"])
     if blocks.rest is None:
         return form.result(blocks, [], None)
     rest = form.at_rest(blocks, "rest_output", "mean output at rest")
@@ -83,40 +84,39 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     findings.append(radius)
     if _unlike(radius, usable[0], unit, data):
         blocks.flags.append("radius_unlike_bench_file")
-    if arm.u_radius_m >= LARGEST_U_RADIUS * abs(arm.radius_m):
+    if arm.is_uncertain:
         blocks.flags.append("radius_not_determined")
         blocks.left_out.append("radius")
         return form.result(blocks, findings, None)
     points = []
     for number, turning in enumerate(runs):
-        true_g, error_g = arm.acceleration_g(turning.steady), arm.error_g(turning.steady)
-        _, by_bias, by_radius, by_rate = arm.u_parts_g(turning.steady)
+        error = arm.error(turning.steady)
         lines = [
             form.noise(turning),
-            form.of_rest(blocks, by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
-            BudgetLine(BY_RADIUS, "A", by_radius, None, form.subject.id("radius")),
-            BudgetLine(RESOLUTION, "B", by_rate),
-            BudgetLine(HARMONICS, "B", abs(2 * true_g / turning.steady.rate_dps) * turning.u_harmonics_dps),
-            form.warmer(abs(true_g) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
-            *form.of_the_voltmeter(error_g),
+            form.of_rest(blocks, error.by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
+            BudgetLine(BY_RADIUS, "A", error.by_radius, None, form.subject.id("radius")),
+            BudgetLine(RESOLUTION, "B", error.by_rate),
+            BudgetLine(HARMONICS, "B", abs(2 * error.true / turning.steady.rate_dps) * turning.u_harmonics_dps),
+            form.warmer(abs(error.true) * form.settings["scale_per_c_u"] * _warmer_c(turning, usable)),
+            *form.of_the_voltmeter(error.value),
             BudgetLine("stretch of the arm: contained", "alias", 0.0),
         ]
-        at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": true_g}
-        findings += form.errors(turning, at, true_g, error_g, lines)
-        points.append(form.curve_point(turning, true_g, error_g, lines))
-        read += form.for_the_curve(turning, true_g, error_g, lines)
+        at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": error.true}
+        findings += form.errors(turning, at, error.true, error.value, lines)
+        points.append(form.curve_point(turning, error.true, error.value, lines))
+        read += form.for_the_curve(turning, error.true, error.value, lines)
     findings.append(form.saturated(blocks))
     return form.with_curve(blocks, findings, "acceleration", points, read, ("scale_error", "quadratic"))
 
 
 def _warmer_c(turning: Turning, low: Sequence[Turning]) -> float:
-    """How much the unit's temperature differs from that at the low rates; 0 where it is not known."""
+    """Temperature of the unit relative to that at the low rates; 0 if unknown."""
     difference_c = abs(turning.temperature_c - float(np.mean([each.temperature_c for each in low])))
     return float(np.nan_to_num(difference_c))
 
 
 def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -> bool:
-    """Whether the radius is not that of the bench file: another scale factor than is stated, or another place."""
+    """True if the radius differs from that of the bench file: another scale factor than stated, or another place."""
     if unit.arm_m is None:
         return False
     mount = next(each.mount for each in data.acquisitions if each.step == low.step)
@@ -125,8 +125,8 @@ def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -
     return abs(radius.value - stated_m) > ARM_U * float(np.hypot(radius.u, unit.arm_u_m))
 
 
-def _radius(form: RangeForm, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
-    """The arm as the sensor itself measures it; its scale factor is in it as it stands."""
+def _radius(form: RangeFindings, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
+    """Finding of the arm as measured by the sensor itself; it contains the error of the scale factor."""
     bench, radius_m = form.data.bench, arm.radius_m
     weights = np.array([each.steady.rate_dps**4 for each in low])
     harmonics = weights / weights.sum() * [2 * each.u_harmonics_dps / each.steady.rate_dps for each in low]

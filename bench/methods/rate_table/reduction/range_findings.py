@@ -1,4 +1,4 @@
-"""How the errors of a sensor over its range are told: the points, the curve through them, and how they are judged."""
+"""Findings of the errors of a sensor over its range: the points, the curve through them, and their limits."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ CurvePoint = tuple[Turning, LinearityPoint]
 
 @dataclass(frozen=True, slots=True)
 class RangeCurvePoint:
-    """One point for a report to draw: what is true, the error, its expanded uncertainty, whether it is saturated."""
+    """One point for the report: true value, error, expanded uncertainty, saturation."""
 
     true: float
     error: float
@@ -51,9 +51,9 @@ class RangeCurvePoint:
 
 @dataclass(frozen=True, slots=True)
 class RangeCurve:
-    """The errors over the range, and the curve through them, where they tell one.
+    """Errors over the range, and the curve through them if it is determined.
 
-    `quantity` is what is true, `full_scale` what errors are relative to, None for each reading itself.
+    `quantity` is the true quantity, `full_scale` the reference of the errors, None for each reading itself.
     """
 
     quantity: str
@@ -63,8 +63,8 @@ class RangeCurve:
 
 
 @dataclass(frozen=True, slots=True)
-class RangeForm:
-    """What the two methods have in common: how errors are judged and told."""
+class RangeFindings:
+    """Range findings common to both methods: basis of the errors, sources of uncertainty, forms of results."""
 
     data: RunData
     unit: UnitUnderTest
@@ -75,55 +75,54 @@ class RangeForm:
 
     @property
     def over(self) -> float | None:
-        """What an error is relative to: the full scale, or None for each reading."""
+        """Reference of the errors: the full scale, or None for each reading."""
         return self.full_scale if self.settings["linearity_basis"] == "full_scale" else None
 
     @property
     def subject(self) -> Subject:
-        """Whom the findings are of."""
+        """Unit and label of the findings."""
         return self.data.subject(self.unit)
 
     def stable(self, turning: Turning) -> bool:
-        """Whether the table did what it was told."""
-        off_dps = abs(turning.steady.rate_dps - turning.command_dps)
-        return bool(off_dps <= self.settings["rate_tolerance"] * abs(turning.command_dps))
+        """True if the table turned as commanded."""
+        return turning.on_rate(self.settings["rate_tolerance"])
 
     def noise(self, turning: Turning) -> BudgetLine:
-        """Of one reading."""
+        """Line for the noise of one reading."""
         return BudgetLine(noise_of(self.unit), "A", turning.steady.u_output, turning.steady.dof)
 
     def of_the_voltmeter(self, value: float) -> Iterator[BudgetLine]:
-        """Its gain; its offset is in the readings at rest alike."""
+        """Line for the gain of the voltmeter; its offset is in the readings at rest alike."""
         if self.unit.voltmeter is not None:
             gain_u, _ = self.data.bench.voltmeters_u.get(self.unit.voltmeter, (0.0, 0.0))
             yield BudgetLine("voltmeter: gain", "B", abs(value) * gain_u, None, f"{self.unit.voltmeter}.gain")
 
     def of_the_clock(self, value: float) -> Iterator[BudgetLine]:
-        """The clock of the table's rate, which pulses have in their rate alike."""
+        """Line for the clock of the table's rate, unless the rate of pulses depends on it too."""
         if not self.unit.is_counted:
             yield self.time_base(value)
 
     def time_base(self, value: float) -> BudgetLine:
-        """The clock that the table is measured with, in what goes with it by `value`."""
+        """Line for the clock of the table measurement in a value proportional to it."""
         clock = self.data.bench.clock(sent=self.unit.telemetry is not None)
         return BudgetLine(
             f"{clock.name}: time base", "B", abs(value) * clock.time_base_u, None, f"{clock.name}.time_base"
         )
 
     def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
-        """Of the bias, which is one for all readings."""
+        """Line for the bias, common to all readings."""
         return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, _dof(blocks), self.subject.id("rest"))
 
     def warmer(self, u: float) -> BudgetLine:
-        """Of a scale factor that the same change for 1 °C makes another at all points that are warmer."""
+        """Line for the change of the scale factor with 1 °C, common to all points that are warmer."""
         return BudgetLine(WARMER, "B", u, None, self._shared_per_degree)
 
     def as_stated(self, value: float, at_c: float) -> list[BudgetLine]:
-        """What the stated scale factor gives to what goes with it by `value`, of a unit at a temperature."""
+        """Lines of the stated scale factor in a value proportional to it, for a unit at a temperature."""
         return [line.times(value) for line in of_stated_scale(at_c, self.settings, self.data, self.unit)]
 
     def at_rest(self, blocks: RangeBlocks, quantity: str, name: str) -> Finding:
-        """The bias."""
+        """Finding of the bias."""
         lines = [BudgetLine(BIAS, "A", blocks.bias.u_output, _dof(blocks))]
         if self.symbol == "g" and blocks.rest is not None:
             lines += self._tilted(at_one_angle=blocks.rest.of_one_angle)
@@ -137,9 +136,10 @@ class RangeForm:
         )
 
     def _tilted(self, *, at_one_angle: bool) -> Iterator[BudgetLine]:
-        """What gravity is in readings at rest.
+        """Lines for gravity in readings at rest.
 
-        An axis that tilts with a turn lets half of it in wherever the sensor points, as a sine times a sine has a mean.
+        For an axis that tilts with a turn, half of it contributes at any direction of the sensor, because the product
+        of two sines has a mean.
         """
         bench = self.data.bench
         share = 1.0 if at_one_angle else 0.5
@@ -150,7 +150,7 @@ class RangeForm:
     def errors(
         self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]
     ) -> Iterator[Finding]:
-        """The error of a point, and what part it is of the reading or of the full scale."""
+        """Findings of the error of a point, absolute and relative to the reading or the full scale."""
         flags = tuple(
             flag for flag, holds in (("clipped", turning.steady.saturated), ("off_rate", not self.stable(turning)))
             if holds
@@ -167,13 +167,13 @@ class RangeForm:
         yield replace(judged, flags=flags, verdict=verdict)
 
     def curve_point(self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]) -> RangeCurvePoint:
-        """For the plot."""
+        """Point for the plot."""
         return RangeCurvePoint(
             true, error, 2 * float(np.linalg.norm([line.u for line in lines])), turning.steady.saturated
         )
 
     def saturated(self, blocks: RangeBlocks) -> Finding:
-        """At how many points the sensor was at the end of its range."""
+        """Finding of the number of points at which the sensor was saturated."""
         count = sum(turning.steady.saturated for turning in blocks.turning)
         name = "points at which more than 1 % of the samples are at the clip level"
         return self.subject.finding("saturated_points", name, float(count), "1", [], {}, ())
@@ -183,7 +183,7 @@ class RangeForm:
     def for_the_curve(
         self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]
     ) -> Iterator[CurvePoint]:
-        """A point that the curve goes through; one that tells nothing of the sensor's own is none."""
+        """Point for the fit of the curve; without a scatter of its own it is not used."""
         if self.stable(turning) and not turning.steady.saturated:
             yield turning, LinearityPoint(true + error, true, lines)
 
@@ -191,7 +191,7 @@ class RangeForm:
         self, blocks: RangeBlocks, findings: Sequence[Finding], quantity: str, points: Sequence[RangeCurvePoint],
         read: Sequence[CurvePoint], terms: Sequence[str],
     ) -> UnitResult:  # fmt: skip
-        """All of the unit, with the curve through the points that were read, at their mean temperature."""
+        """Results of the unit, with the curve through its points, at their mean temperature."""
         found_at_c = mean_c([turning.temperature_c for turning, _ in read])
         of_curve_points = [
             replace(point, lines=[*point.lines, *self._to_one_temperature(turning, point.true, found_at_c)])
@@ -217,10 +217,10 @@ class RangeForm:
         return replace(result, models=(model,), compensations=(compensation,))
 
     def _to_one_temperature(self, turning: Turning, true: float, at_c: float | None) -> Iterator[BudgetLine]:
-        """What a scale factor that changes with temperature makes of a point, in a curve that names one temperature.
+        """Uncertainty of a point from the temperature coefficient of the scale factor, in a curve at one temperature.
 
-        The unit was not as warm at each point, and its thermometer is uncertain. An accelerometer is held against
-        itself at low rates, which has these already, or is so without the thermometer.
+        The temperature of the unit differs between points, and its thermometer is uncertain. An accelerometer is
+        compared with itself at low rates, which contains these contributions already, or does without the thermometer.
         """
         if self.symbol == "g" or at_c is None:
             return
@@ -253,17 +253,17 @@ class RangeForm:
 
     @property
     def _in_proportion(self) -> frozenset[str]:
-        """What makes one part of every rate: a voltmeter's gain, a clock that the output has not, a thermometer."""
+        """Sources of one relative error of all rates: voltmeter gain, a clock not shared by the output, thermometer."""
         certified = (line.source for line in (*self.of_the_voltmeter(1.0), *self.of_the_clock(1.0)))
         return frozenset((*certified, self._thermometer))
 
     @property
     def _scale(self) -> Constant:
-        """As stated; against it errors are."""
+        """Stated scale factor, the reference of the errors."""
         return stated_scale(self.unit, self.settings, self.symbol)
 
     def result(self, blocks: RangeBlocks, findings: Sequence[Finding], curve: RangeCurve | None) -> UnitResult:
-        """All of the unit."""
+        """Results of the unit."""
         flags = list(blocks.flags)
         for each in blocks.turning:
             if not self.stable(each):
@@ -279,12 +279,12 @@ class RangeForm:
 
 
 def noise_of(unit: UnitUnderTest) -> str:
-    """What the scatter of an output is called in a budget."""
+    """Name in budgets of the scatter of an output."""
     if unit.is_counted:
         return "sensor: noise and steps of counting"
     return "sensor: noise and steps of codes" if unit.telemetry is not None else "sensor and voltmeter: noise"
 
 
 def _dof(blocks: RangeBlocks) -> int | None:
-    """Those of the readings at rest, of which there are few beside what is fitted to them."""
+    """Degrees of freedom of the readings at rest, which are few compared with the fitted terms."""
     return blocks.rest.dof if blocks.rest is not None else None

@@ -1,8 +1,8 @@
 """Methods M3b and M3d: gain and phase of a gyro and of an accelerometer over frequency (equations 5.3, 5.5).
 
-Every frequency is an acquisition of its own, while the table swings. The encoder is latched with the pulses,
-or with the samples that a unit sends, so that the phase between them needs no clock but for the time that passes from
-the one latch to the other. A sample is a mean over its period: it is late by half of that, which is taken out.
+Every frequency is a separate acquisition, while the table oscillates. The encoder is latched with the pulses, or with
+the samples that a unit sends, so that the phase between them depends on no clock except for the time between the two
+latches. A sample is a mean over its period: its delay of half a period is corrected.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.rate_table.reduction.converter_hysteresis import without_play
+from bench.methods.rate_table.reduction.converter_hysteresis import without_hysteresis
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.lever_arm import (
     SHORT_ARM_M,
@@ -32,7 +32,7 @@ from bench.methods.rate_table.reduction.response_points import (
     gyro_point,
 )
 from bench.methods.rate_table.reduction.samples import TableSamples, mean_c
-from bench.methods.rate_table.reduction.sampling import at_once
+from bench.methods.rate_table.reduction.sampling import instantaneous
 from bench.methods.rate_table.reduction.second_order import response_model
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, stated_scale
 from bench.metrology.calibration.response import ResponseCompensation
@@ -41,17 +41,17 @@ from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
 
-ARM_U = 3.0  # by so many standard uncertainties an arm may differ from what the bench file says
+ARM_U = 3.0  # maximum difference of an arm from the bench file, in standard uncertainties
 PointOf = Callable[[TableSamples, float, Remarks], SweepPoint | None]
 
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Gain, phase and bandwidth of every gyro against the rate of the table."""
+    """Reduce a run to gain, phase and bandwidth of every gyro against the rate of the table."""
     return [_gyro(data, unit, settings) for unit in data.units]
 
 
 def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Arms, and gain, phase and bandwidth of every accelerometer against what the table makes it sense."""
+    """Reduce a run to arms, gain, phase and bandwidth of every accelerometer against the acceleration by the table."""
     return [_accelerometer(data, unit, settings) for unit in data.units]
 
 
@@ -107,7 +107,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
 
 
 def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, float]:
-    """By what part of itself the scale factor may differ from that at the lever frequency, as the unit has warmed."""
+    """Relative difference of the scale factor from that at the lever frequency, because the unit has warmed."""
     if not levers:
         return {}
     lever_c = sweep.swings[levers[0]].temperature_c
@@ -115,7 +115,7 @@ def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, flo
 
 
 def _unlike(arm: LeverArm, unit: UnitUnderTest, scale_u: float) -> bool:
-    """Whether an arm is not where the bench file says, as when the unit is not in its place or turned in it."""
+    """True if an arm differs from the bench file, as for a unit in another place or orientation."""
     if unit.arm_m is None:
         return False
     return any(
@@ -126,7 +126,7 @@ def _unlike(arm: LeverArm, unit: UnitUnderTest, scale_u: float) -> bool:
 
 @dataclass(slots=True)
 class _Sweep:
-    """The swings of a unit by their frequencies, lowest first, and the steps that they were acquired in."""
+    """Oscillations of a unit by frequency, lowest first, and the steps of their acquisitions."""
 
     unit: UnitUnderTest
     swings: dict[float, TableSamples]
@@ -136,7 +136,7 @@ class _Sweep:
 
     @classmethod
     def of(cls, data: RunData, unit: UnitUnderTest, play_pulses: float) -> _Sweep:
-        """Of a frequency that is there twice the last one is taken."""
+        """Collect the oscillations of a unit; of a repeated frequency the last one counts."""
         sweep = cls(unit, {}, {}, Remarks(), [])
         found: dict[float, TableSamples] = {}
         for acquisition in data.acquisitions:
@@ -149,24 +149,24 @@ class _Sweep:
                 sweep.remarks.flags += [f"{acquisition.step}: {problem}" for problem in problems]
             else:
                 play = play_pulses if unit.is_counted else 0.0
-                found[motion.frequency_hz] = without_play(samples, motion.frequency_hz, play)
+                found[motion.frequency_hz] = without_hysteresis(samples, motion.frequency_hz, play)
         sweep.swings = dict(sorted(found.items()))
         sweep.steps = {hz: samples.step for hz, samples in sweep.swings.items()}
         return sweep
 
     @property
     def averaged_s(self) -> float:
-        """What samples are means over; 0 for pulses and for samples that are instants."""
+        """Averaging time of samples; 0 for pulses and for instantaneous samples."""
         found = next(iter(self.swings.values()), None)
-        return found.interval_s if found is not None and found.sampled not in (None, at_once) else 0.0
+        return found.interval_s if found is not None and found.sampled not in (None, instantaneous) else 0.0
 
     def leave_out(self, frequency_hz: float) -> None:
-        """A frequency that tells nothing."""
+        """Leave out a frequency without a result."""
         self.remarks.flags.append(f"{frequency_hz:g} Hz invalid")
         self.left_out.append(f"{frequency_hz:g} Hz")
 
     def points(self, swings: Mapping[float, TableSamples], point_of: PointOf) -> list[SweepPoint]:
-        """The responses at the frequencies that tell one."""
+        """Responses at the frequencies that determine one."""
         found = []
         for nominal_hz, samples in swings.items():
             point = point_of(samples, nominal_hz, self.remarks)
@@ -184,7 +184,7 @@ class _Sweep:
         self, points: list[SweepPoint], found: FrequencyResponse, findings: ResponseFindings, symbol: str,
         scale: Constant,
     ) -> UnitResult:  # fmt: skip
-        """All of the unit; `scale` is as stated, of what is in the unit `symbol`."""
+        """Results of the unit; `scale` is the stated scale factor, for values in the unit `symbol`."""
         flags = ["no_response" if flag == "invalid" else flag for flag in self.remarks.flags]
         if found.bandwidth.status in ("not_reached", "below_at_start"):
             flags.append(f"bandwidth_{found.bandwidth.status}")

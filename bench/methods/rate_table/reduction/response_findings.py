@@ -1,8 +1,9 @@
 """The findings of a frequency response, each with its budget (equations 1.9).
 
-A gain is a sine of the sensor over one of the encoder, both counted on one clock, which cancels. The scale factor and
-gravity are in the arms of an accelerometer, not in its gains: these are over that at the lever frequency. The errors of
-the encoder over a turn change the amplitude of a swing by their slope, less for a wide swing than for a narrow one.
+A gain is the ratio of a sine of the sensor to one of the encoder, both counted on one clock, which cancels. The scale
+factor and gravity are in the arms of an accelerometer, not in its gains: these are relative to that at the lever
+frequency. The errors of the encoder over a turn change the amplitude of a swing by their slope, less for a wide swing
+than for a narrow one.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ Relative = dict[str, BudgetLine]  # by source, relative to a gain
 
 @dataclass(frozen=True)
 class ResponseFindings:
-    """What was found of one unit: its points, their response, and the arms where it has them.
+    """Results of one unit: its points, their response, and the arms if it has them.
 
-    `of_scale` are the lines of the stated scale factor in a value of 1 that goes with it.
-    `warmer` is by what part of itself the scale factor may differ from that at the lever frequency, by frequency;
-    `averaged_s` is what samples are means over, 0 for pulses and for samples that are instants.
+    `of_scale` are the lines of the stated scale factor in a value of 1 proportional to it. `warmer` is the relative
+    uncertainty of the scale factor at each frequency against that at the lever frequency; `averaged_s` is the averaging
+    time of samples, 0 for pulses and for instantaneous samples.
     """
 
     data: RunData
@@ -62,7 +63,7 @@ class ResponseFindings:
 
     @property
     def model_id(self) -> tuple[str, str]:
-        """Of the equation, and of whom."""
+        """Id of the equation, and serial number of the unit."""
         return self._subject.id("response/model"), self.unit.serial
 
     @property
@@ -71,7 +72,7 @@ class ResponseFindings:
         return self._clock.skew_u_s
 
     def findings(self) -> Iterator[Finding]:
-        """Arms, gains, phases, the bandwidth and the phase there."""
+        """Findings: arms, gains, phases, the bandwidth and the phase there."""
         if self.arm is not None:
             yield from self._arms(self.arm)
         for number, point in enumerate(self.found.points):
@@ -89,7 +90,7 @@ class ResponseFindings:
     # Gain and phase
 
     def _of_gain(self, point: ResponsePoint) -> Relative:
-        """Each source relative to the gain."""
+        """Contribution of each source, relative to the gain."""
         own = self._sweep_point(point)
         lines = [
             BudgetLine(self._noise, "A", own.u_output / abs(own.response)),
@@ -109,12 +110,12 @@ class ResponseFindings:
             ]  # fmt: skip
         else:
             lines.append(BudgetLine(SLOPE, "B", _slope_u(self._table, own.swing), None, SHARED_SLOPE))
-            if not self.unit.is_counted:  # no clock is in a code, as it is in pulses: that of the table's rate remains
+            if not self.unit.is_counted:  # codes depend on no clock, unlike pulses: that of the table's rate remains
                 lines.append(self._time_base(1.0))
         return {line.source: line for line in lines}
 
     def _relative_to_arm(self, arm: LeverArm, swing: Swing) -> Iterator[BudgetLine]:
-        """What the arm has in a gain over that at the lever frequency."""
+        """Contributions of the arm to a gain relative to that at the lever frequency."""
         y_m = abs(arm.y_m)
         shared = self._subject.id("lever_arm/y")
         yield BudgetLine("lever arm: sensor", "A", arm.u_sensed_m[1] / y_m, None, shared)
@@ -133,7 +134,7 @@ class ResponseFindings:
         ]
 
     def _of_time(self, frequency_hz: float) -> Iterator[BudgetLine]:
-        """What the time from the one latch to the other does to a phase."""
+        """Contribution of the time between the two latches to a phase."""
         clock, turn_deg = self._clock, 360 * frequency_hz
         name = SKEW if self.unit.is_counted else SKEW_OF_SAMPLES
         yield BudgetLine(name, "B", turn_deg * clock.skew_u_s, None, f"{clock.name}.encoder_skew")
@@ -143,7 +144,7 @@ class ResponseFindings:
             )
 
     def _time_base(self, size: float) -> BudgetLine:
-        """The clock, in what goes with it by a size."""
+        """Contribution of the clock to a value proportional to it by `size`."""
         name = self._clock.name
         return BudgetLine(f"{name}: time base", "B", size * self._clock.time_base_u, None, f"{name}.time_base")
 
@@ -161,7 +162,7 @@ class ResponseFindings:
     # The bandwidth
 
     def _bandwidth(self) -> Iterator[Finding]:
-        """Where the gain falls to half the power, and the phase there."""
+        """Frequency at which the gain falls to half the power, and the phase there."""
         found = self.found.bandwidth
         if found.frequency_hz is None or found.phase_deg is None:
             return
@@ -196,7 +197,7 @@ class ResponseFindings:
         yield self._subject.finding("phase_at_bandwidth", "phase there", found.phase_deg, "°", lines, {}, steps)
 
     def _between(self, above: ResponsePoint, below: ResponsePoint, share: float) -> Iterator[BudgetLine]:
-        """The sources of two gains between which a share of the way is gone; what they share is in both alike."""
+        """Contributions of two gains at a share of the way between them; common ones are fully correlated."""
         of_below = self._of_gain(below)
         for source, line in self._of_gain(above).items():
             other = of_below[source].u if source in of_below else line.u
@@ -207,7 +208,7 @@ class ResponseFindings:
     # The arms
 
     def _arms(self, arm: LeverArm) -> Iterator[Finding]:
-        """Where the sensor is, as it finds itself; what an input axis out of line makes of x is in y, and the other."""
+        """Position of the sensor as determined by itself; a misaligned input axis mixes x and y."""
         bench, swing, step = self.data.bench, arm.swing, tuple(
             step for hz, step in self.steps.items() if np.isclose(hz, arm.swing.frequency_hz, rtol=1e-2)
         )  # fmt: skip
@@ -233,7 +234,7 @@ class ResponseFindings:
             yield self._subject.finding(f"lever_arm/{axis}", name, value_m, "m", lines, {}, step)
 
     def _leak_m(self, swing: Swing) -> float:
-        """The arm that gravity makes of 1 rad of tilt at the frequency of a swing: g θ against (2πf)² θ r."""
+        """Arm equivalent to gravity for 1 rad of tilt at the frequency of an oscillation: g θ against (2πf)² θ r."""
         return float(self.data.bench.gravity_mps2 / (2 * np.pi * swing.frequency_hz) ** 2)
 
     @property
@@ -254,9 +255,9 @@ class ResponseFindings:
 
 
 def _slope_u(table: AxisRecord, swing: Swing, over: Swing | None = None) -> float:
-    """What the encoder's errors over a turn do to the amplitude of a swing, relative, or to that of one over another.
+    """Relative effect of encoder errors over a turn on the amplitude of an oscillation, or on a ratio of two.
 
-    Harmonic n of an error is a sine of the angle; of that a swing by ±θ shows 2 J1(nθ)/(nθ) of its slope.
+    Harmonic n of an error is a sine of the angle; an oscillation by ±θ has 2 J1(nθ)/(nθ) of its slope.
     """
     parts = [
         order * u_deg * np.pi / 180 * (_shown(order, swing) - (_shown(order, over) if over is not None else 0.0))
@@ -271,7 +272,7 @@ def _shown(order: int, swing: Swing) -> float:
 
 
 def _bend(values: Sequence[float], points: Sequence[ResponsePoint], index: int, at_hz: float) -> float:
-    """By how much a parabola through a third point differs from the line through two, at a frequency between."""
+    """Difference of a parabola through a third point from the line through two, at a frequency between."""
     third = index + 2 if index + 2 < len(points) else index - 1
     if third < 0:
         return 0.0

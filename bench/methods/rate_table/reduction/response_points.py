@@ -1,6 +1,6 @@
-"""Gain, phase and bandwidth of a sensor that a table swings at one frequency after the other (equations 5.3).
+"""Gain, phase and bandwidth of a sensor on a table that oscillates at one frequency after the other (equations 5.3).
 
-The reference is what the encoder saw, not what the table was told: a table droops.
+The reference is the encoder, not the command: the amplitude of a table droops.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bench.methods.rate_table.reduction.sine_fit import SineFit, find_frequency,
 from bench.metrology.least_squares import Array, NotDetermined
 
 HALF_POWER = 1 / np.sqrt(2)
-DROOP = 0.5  # of the rate amplitude at the lowest frequency; what is below was not swung
+DROOP = 0.5  # of the rate amplitude at the lowest frequency; below it the table did not oscillate
 COARSE_STEP_DEG = 120.0
 SIGNIFICANCE = 5.0
 OFF_FREQUENCY = 1e-3
@@ -26,9 +26,9 @@ TURN_DEG = 360.0
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """What the table did in one block: `rate` is the phasor of its rate in deg/s at the measured frequency.
+    """Oscillation of the table in one block: `rate` is the phasor of its rate in deg/s at the measured frequency.
 
-    `few_phases`: most of its uncertainty comes of an encoder that makes the same errors in every period.
+    `few_phases`: most of its uncertainty is from encoder errors that repeat in every period.
     """
 
     frequency_hz: float
@@ -40,10 +40,10 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class SweepPoint:
-    """The response of the sensor, a complex number, at one frequency; `nominal_hz` is what the record calls it.
+    """Response of the sensor, a complex number, at one frequency; `nominal_hz` is that of the record.
 
-    `u_gain` is the uncertainty of its gain, `u_output` what the readings of the sensor have in that, and
-    `u_across_output` what they have at right angles to the response, that is in its phase.
+    `u_gain` is the uncertainty of its gain, `u_output` the contribution of the sensor's readings to it, and
+    `u_across_output` their contribution at right angles to the response, that is, to its phase.
     """
 
     nominal_hz: float
@@ -56,7 +56,7 @@ class SweepPoint:
 
 @dataclass(slots=True)
 class Remarks:
-    """What happened on the way: flags and notes of the result, samples left out by reason."""
+    """Diagnostics of an evaluation: flags and notes of the result, samples left out by reason."""
 
     flags: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -77,7 +77,7 @@ class ResponsePoint:
 
 @dataclass(frozen=True, slots=True)
 class Bandwidth:
-    """Where the gain first falls through 1/√2; `crossings` is how often it does.
+    """Frequency at which the gain first falls through 1/√2; `crossings` is the number of such falls.
 
     Status "ok", "not_reached" or "below_at_start"; the numbers are None unless it is "ok".
     """
@@ -90,7 +90,7 @@ class Bandwidth:
 
 @dataclass(frozen=True, slots=True)
 class FrequencyResponse:
-    """Points by frequency, and what was found about them.
+    """Points by frequency, with flags, notes and bandwidth.
 
     Flags: `<f> Hz invalid`, `<f> Hz droop` for a frequency that is left out, `<f> Hz phase_step` where the phase
     changed too much since the point before to be unwrapped with certainty, `invalid` when there is no point at all.
@@ -106,7 +106,7 @@ class FrequencyResponse:
 def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool = False) -> FrequencyResponse:
     """Response of a gyro: `record.block` is the frequency, `table` the angle in degrees, `output` in deg/s.
 
-    The angle may begin anew each turn. Gains are absolute, or `to_lowest`: over that at the lowest frequency.
+    The angle may restart each turn. Gains are absolute or, with `to_lowest`, relative to that at the lowest frequency.
     """
     remarks, points = Remarks(), []
     for nominal_hz, block in cut_into_blocks(record, remarks.excluded, settle_s=settle_s).items():
@@ -120,7 +120,7 @@ def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool
 
 
 def gyro_point(block: Block, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
-    """The response at one frequency, None where the block tells none; angles in degrees, outputs in deg/s."""
+    """Response at one frequency, None if the block does not determine it; angles in degrees, outputs in deg/s."""
     swing = swing_of_angle(block, nominal_hz, remarks)
     gyro = fit_output(block, swing, remarks) if swing else None
     if not swing or not gyro:
@@ -133,18 +133,18 @@ def gyro_point(block: Block, nominal_hz: float, remarks: Remarks) -> SweepPoint 
 
 
 def swing_of_angle(block: Block, nominal_hz: float, remarks: Remarks) -> Swing | None:
-    """The swing of a table whose angle was read, in degrees; None where the block tells none."""
+    """Oscillation of a table from angle readings in degrees; None if the block does not determine it."""
     fit = fit_table(block, nominal_hz, remarks)
     if not fit:
         return None
     angle, u = complex(fit.phasors[0]), float(fit.u[0])
-    few_phases = bool(fit.u_repeating > fit.u_random[0])
+    few_phases = bool(fit.u_periodic > fit.u_random[0])
     rate = 2j * np.pi * fit.frequency_hz * angle
     return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u / abs(angle), few_phases)
 
 
 def fit_table(block: Block, nominal_hz: float, remarks: Remarks) -> SineFit | None:
-    """The sine of the table, of a frequency that is fitted too; None where it cannot be found in the noise."""
+    """Fit the sine of the table, including its frequency; None if it is not found in the noise."""
     if not block.complete or not nominal_hz > 0:
         return None
     try:
@@ -157,7 +157,7 @@ def fit_table(block: Block, nominal_hz: float, remarks: Remarks) -> SineFit | No
 
 
 def fit_output(block: Block, swing: Swing, remarks: Remarks, *, harmonics: int = 1) -> SineFit | None:
-    """The sine of the sensor at the frequency of the table, and its harmonics; None where there are many outliers."""
+    """Fit the sine of the sensor at the frequency of the table, and harmonics; None if there are too many outliers."""
     try:
         fit = fit_sine(
             block.time_s, block.output, swing.frequency_hz, harmonics=harmonics, origin_s=swing.origin_s,
@@ -170,7 +170,7 @@ def fit_output(block: Block, swing: Swing, remarks: Remarks, *, harmonics: int =
 
 
 def frequency_response(points: Sequence[SweepPoint], remarks: Remarks, *, to_lowest: bool = False) -> FrequencyResponse:
-    """Gains, phases and bandwidth of `points`, which are in the order of frequency."""
+    """Gains, phases and bandwidth of `points`, which are in order of frequency."""
     points = _without_droop(points, remarks)
     if not points:
         remarks.flags.append("invalid")
@@ -198,7 +198,7 @@ def frequency_response(points: Sequence[SweepPoint], remarks: Remarks, *, to_low
 
 
 def bandwidth(frequency_hz: Array, gain: Array, phase_deg: Array) -> Bandwidth:
-    """The first fall of `gain` (n,) through 1/√2 over increasing frequency, by a line in dB over log f."""
+    """First fall of `gain` (n,) through 1/√2 over increasing frequency, by a line in dB over log f."""
     if not len(gain):
         return Bandwidth(None)
     if gain[0] < HALF_POWER:
@@ -227,7 +227,7 @@ def _over_the_first(gain: Array, u_gain: Array) -> tuple[Array, Array]:
 
 
 def _decibel(gain: Array | float) -> Array:
-    """20 log10 of a gain; -inf of none."""
+    """20 log10 of a gain; -inf for zero."""
     with np.errstate(divide="ignore"):
         return np.asarray(20 * np.log10(gain))
 

@@ -1,4 +1,4 @@
-"""A low pass of second order with a delay, fitted to a measured response: an equation to compute with."""
+"""Second-order low pass with delay fitted to a measured response: an equation for the user."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from bench.metrology.nonlinear import Model, NonlinearFit, NotConverged, fit_non
 from bench.metrology.results.curves import Constant, Equation
 
 LEAST_POINTS = 5
-DESCRIBES = 0.02  # of the gain: a response that is farther from the equation is of another kind
-LEAST_U = 1e-7  # of a gain, where there is no noise
+DESCRIBES = 0.02  # of the gain: a response farther from the equation is of another kind
+LEAST_U = 1e-7  # of a gain: minimum uncertainty, without noise
 
 
 def response_model(points: Sequence[SweepPoint], model_id: tuple[str, str], skew_u_s: float) -> Equation | None:
-    """The equation of a response, by increasing frequency; None where it does not describe it.
+    """Equation of a response, by increasing frequency; None if it does not describe the response.
 
     `model_id` are the id of the model and the serial number of the unit; `skew_u_s` is the standard uncertainty of the
     time between the latches of encoder and pulses, which is in the delay.
@@ -68,7 +68,7 @@ def _equation(
 
 
 def _model(x: Array, weight: Array) -> Model:
-    """Weighted real parts, then imaginary ones, and their derivatives; frequency and delay in a scale of their own."""
+    """Weighted real parts, then imaginary ones, and their derivatives; frequency and delay are scaled."""
 
     def model(parameters: Array) -> tuple[Array, Array]:
         gain, natural, damping, delay = parameters
@@ -87,7 +87,7 @@ def _apart(values: Array | NDArray[np.complex128]) -> Array:
 
 
 def _start(frequency_hz: Array, response: Array, middle_hz: float) -> Array:
-    """About where it is: half the power at the natural frequency, the damping of no peak, the rest of the lag delay."""
+    """Start values: half the power at the natural frequency, damping without a peak, delay from the rest of the lag."""
     gain = np.abs(response)
     below = np.flatnonzero(gain < gain[0] / np.sqrt(2))
     natural_hz = frequency_hz[below[0]] if len(below) else frequency_hz[-1]

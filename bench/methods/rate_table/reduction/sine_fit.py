@@ -18,35 +18,34 @@ from bench.metrology.sampled_codes import hidden_from_a_swing
 
 Phasors = NDArray[np.complex128]
 
-SAMPLES_PER_PERIOD = 2.05  # Shannon's two, and a little
-REACH = 0.02  # of the expected frequency: how far off it is looked for,
-REACH_PERIODS = (2, 50)  # but at least and at most so many periods more or less over the record
-NEIGHBOURS = 24  # frequencies around a line that tell the noise under it,
-NEIGHBOURS_REACH = 32  # among so many on either side
+SAMPLES_PER_PERIOD = 2.05  # samples per period: Shannon's two, and a little
+REACH = 0.02  # of the expected frequency: half-width of the search,
+REACH_PERIODS = (2, 50)  # but at least and at most this many periods more or less over the record
+NEIGHBOURS = 24  # frequencies around a line for the noise under it,
+NEIGHBOURS_REACH = 32  # chosen among this many on either side
 GRID_PER_PERIOD = 3  # frequencies tried, per period more or less over the record
-HARMLESS = 1e-4  # of the amplitude; what deviates less moves it by less, and that is below any encoder's figure
+HARMLESS = 1e-4  # of the amplitude; smaller deviations change it by less, and that is below any encoder error
 PHASE_BINS = 1009  # prime, so that phases at whole fractions of a turn do not fall on edges
 MANY_PHASES = 500
 TURNS = 20
-TURNS_OF_NOISE = 4  # its weights depend on it
+TURNS_OF_NOISE = 4  # iterations: the weights depend on the result
 
 
 @dataclass(frozen=True, slots=True)
 class SineFit:
-    """Least squares offset + slope t + the sine and its harmonics; `phasors` (m,) are those of f, 2f, ....
+    """Least squares offset + slope t + the sine and its harmonics; `phasors` (m,) are those of f, 2f, ….
 
-    `u_random` (m,) are the standard uncertainties of the amplitudes from the noise that stands around each line in the
-    spectrum of the residuals: the noise need not be white. `u_repeating` is that of any of them from errors that are
-    the same in every period, as those of a counting encoder are when few different phases are sampled; `u_counting`
-    (m,) are those from the steps of an output that was counted or rounded, which are not in `u_random`, and
-    `u_across_counting` (m,) those of what is moved at right angles to the phasors. `kept` (n,) marks the samples that
-    were used.
+    `u_random` (m,) are the standard uncertainties of the amplitudes from the noise around each line in the spectrum of
+    the residuals: the noise need not be white. `u_periodic` is that of each of them from period-synchronous errors,
+    such as those of an encoder sampled at few different phases; `u_counting` (m,) are those from the quantisation of a
+    counted or rounded output, which are not in `u_random`, and `u_across_counting` (m,) the same at right angles to the
+    phasors. `kept` (n,) masks the samples that were used.
     """
 
     frequency_hz: float
     phasors: Phasors
     u_random: Array
-    u_repeating: float
+    u_periodic: float
     u_counting: Array
     u_across_counting: Array
     kept: NDArray[np.bool_]
@@ -54,18 +53,18 @@ class SineFit:
 
     @property
     def dropped(self) -> int:
-        """How many samples were outliers."""
+        """Number of outliers."""
         return int(np.sum(~self.kept))
 
     @property
     def u(self) -> Array:
         """Standard uncertainties (m,) of the amplitudes of independent readings."""
-        return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_counting)
+        return np.hypot(np.hypot(self.u_random, self.u_periodic), self.u_counting)
 
     @property
     def u_across(self) -> Array:
-        """The same (m,) at right angles to the phasors: over an amplitude it is that of the phase, in rad."""
-        return np.hypot(np.hypot(self.u_random, self.u_repeating), self.u_across_counting)
+        """The same (m,) at right angles to the phasors: divided by an amplitude it is that of the phase, in rad."""
+        return np.hypot(np.hypot(self.u_random, self.u_periodic), self.u_across_counting)
 
 
 def fit_sine(
@@ -79,14 +78,13 @@ def fit_sine(
     behind: Array | None = None,
     rounding: float = 0.0,
 ) -> SineFit:
-    """Fits a sine of known frequency, and its harmonics up to `harmonics`, to samples (n,) by increasing time.
+    """Fit a sine of known frequency, and its harmonics up to `harmonics`, to samples (n,) by increasing time.
 
-    `step` is by what the samples go, where they were counted; `behind` (n,) is by how much the counts stood behind for
-    the play of the counter, where that has been taken out of them. `rounding` is by what samples go that are codes of
-    an output.
+    `step` is the resolution of counted samples; `behind` (n,) the lag from converter hysteresis that was removed from
+    them. `rounding` is the quantisation step of codes.
 
-    Outliers are left out; `excessive` tells that they were too many. Raises NotDetermined when the samples cannot tell
-    the columns apart: a small part of a period, or a harmonic with hardly two samples in its period.
+    Outliers are left out; `excessive` is true if they were too many. Raises NotDetermined if the samples do not
+    separate the columns: a small part of a period, or a harmonic with hardly two samples in its period.
     """
     if not resolved(time_s, harmonics * frequency_hz):
         raise NotDetermined([f"harmonic {harmonics}"], rank=harmonics - 1, of=harmonics, condition=np.inf)
@@ -108,7 +106,7 @@ def fit_sine(
         frequency_hz=frequency_hz,
         phasors=pairs[:, 0] - 1j * pairs[:, 1],
         u_random=_u_amplitudes(fit, np.sqrt(np.maximum(noise - counted, 0.0))),
-        u_repeating=_u_repeating(time_s[kept], fit.residuals, frequency_hz),
+        u_periodic=_u_periodic(time_s[kept], fit.residuals, frequency_hz),
         u_counting=np.hypot(hidden, along),
         u_across_counting=np.hypot(hidden, across),
         kept=kept,
@@ -117,11 +115,11 @@ def fit_sine(
 
 
 def find_frequency(time_s: Array, value: Array, near_hz: float) -> float:
-    """The frequency of a four-parameter fit to samples (n,) of a sine of nearly known frequency.
+    """Frequency of a four-parameter fit to samples (n,) of a sine of nearly known frequency.
 
-    It is looked for where the spectrum is largest within 2 % of `near_hz`, and within 2 to 50 periods over the length
-    of the record; outliers of a sine of `near_hz` are left out. Raises NotDetermined when there is
-    none, or fewer than about two samples in a period: those of another frequency look the same.
+    The search starts at the largest line of the spectrum within 2 % of `near_hz`, and within 2 to 50 periods over the
+    length of the record; outliers of a sine of `near_hz` are left out. Raises NotDetermined if there is none, or fewer
+    than about two samples in a period, because of aliasing.
     """
     if not resolved(time_s, near_hz):
         raise NotDetermined(["frequency"], rank=0, of=1, condition=np.inf)
@@ -137,12 +135,12 @@ def find_frequency(time_s: Array, value: Array, near_hz: float) -> float:
 
 
 def resolved(time_s: Array, frequency_hz: float) -> bool:
-    """Whether samples at increasing times (n,) are close enough to tell `frequency_hz` from all lower ones."""
+    """True if samples at increasing times (n,) are dense enough to distinguish `frequency_hz` from all lower ones."""
     return len(time_s) > 1 and float(np.median(np.diff(time_s))) * frequency_hz * SAMPLES_PER_PERIOD <= 1
 
 
 def _refined(time_s: Array, value: Array, start_hz: float, within_hz: float) -> float:
-    """Gauss-Newton from `start_hz`: the sine is linear but in its frequency, whose column is its derivative."""
+    """Refine the frequency by Gauss-Newton: its column is the derivative of the sine, linear in all other terms."""
     frequency_hz = start_hz
     middle_s = float(np.mean(time_s))
     turn_s = 2 * np.pi * (time_s - middle_s)
@@ -171,7 +169,7 @@ def _design(time_s: Array, frequency_hz: float, harmonics: int, origin_s: float)
 
 
 def _without_outliers(design: Array, value: Array) -> GatedFit:
-    """The fit of a `_design` without the samples that are far from it."""
+    """Fit of a `_design` without outliers."""
     waves = np.array([0.0, 0.0, *np.ones(design.shape[1] - 2)])
     return reject_outliers(design, value, resolution=coarseness(value), harmless=HARMLESS * waves)
 
@@ -193,7 +191,7 @@ def _spectrum(time_s: Array, values: Array, middle_hz: float, step_hz: float, re
 
 
 def _errors_of_steps(fitted: Array, step: float, behind: Array | None) -> Array:
-    """What the steps of a counter may have made of samples (n,), (k, n); none of what was not counted."""
+    """Possible counting errors of samples (n,), (k, n); none for samples that were not counted."""
     if not step:
         return np.zeros((1, len(fitted)))
     charge = fitted if behind is None else fitted + behind
@@ -201,7 +199,7 @@ def _errors_of_steps(fitted: Array, step: float, behind: Array | None) -> Array:
 
 
 def _u_amplitudes(fit: LinearFit, sd: Array) -> Array:
-    """Of the sines (m,) from the standard deviation of a sample for each: the part of the covariance along them."""
+    """Standard uncertainties of the sines (m,) from the standard deviation of a sample: the covariance along them."""
     found = []
     for column, each in zip(range(2, len(fit.coefficients), 2), sd, strict=True):
         pair = slice(column, column + 2)
@@ -212,10 +210,10 @@ def _u_amplitudes(fit: LinearFit, sd: Array) -> Array:
 
 
 def _variances(time_s: Array, residuals: Array, dof: int, lines_hz: Array) -> Array:
-    """Variances (m,) of one sample if the noise were as strong at all frequencies as it is around each of `lines_hz`.
+    """Variances (m,) of one sample if the noise were as strong at all frequencies as around each of `lines_hz`.
 
     From the spectra of residuals (k, n) of fits with those lines, at whole numbers of periods over the record and
-    without the lines, as a mean over all k. Of few samples it is that of the residuals.
+    without the lines, as a mean over all k. With few samples it is that of the residuals.
     """
     if not residuals.any():
         return np.zeros(len(lines_hz))
@@ -236,13 +234,13 @@ def _variance_around(line_hz: float, time_s: Array, residuals: Array, fitted_hz:
 
 
 def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:
-    """The power (n,) of noise at frequencies around a line, at the line.
+    """Power (n,) of noise at a line, from frequencies around it.
 
-    Noise is a floor, as that of steps of counting, and what falls with the square of the frequency, as that of a rate
-    that was summed up: about a low frequency the mean of what is around is far from what is there. Both are fitted by
-    least squares, weighted by themselves because powers scatter by as much as they are.
+    Noise is a floor, as from counting, plus a part that falls with the square of the frequency, as of an integrated
+    rate: near a low frequency the mean of the neighbourhood is far from the power at the line. Both parts are fitted by
+    least squares, weighted by the result, because the scatter of powers is proportional to them.
     """
-    from scipy.optimize import nnls  # and much with it, which most runs do not need
+    from scipy.optimize import nnls  # imports many modules, which most runs do not need
 
     shapes = np.column_stack([np.ones_like(around_hz), (line_hz / around_hz) ** 2])
     level = np.full(len(power), np.mean(power))
@@ -254,11 +252,11 @@ def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:
     return float(np.sum(parts))
 
 
-def _u_repeating(time_s: Array, residuals: Array, frequency_hz: float) -> float:
-    """Standard uncertainty of an amplitude from what repeats in the residuals of every period.
+def _u_periodic(time_s: Array, residuals: Array, frequency_hz: float) -> float:
+    """Standard uncertainty of an amplitude from errors that repeat in the residuals of every period.
 
-    It is what the means at equal phase scatter beyond means of random errors; three of their degrees of freedom went
-    into the fit. Unknown (infinite) with three different phases or fewer, taken as 0 where there are many.
+    It is the scatter of means at equal phase beyond that of means of random errors; three of their degrees of freedom
+    are used by the fit. Unknown (infinite) with three different phases or fewer, taken as 0 if there are many.
     """
     phase = np.round(PHASE_BINS * (frequency_hz * (time_s - time_s[0]) % 1)) % PHASE_BINS
     _, which, count = np.unique(phase, return_inverse=True, return_counts=True)

@@ -1,4 +1,4 @@
-"""The scale factor that a sequence states of a sensor on a rate table, and how well it is known of it."""
+"""Stated scale factor of a sensor on a rate table, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STATED_AT = "scale factor: temperature against that at which it is stated"
 
 
 def stated_scale(unit: UnitUnderTest, settings: Mapping[str, Any], symbol: str) -> Constant:
-    """What makes a value in the unit `symbol` of the output of a unit, as its sequence says."""
+    """Factor from the output of a unit to a value in the unit `symbol`, as stated by its sequence."""
     scale: float = settings["scale"][unit.output_unit]
     u = abs(scale) * settings.get("scale_u", 0.0)
     if symbol == "g":
@@ -27,9 +27,9 @@ def stated_scale(unit: UnitUnderTest, settings: Mapping[str, Any], symbol: str) 
 def of_stated_scale(
     at_c: float, settings: Mapping[str, Any], data: RunData, unit: UnitUnderTest
 ) -> tuple[BudgetLine, ...]:
-    """What the stated scale factor of an accelerometer gives to a value of 1 that goes with it.
+    """Lines of the stated scale factor of an accelerometer for a value of 1 proportional to it.
 
-    It is stated at one temperature, and the unit is at another, NaN where that is not known.
+    It is stated at one temperature; the unit is at another, NaN if unknown.
     """
     away_c = float(np.hypot(at_c - settings["scale_c"], data.bench.temperature_u_c(unit.temperature, at_c)))
     return (
@@ -39,5 +39,5 @@ def of_stated_scale(
 
 
 def shared_per_degree(data: RunData, unit: UnitUnderTest) -> str:
-    """The name of the error that the change of a unit's scale factor with temperature is in all its results."""
+    """Identifier of the temperature coefficient of a unit's scale factor as one error common to all its results."""
     return data.subject(unit).id("scale_per_degree")

@@ -11,10 +11,10 @@ import numpy as np
 from bench.methods.rate_table.reduction.blocks import Block, coarseness
 from bench.metrology.least_squares import Array, GatedFit, NotDetermined, reject_outliers
 
-PARTS = 40  # of a block, whose means tell how certain the mean of the block is
-AT_CLIP = (1 - 1e-4, 1 + 1e-2)  # of the clip level: rounding, or a level that is not known well; beyond is a glitch
-SATURATED = 0.01  # of the samples
-HARMLESS = 1e-5  # of the angle turned to either side of its middle; what is less moves the rate by less
+PARTS = 40  # parts of a block, whose means give the uncertainty of the mean of the block
+AT_CLIP = (1 - 1e-4, 1 + 1e-2)  # of the clip level: rounding, or a level known inaccurately; beyond is a glitch
+SATURATED = 0.01  # share of the samples
+HARMLESS = 1e-5  # of the angle turned to either side of its middle; smaller changes affect the rate by less
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,8 @@ class Steady:
 def steady(block: Block, excluded: Counter[str], *, clip: float | None = None) -> Steady | None:
     """Means over `block`, whose table angles are in degrees and cumulative; None when the block is invalid.
 
-    The rate is the slope of the angle. Where the table made a turn or more the output is averaged over whole turns,
-    over which whatever depends on the attitude cancels. `saturated`: more than 1 % of the samples sit at ±`clip`.
+    The rate is the slope of the angle. If the table made a turn or more the output is averaged over whole turns, so
+    that effects of the attitude cancel. `saturated`: more than 1 % of the samples are at ±`clip`.
     """
     if not block.complete:
         return None
@@ -45,7 +45,7 @@ def steady(block: Block, excluded: Counter[str], *, clip: float | None = None) -
     harmless = HARMLESS * np.array([0.0, np.ptp(time_s) / 2])
     angle = reject_outliers(np.column_stack([np.ones_like(time_s), time_s]), block.table, harmless=harmless)
     rate_dps = float(angle.fit.coefficients[1])
-    # Where most samples sit at the clip level, the good ones look like outliers.
+    # If most samples are at the clip level, the good ones look like outliers.
     resolution = np.inf if saturated else coarseness(block.output)
     mean = _mean(block.output, rate_dps * (block.time_s - block.time_s[0]), resolution)
     for gated in (angle, mean):
@@ -68,9 +68,9 @@ def _share_at(clip: float, output: Array) -> float:
 
 
 def _mean(output: Array, turned_deg: Array, resolution: float) -> GatedFit:
-    """Fit whose first coefficient is the mean, over whole turns and beside what changes once a turn, if there is one.
+    """Fit with the mean as first coefficient, over whole turns with a first harmonic, if there is a turn.
 
-    Samples that see the table always at one angle cannot tell the two apart: theirs is the plain mean.
+    Samples at only one angle of the table cannot separate the two: then it is the plain mean.
     """
     whole = np.abs(turned_deg) < 360 * np.floor(np.abs(turned_deg[-1]) / 360)
     angle = np.radians(turned_deg[whole])
@@ -82,12 +82,12 @@ def _mean(output: Array, turned_deg: Array, resolution: float) -> GatedFit:
 
 
 def _u_mean(readings: Array) -> float:
-    """Standard uncertainty of the mean of `readings` (n,) in the order of time, whose noise need not be white."""
+    """Standard uncertainty of the mean of `readings` (n,) in time order, whose noise need not be white."""
     parts = _parts(readings)
     means = [float(np.mean(part)) for part in np.array_split(readings, parts)]
     return float(np.std(means, ddof=1) / np.sqrt(parts))
 
 
 def _parts(readings: Array) -> int:
-    """Into how many parts they go: each alone where they are few."""
+    """Number of parts for the scatter: each reading by itself if there are few."""
     return PARTS if len(readings) >= 2 * PARTS else len(readings)

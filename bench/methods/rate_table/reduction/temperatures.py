@@ -15,7 +15,7 @@ import numpy as np
 from bench.metrology.least_squares import Array, least_squares
 from bench.metrology.pooled_scatter import Scatter, alike, pooled
 
-LEAST_MEANS = 4  # two more than a line takes
+LEAST_MEANS = 4  # two more than a line needs
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +37,10 @@ class MeanTemperature:
 def temperatures_c(at_s: Sequence[float], means: Sequence[MeanTemperature], drift_c: Array) -> Array:
     """Temperatures (n,) of acquisitions at these times: of a straight line through the means, or the means themselves.
 
-    The means are kept if they scatter about the line significantly more than their readings explain, if the readings
-    do not scatter alike, or if there are too few to decide. A mean that is NaN stays NaN. Differences between times are
-    without what the thermometer adds to their squares: its noise, and its drift within the run, by which it is off at
-    these times by `drift_c` (n,) for one standard uncertainty.
+    The means are kept if they scatter about the line significantly more than their readings explain, if the readings do
+    not scatter alike, or if there are too few to decide. A mean that is NaN stays NaN. Differences between times are
+    reduced by the contribution of the thermometer to their squares: its noise, and its drift within the run, with
+    errors `drift_c` (n,) at these times for one standard uncertainty.
     """
     value_c, time_s = np.array([each.value_c for each in means]), np.array(at_s)
     known = np.isfinite(value_c)

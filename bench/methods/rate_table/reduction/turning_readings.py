@@ -1,7 +1,7 @@
-"""Readings of an output on a table that turns, taken at other times than those at which its encoder is latched.
+"""Readings of an output on a rotating table, at other times than the latches of its encoder.
 
-They are few to a turn, and what the unevenness of the table and the attitude of the sensor put into them is much more
-than their noise. It goes with the angle, though, which is known at each of them: taken out, the noise alone is left.
+There are few per turn, and the unevenness of the table and the attitude of the sensor affect them much more than their
+noise. These effects depend on the angle, which is known at each reading; with them removed, only the noise remains.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ import numpy as np
 from bench.metrology.acquisition import Array
 from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
 
-HARMONICS = 4  # of the angle, that readings differ by
-MOTOR = range(HARMONICS + 1, 61)  # the orders at which a motor may turn unevenly: its poles, or twice as many
-OF_THE_MOTOR = 0.5  # of their scatter is what readings keep without an order of it, at most; by chance in 1 % at most
-TOLD = 1e-3  # of a reading, the least square of a wave beside what else is fitted; half of one where it stands apart
-BLURS = 1.5  # at most: the variance of a mean beside what goes with the table, over that of a plain mean
-LEAST_DOF = 8  # that the scatter is told by
-SUSPECTING_DOF = 4  # that an order of the motor must leave to be suspected where it cannot be told
+HARMONICS = 4  # harmonics of the angle in the differences of readings
+MOTOR = range(HARMONICS + 1, 61)  # orders of possible unevenness of a motor: its pole pairs, or twice as many
+OF_THE_MOTOR = 0.5  # maximum share of the scatter left by a fitted order; by chance in at most 1 %
+OBSERVABLE = 1e-3  # per reading: minimum square of a wave orthogonal to the other terms; 0.5 if fully separate
+BLURS = 1.5  # maximum ratio of the variance of a mean with table-correlated terms to that of a plain mean
+LEAST_DOF = 8  # minimum degrees of freedom of the scatter
+SUSPECTING_DOF = 4  # minimum degrees of freedom with an order of the motor for that to be suspected
 
 
 @dataclass(frozen=True, slots=True)
 class TurningReadings:
-    """Readings (n,) and what the table did at each: its angle, and its mean rate over half the time between readings.
+    """Readings (n,) with angle and mean rate of the table over half the time between readings.
 
-    A voltmeter that measures its own zero after each reading looks at its input for half of that time.
+    A voltmeter that measures its own zero after each reading integrates its input for half of that time.
     """
 
     output: Array
@@ -36,14 +36,14 @@ class TurningReadings:
     table_dps: Array
 
     def at_rate(self, rate_dps: float) -> tuple[float, float, int]:
-        """The output over whole turns at a mean rate of the table: mean, standard uncertainty, degrees of freedom.
+        """Output over whole turns at a mean rate of the table: mean, standard uncertainty, degrees of freedom.
 
-        What goes with the table's rate and with the angle is fitted beside; not what so few readings, or so little of a
-        turn, do not tell from the mean. An order of the motor of which they see but a part of a wave is in the
-        uncertainty, with all by which it would move the mean.
+        Terms proportional to the table's rate and harmonics of the angle are fitted with the mean, as far as the
+        readings separate them from it. An order of the motor of which they cover only part of a wave is in the
+        uncertainty, with its full effect on the mean.
         """
         waves = [wave for order in range(1, HARMONICS + 1) for wave in self._waves(order)]
-        for columns in owed_to_the_table(self.table_dps - rate_dps, waves):
+        for columns in table_correlated(self.table_dps - rate_dps, waves):
             if (fit := self._fitted(columns)) is not None:
                 fit, moved = self._beside_the_motor(columns, fit)
                 u = fit.residual_sd * float(np.sqrt(fit.unscaled_covariance[0, 0]))
@@ -51,24 +51,24 @@ class TurningReadings:
         raise ValueError("no readings")
 
     def _beside_the_motor(self, columns: Sequence[Array], fit: LinearFit) -> tuple[LinearFit, float]:
-        """The fit beside that order of the motor which leaves the least, where there plainly is one.
+        """Fit with the order of the motor that leaves the smallest residuals, if there clearly is one.
 
-        Where readings are too few for it, the fit as it is, and by how much that order would move the mean.
+        If the readings are too few for it, the fit without it, and the possible effect of that order on the mean.
         """
         known = np.linalg.qr(np.column_stack(columns))[0]
         waves = np.array([self._waves(order) for order in MOTOR])
         waves -= waves @ known @ known.T
         size = waves @ waves.transpose(0, 2, 1)
-        told = np.flatnonzero(np.linalg.eigvalsh(size)[:, 0] > TOLD * len(self.output))
-        share = waves[told] @ fit.residuals
-        explained = np.sum(share * np.linalg.solve(size[told], share[..., np.newaxis])[..., 0], axis=-1)
-        if not len(told):
+        observable = np.flatnonzero(np.linalg.eigvalsh(size)[:, 0] > OBSERVABLE * len(self.output))
+        share = waves[observable] @ fit.residuals
+        explained = np.sum(share * np.linalg.solve(size[observable], share[..., np.newaxis])[..., 0], axis=-1)
+        if not len(observable):
             return fit, 0.0
-        beside = self._solved([*columns, *self._waves(MOTOR[told[np.argmax(explained)]])])
+        beside = self._solved([*columns, *self._waves(MOTOR[observable[np.argmax(explained)]])])
         if beside is None or beside.dof < SUSPECTING_DOF or beside.residual_sd >= OF_THE_MOTOR * fit.residual_sd:
             return fit, 0.0
         if self._tells_the_mean(beside):
-            return replace(beside, dof=beside.dof - 1), 0.0  # which order it is was fitted too
+            return replace(beside, dof=beside.dof - 1), 0.0  # one degree of freedom for the choice of the order
         return fit, float(abs(beside.coefficients[0] - fit.coefficients[0]))
 
     def _waves(self, order: int) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ class TurningReadings:
         return np.cos(angle), np.sin(angle)
 
     def _fitted(self, columns: Sequence[Array]) -> LinearFit | None:
-        """The fit of a design that leaves the mean well told; the mean alone always does."""
+        """Fit of a design matrix with a well-determined mean; the mean alone always is."""
         fit = self._solved(columns)
         return fit if fit is not None and (len(columns) == 1 or self._tells_the_mean(fit)) else None
 
@@ -89,11 +89,11 @@ class TurningReadings:
         return None
 
 
-def owed_to_the_table(beside_dps: Array, waves: Sequence[Array]) -> Iterator[list[Array]]:
-    """Designs (columns) of a mean and what goes with the table: how much faster than usual it was, and waves.
+def table_correlated(beside_dps: Array, waves: Sequence[Array]) -> Iterator[list[Array]]:
+    """Design matrices of a mean and table-correlated regressors: deviation of the rate, and waves.
 
-    Waves are two to a harmonic of the angle. From all of them to none, and the mean alone at last. A table that is
-    uneven by harmonics alone adds nothing to them: its rate is left out before they are.
+    Waves are two for each harmonic of the angle. From all of them to none, and finally the mean alone. For a table
+    whose unevenness is harmonic the rate adds nothing to the waves: it is left out first.
     """
     ones = np.ones_like(beside_dps)
     for count in range(len(waves), -1, -2):

@@ -1,4 +1,4 @@
-"""The two-sample reference: what an accelerometer fixed to the table should sense, from encoder increments (5.6).
+"""Two-sample reference: acceleration of an accelerometer fixed to the table, from encoder increments (5.6).
 
 Two successive increments over equal times, with a rate that is linear in time: the angle is a parabola.
 """
@@ -11,7 +11,7 @@ from bench.metrology.least_squares import Array
 def velocity_increments(
     first_rad: Array, second_rad: Array, *, total_s: float, x_m: float, y_m: float
 ) -> tuple[Array, Array]:
-    """Velocity increments in m/s (n,) that input axes along X and Y at (x, y) of the table sense over both increments.
+    """Velocity increments in m/s (n,) of input axes along X and Y at (x, y) of the table over both increments.
 
     In the frame of the table, and exact for a linear rate; `total_s` is the time of both increments. Divided by it
     they are the mean specific force at the time between the two. On a swing of frequency f the tangential part is too

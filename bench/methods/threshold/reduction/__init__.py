@@ -1,1 +1,1 @@
-"""From ladders of small steps to a threshold."""
+"""Reduction of ladders of small steps to a threshold."""

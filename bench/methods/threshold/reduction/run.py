@@ -1,11 +1,11 @@
 """Method M4d: threshold and resolution from ladders of small steps of the head (equations 6.7).
 
-A ladder is what was acquired at one value of the loop variable `position`; the loop variable `offset` is the step, 0 or
-absent at the position itself. The steps are the angles that were read back. A channel that is silent within its dead
-band put out nothing, which is a reading here and not a fault.
+A ladder consists of the acquisitions at one value of the loop variable `position`; the loop variable `offset` is the
+step, 0 or absent at the position itself. The steps are read-back angles. No pulses from a channel within its dead band
+are a valid reading here, not a fault.
 
-An error of the head that is the same at both ends of a step is in no step: its zero, its harmonics, the level. Its
-repeatability is, and so is what the encoder makes of a small step, which no certificate states.
+An error of the head common to both ends of a step cancels: its zero, its harmonics, the level. Its repeatability does
+not, nor do the encoder errors of a small step, which no certificate states.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ARCSEC_PER_RAD = 3600 * 180 / np.pi
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """A ladder for a report to draw; `arcsec_per_g` makes a step of input one of the head."""
+    """A ladder for the report; `arcsec_per_g` converts a step of input to one of the head."""
 
     position_deg: float
     quantity: str
@@ -42,14 +42,14 @@ class Ladder:
     arcsec_per_g: float
 
     def step_arcsec(self, step: LadderStep) -> float:
-        """What the head read back of a step, with its sense."""
+        """Read-back step of the head, with its sense."""
         return step.input_g * self.arcsec_per_g
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The threshold or the resolution of every unit at every position.
+    """Reduce a run to the threshold or the resolution of every unit at every position.
 
-    `settings` says from which input on a position is biased.
+    `settings` has the input above which a position is biased.
     """
     return [_reduced(data, unit, settings["biased_above_g"]) for unit in data.units]
 
@@ -77,7 +77,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, biased_above_g: float) -> UnitR
 
 
 def by_position(data: RunData) -> dict[float, list[Acquisition]]:
-    """The acquisitions of each ladder, by its position."""
+    """Acquisitions of each ladder, by its position."""
     ladders: dict[float, list[Acquisition]] = {}
     for acquisition in data.acquisitions:
         ladders.setdefault(acquisition.loops.get("position", 0.0), []).append(acquisition)
@@ -85,7 +85,7 @@ def by_position(data: RunData) -> dict[float, list[Acquisition]]:
 
 
 def _problem(output: Output) -> str:
-    """Why a reading cannot be used; empty when it can."""
+    """Reason why a reading cannot be used; empty if it can."""
     return next((problem for problem in output.problems if problem != "dead_band"), "")
 
 
@@ -97,11 +97,13 @@ def _ladder(
     unit: UnitUnderTest,
     biased_above_g: float,
 ) -> Ladder:
-    """The ladder about one position."""
+    """Ladder about one position."""
     scale = unit.nominal_per_g or np.nan
     angle_rad = np.array([elevation_rad(each, unit, data.bench) for each in used])
     offset = np.array([each.loops.get("offset", 0.0) for each in used])
-    alone_g = np.array([np.hypot(outputs[each.step].alone_u, outputs[each.step].step_u) for each in used]) / abs(scale)
+    alone_g = np.array(
+        [np.hypot(outputs[each.step].single_u, outputs[each.step].quantisation_u) for each in used]
+    ) / abs(scale)
     repeatability_rad = np.radians(data.bench.head.repeatability_u_deg)
     record = LadderRecord(
         time_s=np.array([(each.begin_s + each.end_s) / 2 for each in used]),
@@ -132,7 +134,7 @@ def _finding(ladder: Ladder, used: Sequence[Acquisition], data: RunData, unit: U
 
 
 def _budget(found: Threshold) -> Iterator[BudgetLine]:
-    """Where between its steps it lies, unless it lies above all of them, and what scatter does to the deciding ones."""
+    """Budget: position between its steps, unless above all of them, and scatter of the deciding ones."""
     if found.relation != "more_than":
         yield BudgetLine("ladder: between two of its steps", "B", found.u_ladder_g)
     if found.dof and found.excess > 1:
@@ -142,7 +144,7 @@ def _budget(found: Threshold) -> Iterator[BudgetLine]:
 
 
 def _common(steps: Sequence[str]) -> str:
-    """The block of the run that holds all of these steps."""
+    """Block of the run that contains all of these steps."""
     parts = [step.split("/") for step in steps]
     shared = [names[0] for names in zip(*parts, strict=False) if len(set(names)) == 1]
     return "/".join(shared)

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from bench.metrology.least_squares import Array
 from bench.metrology.results.coverage import coverage_factor
 
-PASSING_SHARE = 0.5  # of the output change expected
-COUNT_SHARE = 0.2  # of a step that one count has to be below
+PASSING_SHARE = 0.5  # of the expected output change
+COUNT_SHARE = 0.2  # of a step: maximum size of one count
 Relation = Literal["equal", "at_most", "more_than"]
 
 
@@ -37,8 +37,9 @@ class LadderRecord:
 
     `time_s` is the middle of a reading. `step` is the step commanded, with its sense, the same number for all repeats;
     0 at the reference position. `input_g` is the sine of the angle that was read back, `output_g` the net pulse rate
-    over the nominal scale factor. `u_g`, above 0, is the standard uncertainty of one reading by all that is new in the
-    next: noise, count, repeatability of the head. `count_g` is what one count is worth: 1 / (pulse/s/g x dwell in s).
+    over the nominal scale factor. `u_g`, above 0, is the standard uncertainty of one reading from errors independent
+    between readings: noise, count, repeatability of the head. `count_g` is the size of one count: 1 / (pulse/s/g x
+    dwell in s).
     """
 
     time_s: Array
@@ -57,7 +58,7 @@ class LadderRecord:
 class LadderStep:
     """One step, the mean of its repeats: changes of input and output in g, with their sense, and their ratio.
 
-    `dof` are the degrees of freedom of `u_ratio`, None for unlimited. `too_short` says that one count is not below a
+    `dof` are the degrees of freedom of `u_ratio`, None for unlimited. `too_short` is true if one count is not below a
     fifth of the step.
     """
 
@@ -71,17 +72,17 @@ class LadderStep:
 
     @property
     def passed(self) -> bool:
-        """Whether the output changed by at least half of what is expected."""
+        """True if the output changed by at least half of the expected change."""
         return self.ratio >= PASSING_SHARE
 
     @property
     def marginal(self) -> bool:
-        """Whether it could be otherwise if the step were repeated: one half is within its expanded uncertainty."""
+        """True if a repeated step might give another result: one half is within its expanded uncertainty."""
         return abs(self.ratio - PASSING_SHARE) < coverage_factor(self.dof) * self.u_ratio
 
     @property
     def size_g(self) -> float:
-        """The input step without its sense."""
+        """Magnitude of the input step."""
         return abs(self.input_g)
 
     @property
@@ -92,11 +93,11 @@ class LadderStep:
 
 @dataclass(frozen=True, slots=True)
 class Threshold:
-    """The ladder by rising input, and between which sizes the threshold lies: above `low_g`, up to `high_g`.
+    """The ladder by rising input, and the interval of the threshold: above `low_g`, up to `high_g`.
 
-    `low_g` is 0 where no step failed; `high_g` is infinite where the largest did. `excess` is how much more repeats
-    scatter than their uncertainties tell, with `dof` degrees of freedom: above 1 it multiplies the uncertainties; NaN
-    without repeats. `left_out` readings are missing, or not between two at the reference position. Flags: one_sense,
+    `low_g` is 0 if no step failed; `high_g` is infinite if the largest did. `excess` is the ratio of the scatter of
+    repeats to their uncertainties, with `dof` degrees of freedom: above 1 it multiplies the uncertainties; NaN without
+    repeats. `left_out` readings are missing, or not between two at the reference position. Flags: one_sense,
     not_monotonic, too_short (some step), marginal (one of the steps that decide).
     """
 
@@ -111,22 +112,22 @@ class Threshold:
 
     @property
     def threshold_g(self) -> float:
-        """The smallest step that passes, as the threshold is defined; NaN where the largest failed."""
+        """Smallest step that passes, as the threshold is defined; NaN if the largest failed."""
         return self.high_g if isfinite(self.high_g) else nan
 
     @property
     def relation(self) -> Relation:
-        """Of the threshold to `threshold_g`; "more_than" to `low_g`."""
+        """Relation of the threshold to `threshold_g`; "more_than" to `low_g`."""
         if not isfinite(self.high_g):
             return "more_than"
         return "equal" if self.low_g else "at_most"
 
     @property
     def u_ladder_g(self) -> float:
-        """Type B: where between the two steps the unit begins to follow is not known; NaN where the largest failed.
+        """Type B standard uncertainty: the unit begins to follow between the two steps; NaN if the largest failed.
 
-        `threshold_g` is the upper end: values that are equally likely in all of an interval are away from its end by
-        width / √3 in the root mean square.
+        `threshold_g` is the upper end: the root-mean-square distance of a uniform distribution from its end is width /
+        √3.
         """
         return (self.threshold_g - self.low_g) / sqrt(3)
 
@@ -137,9 +138,9 @@ class Threshold:
 
 
 def find_threshold(record: LadderRecord) -> Threshold:
-    """The threshold, or about a biased input the resolution, from a ladder of steps of both senses.
+    """Threshold, or about a biased input the resolution, from a ladder of steps of both senses.
 
-    A single sense is taken for both, and flagged; without any step nothing is known: more than 0.
+    A single sense is used for both, and flagged; without any step nothing is known: more than 0.
     """
     changes = _changes(record)
     excess, dof = changes.excess()
@@ -157,7 +158,7 @@ def find_threshold(record: LadderRecord) -> Threshold:
         steps=steps,
         low_g=low_g,
         high_g=high_g if steps else inf,
-        # Above a dead band the output gains on half of the input by half of every g that is added.
+        # Above a dead band the output approaches half of the input by half of every g that is added.
         u_noise_g=max((step.u_output_g for step in deciding), default=nan) / (1 - PASSING_SHARE),
         excess=excess,
         dof=dof,
@@ -167,20 +168,20 @@ def find_threshold(record: LadderRecord) -> Threshold:
 
 
 def _interval(steps: Sequence[LadderStep]) -> tuple[float, float]:
-    """The sizes of the largest step of one sense that failed and of the next larger; both 0 where there is none."""
+    """Largest step of one sense that failed and the next larger one; both 0 if there is none."""
     low_g = max((step.size_g for step in steps if not step.passed), default=0.0)
     return low_g, min((step.size_g for step in steps if step.size_g > low_g), default=inf if steps else 0.0)
 
 
 def _passes_below(steps: Sequence[LadderStep]) -> bool:
-    """Whether a step of one sense passed below one that failed."""
+    """True if a step of one sense passed below one that failed."""
     low_g, _ = _interval(steps)
     return any(step.passed and step.size_g < low_g for step in steps)
 
 
 @dataclass(frozen=True, slots=True)
 class _Changes:
-    """Every step that was made, (m,), against the reference readings around it; `readings` is how many it took."""
+    """Every step that was made, (m,), relative to the reference readings around it; `readings` is the number used."""
 
     step: Array
     input_g: Array
@@ -190,7 +191,7 @@ class _Changes:
     readings: int
 
     def excess(self) -> tuple[float, int]:
-        """Scatter of the repeats over the scatter expected, pooled over all steps, and its degrees of freedom."""
+        """Ratio of the scatter of the repeats to that expected, pooled over all steps, and its degrees of freedom."""
         squares, dof = 0.0, 0
         for rows, ratio in self._repeats():
             covariance = self.covariance[np.ix_(rows, rows)]
@@ -202,7 +203,7 @@ class _Changes:
         return (sqrt(squares / dof), dof) if dof else (nan, 0)
 
     def steps(self, excess: float, dof: int | None) -> tuple[LadderStep, ...]:
-        """The means of the repeats, by rising input; uncertainties times `excess`, with its degrees of freedom."""
+        """Means of the repeats, by rising input; uncertainties times `excess`, with its degrees of freedom."""
         steps = []
         for rows, ratio in self._repeats():
             input_g = float(np.mean(self.input_g[rows]))
@@ -219,7 +220,7 @@ class _Changes:
         return tuple(sorted(steps, key=lambda step: step.input_g))
 
     def _repeats(self) -> Iterator[tuple[NDArray[np.int_], float]]:
-        """The rows of each step and its ratio of output to input; a step without any input is none."""
+        """Rows of each step and its ratio of output to input; a step without any input is left out."""
         for step in np.unique(self.step):
             rows = np.flatnonzero(self.step == step)
             input_g = float(np.mean(self.input_g[rows]))
@@ -228,7 +229,7 @@ class _Changes:
 
 
 def _changes(record: LadderRecord) -> _Changes:
-    """Steps less the straight line between the nearest readings at the reference position before and after."""
+    """Steps minus the straight line between the nearest readings at the reference position before and after."""
     present = [np.isfinite(getattr(record, column.name)) for column in fields(record)]
     record = record.rows(np.flatnonzero(np.all(present, axis=0)))
     record = record.rows(np.unique(record.time_s, return_index=True)[1])

@@ -1,1 +1,1 @@
-"""From dwells to bias, scale factor, K2 and misalignment over temperature."""
+"""Reduction of dwells to bias, scale factor, K2 and misalignment over temperature."""

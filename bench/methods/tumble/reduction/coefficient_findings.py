@@ -1,4 +1,4 @@
-"""The temperature coefficients of a model as findings, each with its budget (equations 6.7)."""
+"""Findings of the temperature coefficients of a model, each with its budget (equations 6.7)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ CONTAINED = "residuals of the model: contained"
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a model comes from: of whom it is, and the steps of the run.
+    """Source of a model: the unit, and the steps of the run.
 
-    `budget` makes the lines of what depends on the values that were fitted by weights (n,).
+    `budget` returns the lines of a result with sensitivities (n,) to the fitted values.
     """
 
     subject: Subject
@@ -29,9 +29,9 @@ class Origin:
 def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float, origin: Origin) -> Iterator[Finding]:
     """T1 and T2 of K0 in g, or of K1 relative to it, about a reference temperature; a straight line has no T2.
 
-    They are those of the unit as it was at these dwells, so that what the model leaves over, such as hysteresis, is in
-    the values and makes none of them uncertain: a second run of the same profile would find the same. Errors that are
-    common to all dwells, of the head and of the time base, cancel.
+    They describe the unit at these dwells, so that residuals of the model, such as hysteresis, are contained in the
+    values and contribute no uncertainty: a second run of the same profile would give the same. Errors that are common
+    to all dwells, of the head and of the time base, cancel.
     """
     of_bias = quantity == "K0"
     found = (bias_coefficients if of_bias else scale_coefficients)(model, reference_c)

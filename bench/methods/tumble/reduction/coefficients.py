@@ -1,8 +1,8 @@
 """Temperature coefficients of bias and scale factor about a reference temperature (equations 6.7).
 
-They are the first terms of the model's own series there: K0(T) = K0 + K0T1 (T - Tref) + K0T2 (T - Tref)² + …, and
-K1(T) = K1 [1 + K1T1 (T - Tref) + K1T2 (T - Tref)² + …]. Of a model of the third degree or more they are local: T1 is
-its slope at the reference temperature, T2 half of its second derivative there, and not the best parabola through all.
+They are the first terms of the model's own series there: K0(T) = K0 + K0T1 (T - Tref) + K0T2 (T - Tref)² + …, and K1(T)
+= K1 [1 + K1T1 (T - Tref) + K1T2 (T - Tref)² + …]. For a model of the third degree or more they are local: T1 is its
+slope at the reference temperature, T2 half of its second derivative there, and not the best parabola through all.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Pair = tuple[float, float]
 class TemperatureCoefficients:
     """T1 and T2 of a quantity: per °C and per °C², in the unit of the quantity or relative to it.
 
-    `gain` (2, n) is what one unit more in each value that was fitted adds to T1 and T2. `covariance` (2, 2) is type A,
-    from the residuals of the fit, NaN where there are none to spare. T2 of a straight line is NaN. `extrapolated` says
-    that the reference temperature lies outside of what was fitted.
+    `gain` (2, n) is the sensitivity of T1 and T2 to each fitted value. `covariance` (2, 2) is type A, from the
+    residuals of the fit, NaN without degrees of freedom. T2 of a straight line is NaN. `extrapolated` is true if the
+    reference temperature is outside the fitted range.
     """
 
     t1: float
@@ -40,7 +40,7 @@ class TemperatureCoefficients:
 
     @property
     def correlation(self) -> float:
-        """Of T1 and T2; it follows from the temperatures, and needs no residuals."""
+        """Correlation of T1 and T2; it follows from the temperatures, and needs no residuals."""
         (t1, both), (_, t2) = self.gain @ self.gain.T
         return float(both / np.sqrt(t1 * t2))
 
@@ -49,7 +49,7 @@ def bias_coefficients(bias: PolynomialFit, reference_c: float) -> TemperatureCoe
     """K0T1 and K0T2, in the unit of the bias per °C and per °C². `bias` is at least a straight line."""
     series = _series(bias, reference_c)
     _, t1, t2 = series @ bias.coefficients
-    return _told(bias, reference_c, (t1, t2), series[1:])
+    return _coefficients(bias, reference_c, (t1, t2), series[1:])
 
 
 def scale_coefficients(scale: PolynomialFit, reference_c: float) -> TemperatureCoefficients:
@@ -58,11 +58,11 @@ def scale_coefficients(scale: PolynomialFit, reference_c: float) -> TemperatureC
     k1, *slopes = series @ scale.coefficients
     t1, t2 = np.array(slopes) / k1
     jacobian = (series[1:] - np.outer((t1, t2), series[0])) / k1
-    return _told(scale, reference_c, (t1, t2), jacobian)
+    return _coefficients(scale, reference_c, (t1, t2), jacobian)
 
 
 def _series(model: PolynomialFit, reference_c: float) -> Array:
-    """What turns the coefficients (p,) of a model into those of the powers 0 to 2 of T - reference: (3, p)."""
+    """Matrix (3, p) from the coefficients (p,) of a model to those of the powers 0 to 2 of T - reference."""
     z = (reference_c - model.centre) / model.scale
     series = np.zeros((HIGHEST + 1, model.degree + 1))
     for power in range(min(HIGHEST, model.degree) + 1):
@@ -71,8 +71,8 @@ def _series(model: PolynomialFit, reference_c: float) -> Array:
     return series
 
 
-def _told(model: PolynomialFit, reference_c: float, values: Pair, jacobian: Array) -> TemperatureCoefficients:
-    """T1 and T2 (2,) with what they get from the coefficients of the model, (2, p)."""
+def _coefficients(model: PolynomialFit, reference_c: float, values: Pair, jacobian: Array) -> TemperatureCoefficients:
+    """T1 and T2 (2,), with their derivatives with respect to the coefficients of the model, (2, p)."""
     low_c, high_c = model.valid
     known = np.array([1.0, 1.0 if model.degree >= HIGHEST else np.nan])
     jacobian = jacobian * known[:, np.newaxis]

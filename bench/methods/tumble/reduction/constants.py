@@ -1,4 +1,4 @@
-"""The constants of a unit at each dwell, with budgets by the derivatives of the solution (equations 6.2)."""
+"""Coefficients of a unit at each dwell, with budgets by the derivatives of the solution (equations 6.2)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bench.metrology.acquisition import Array
 from bench.metrology.instrument import STEPS, instrument_u, shared_as
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding
-from bench.metrology.sampled_codes import by_position
+from bench.metrology.sampled_codes import quantisation_by_angle
 
 NAMES = {
     "K0": "bias of the channel",
@@ -26,16 +26,17 @@ NAMES = {
     "Kip": "cross coupling of input and pendulous axis",
     "asymmetry": "asymmetry of the converter: its scale for positive pulses less that for negative, relative",
 }
-CONTAINS = {"K1": ("K3",), "K1_si": ("K3",), "K2": ("asymmetry",)}  # unless these are found by themselves
+CONTAINS = {"K1": ("K3",), "K1_si": ("K3",), "K2": ("asymmetry",)}  # unless these are determined separately
 WEIGHT_SHOWN = 0.05  # of the largest weight: readings with less are not named as a finding's source
 
 
 @dataclass(frozen=True, slots=True)
 class TumbleConstants:
-    """`per_c` is what an error of 1 °C of the thermometer does to constants at the dwells (n,), None if not known.
+    """Coefficients of a unit at its dwells.
 
-    Then it is by `per_c_u`, what K0 in g, and K1 relative to itself, may change by with 1 °C. `extra` are the further
-    terms that the angles separate.
+    `per_c` is the effect of a thermometer error of 1 °C at the dwells (n,), None if unknown. Then `per_c_u` is used,
+    the uncertainty of the change of K0 (g) and K1 (relative) with 1 °C. `extra` are the further terms that the angles
+    separate.
     """
 
     of: TumbleUnit
@@ -44,7 +45,7 @@ class TumbleConstants:
     per_c_u: Mapping[str, float]
 
     def findings(self, index: int) -> Iterator[Finding]:
-        """All constants at the dwell of an index, the scale factor also per m/s²."""
+        """Findings of all coefficients at the dwell of an index, the scale factor also per m/s²."""
         dwell = self.of.dwells[index]
         at = {
             "cycle": dwell.cycle,
@@ -67,7 +68,7 @@ class TumbleConstants:
                 yield self._per_mps2(finding, dwell)
 
     def _contains(self, quantity: str) -> tuple[str, ...]:
-        """What is in a value because these angles do not separate it."""
+        """Confounded terms of a value that these angles do not separate."""
         return tuple(f"contains:{name}" for name in CONTAINS.get(quantity, ()) if name not in self.extra)
 
     def _name(self, quantity: str) -> str:
@@ -87,10 +88,10 @@ class TumbleConstants:
         )  # fmt: skip
 
     def _budget(self, quantity: str, gain: Array, index: int) -> list[BudgetLine]:
-        """Each source by its derivative; the head's errors turn the input axis at every reading."""
+        """Lines of each source by its derivative; the head's errors turn the input axis at every reading."""
         bench, dwell = self.of.bench, self.of.dwells[index]
         turned = gain * dwell.turn
-        together = abs(float(turned.sum()))  # all positions turned alike
+        together = abs(float(turned.sum()))  # one rotation common to all positions
         harmonics = [
             float(turned @ shape(order * dwell.head_rad)) * np.radians(u_deg)
             for order, u_deg in enumerate(bench.head.harmonics_u_deg, start=1)
@@ -113,25 +114,25 @@ class TumbleConstants:
         return lines
 
     def _per_c(self, quantity: str, index: int) -> float:
-        """By how much a constant changes with 1 °C, without its sign."""
+        """Magnitude of the change of a coefficient with 1 °C."""
         per_c = self.per_c[quantity]
         if per_c is not None:
             return abs(float(per_c[index]))
         return self.per_c_u[quantity] * (abs(self.of.dwells[index].values["K1"]) if quantity == "K1" else 1.0)
 
     def _of_the_instrument(self, gain: Array, dwell: Dwell) -> list[BudgetLine]:
-        """What the certificate of the counter or of the voltmeter gives; an error of the gain is as the output is.
+        """Lines from the certificate of the counter or voltmeter; an error of the gain is proportional to the output.
 
-        A unit that sends its output has no instrument but itself, only the steps of its codes.
+        A unit that sends its output is its own instrument; only the quantisation of its codes remains.
         """
         unit = self.of.unit
         if unit.telemetry is not None:
-            hidden = np.linalg.norm(by_position(gain, dwell.step_u, dwell.head_rad))
+            hidden = np.linalg.norm(quantisation_by_angle(gain, dwell.quantisation_u, dwell.head_rad))
             return [type_b(f"{unit.telemetry}{STEPS}", hidden, None)]
         found = instrument_u(unit, self.of.bench, abs(float(gain @ dwell.readings)), abs(float(gain.sum())))
         return [type_b(source, u, shared_as(source)) for source, u in found.items()]
 
 
 def _tail(dwell: Dwell) -> str:
-    """What an id ends with at a dwell."""
+    """Last part of an id at a dwell."""
     return f"@{dwell.path}" if dwell.path else ""

@@ -16,53 +16,60 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 
 @dataclass(frozen=True, slots=True)
-class Dwell:
-    """One temperature of one unit: the readings used, and their solution.
-
-    `readings` (n,) of the output, in its unit, were taken at the head's angles `head_rad` (n,). `gain` turns errors
-    of the readings into errors of the constants, a row (n,) for each in the order of `values`; `turn` (n,) is the
-    derivative of a reading to its angle, per rad. `middle_s` is the mean bench time of the readings. `alone_u` is what
-    a reading alone tells of its standard uncertainty, `step_u` (n,) what the steps of codes hide from each. It is
-    `interrupted` where the unit was without power between two of its readings.
-    """
+class SolvedDwell:
+    """The tumble at one visit of a set point; `temperature_c` is the mean of what the thermometer said."""
 
     number: int
-    group: str
     cycle: int
     rising: bool
     set_c: float
     temperature_c: float
-    middle_s: float
     tumble: Tumble
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell(SolvedDwell):
+    """One temperature of one unit in a run: the readings used, and their solution.
+
+    `readings` (n,) of the output, in its unit, were taken at the head's angles `head_rad` (n,). `gain` is the
+    sensitivity of the coefficients to the readings, a row (n,) for each in the order of `values`; `turn` (n,) is the
+    derivative of a reading with respect to its angle, per rad. `middle_s` is the mean bench time of the readings.
+    `single_u` is the single-reading standard uncertainty, `quantisation_u` (n,) the quantisation uncertainty of each.
+    It is `interrupted` if the unit was without power between two of its readings.
+    """
+
+    group: str
+    middle_s: float
     readings: Array
     head_rad: Array
     gain: Array
     turn: Array
-    alone_u: float
+    single_u: float
     steps: tuple[str, ...]
-    step_u: Array
+    quantisation_u: Array
     interrupted: bool = False
 
     @property
     def values(self) -> Mapping[str, float]:
-        """The constants of the tumble."""
+        """Coefficients of the tumble."""
         return self.tumble.values
 
     def gain_of(self, quantity: str) -> Array:
-        """What errors of the readings (n,) in pulse/s add to a constant: (n,)."""
+        """Sensitivity of a coefficient to the readings: (n,)."""
         return np.asarray(self.gain[list(self.tumble.values).index(quantity)])
 
     @property
     def path(self) -> str:
-        """The loops around it: `cycle=1/temperature=20`."""
+        """Loops around it: `cycle=1/temperature=20`."""
         return self.group.partition("/")[2]
 
 
 @dataclass(frozen=True, slots=True)
 class SolvedDwells:
-    """The dwells of one unit; `left_out` are the paths of those that could not be solved, `flags` say why.
+    """Dwells of one unit; `left_out` are the paths of those that could not be solved, `flags` give the reasons.
 
-    `extra` are the further terms that the angles of all dwells together separate, and `angles` how many these are.
+    `extra` are the further terms that the angles of all dwells together separate, `angles` the number of different
+    angles.
     """
 
     dwells: tuple[Dwell, ...]
@@ -73,7 +80,7 @@ class SolvedDwells:
 
 
 def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
-    """Solves every group of acquisitions of a run for one unit, in order of measurement."""
+    """Solve every group of acquisitions of a run for one unit, in order of measurement."""
     groups = data.groups()
     angle_rad = axis_rad(data.acquisitions, unit, data.bench)
     extra = further_terms(angle_rad)
@@ -94,14 +101,14 @@ def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
 
 
 def axis_rad(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> Array:
-    """The nominal angles (n,) of the input axis above the horizontal."""
+    """Nominal angles (n,) of the input axis above the horizontal."""
     return np.array([elevation_rad(acquisition, unit, bench) for acquisition in acquisitions])
 
 
 def _usable(
     acquisitions: Sequence[Acquisition], unit: UnitUnderTest, flags: list[str]
 ) -> tuple[list[Acquisition], list[Output]]:
-    """The acquisitions whose output and temperature can be used, and their outputs; the others are flagged."""
+    """Acquisitions with usable output and temperature, and their outputs; the others are flagged."""
     used, outputs = [], []
     for acquisition in acquisitions:
         output = mean_output(acquisition, unit)
@@ -124,7 +131,7 @@ def _solved(
     bench: BenchRecord,
     extra: tuple[str, ...],
 ) -> Dwell:
-    """The solution of one dwell; raises IncompleteTumble."""
+    """Solution of one dwell; raises IncompleteTumble."""
     head_deg = np.array([acquisition.angle_deg for acquisition in used])
     angle = axis_rad(used, unit, bench)
     readings = np.array([output.value for output in outputs])
@@ -144,15 +151,15 @@ def _solved(
         head_rad=np.radians(head_deg),
         gain=tumble.gain(),
         turn=tumble.k1 * (cosine - tumble.misalignment_rad * sine + 2 * tumble.k2_g_per_g2 * sine * cosine),
-        alone_u=float(np.mean([output.alone_u for output in outputs])),
+        single_u=float(np.mean([output.single_u for output in outputs])),
         steps=tuple(acquisition.step for acquisition in used),
-        step_u=np.array([output.step_u for output in outputs]),
+        quantisation_u=np.array([output.quantisation_u for output in outputs]),
         interrupted=len({acquisition.stretch for acquisition in used}) > 1,
     )
 
 
 def _rising(set_points: Sequence[float]) -> list[bool]:
-    """Whether each dwell was reached by rising temperature; the first takes the direction of its departure."""
+    """Mask of dwells reached by rising temperature; the first takes the direction of its departure."""
     steps = np.diff(np.array(set_points))
     rising = []
     for index in range(len(set_points)):

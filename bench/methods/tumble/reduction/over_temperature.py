@@ -1,4 +1,4 @@
-"""What the dwells of a unit tell over temperature: slopes, hysteresis, residuals, tilt, and whether the run closes."""
+"""Results of the dwells of a unit over temperature: slopes, hysteresis, residuals, tilt, and stability check."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from bench.methods.tumble.reduction.coefficient_findings import CONTAINED, Origin, coefficient_findings
 from bench.methods.tumble.reduction.dwells import Dwell
-from bench.methods.tumble.reduction.solution import hysteresis
+from bench.methods.tumble.reduction.temperature_models import TemperatureModels
 from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.acquisition import Array
 from bench.metrology.extremes import interval_of_largest
@@ -22,34 +22,26 @@ from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
 
 @dataclass(frozen=True, slots=True)
 class TumbleOverTemperature:
-    """`models` are those of the highest degree, `lines` the straight ones; None where the temperatures allow none.
+    """`models` has those of each quantity over temperature.
 
-    `per_c` is what an error of 1 °C of the thermometer does at the dwells (n,), None without a model. Coefficients are
-    told about `reference_c`.
+    `per_c` is the effect of a thermometer error of 1 °C at the dwells (n,), None without a model. Coefficients refer to
+    `reference_c`.
     """
 
     of: TumbleUnit
-    models: Mapping[str, PolynomialFit | None]
-    lines: Mapping[str, PolynomialFit | None]
+    models: Mapping[str, TemperatureModels]
     per_c: Mapping[str, Array | None]
     reference_c: float
 
     def findings(self, quantity: str) -> Iterator[Finding]:
         """Slope, hysteresis and residual of the model; of the scale factor relative to its value at the centre."""
-        model, line, per_c = self.models[quantity], self.lines[quantity], self.per_c[quantity]
+        found, per_c = self.models[quantity], self.per_c[quantity]
+        model, line, loop = found.model, found.line, found.loop
         if model is None or line is None or per_c is None:
             return
         relative = 1.0 if quantity == "K0" else 1 / float(line.value(line.centre))
         yield self._coefficient(quantity, line, per_c, relative)
         yield from self._about_reference(quantity, model, per_c)
-        loop = hysteresis(
-            self.of.values(quantity),
-            self.of.temperatures_c,
-            np.array([dwell.set_c for dwell in self.of.dwells]),
-            rising=np.array([dwell.rising for dwell in self.of.dwells]),
-            cycle=np.array([dwell.cycle for dwell in self.of.dwells]),
-            slope=model.slope,
-        )
         if loop is not None:
             dwells = (self.of.dwells[loop.rising], self.of.dwells[loop.falling])
             name = "largest difference between rising and falling temperature"
@@ -68,8 +60,8 @@ class TumbleOverTemperature:
         )  # fmt: skip
 
     def tilt(self) -> Iterator[Finding]:
-        """What the bias makes of the unit as a tilt meter, with a constant and with the model of K0."""
-        model = self.models["K0"]
+        """Tilt error of the unit due to its bias, with a constant and with the model of K0."""
+        model = self.models["K0"].model
         if model is None:
             return iter(())
         bias_g = self.of.values("K0")
@@ -78,14 +70,14 @@ class TumbleOverTemperature:
         return tilt_findings(bias_g, bias_g - model.residuals, origin)
 
     def closure(self) -> Finding | None:
-        """The bias of the last dwell less that of the first, where the profile returns to its first temperature.
+        """Bias of the last dwell minus that of the first, if the profile returns to its first temperature.
 
-        The two stood at slightly different temperatures, which the model brings together. Of all sources only what
-        is new in each reading, and the drift of the thermometer between them, is not common to both.
+        A slight difference of temperature is corrected by the model. Only errors independent between readings, and the
+        drift of the thermometer in between, do not cancel.
         """
         if not self.of.dwells:
             return None
-        first, last, model = self.of.dwells[0], self.of.dwells[-1], self.models["K0"]
+        first, last, model = self.of.dwells[0], self.of.dwells[-1], self.models["K0"].model
         if first is last or first.set_c != last.set_c:
             return None
         middle_c, apart_c = (first.temperature_c + last.temperature_c) / 2, last.temperature_c - first.temperature_c
@@ -95,7 +87,7 @@ class TumbleOverTemperature:
         return self._of_dwells("K0/closure", name, change, 1.0, (first, last), float(drifted[-1] - drifted[0]))
 
     def _coefficient(self, quantity: str, line: PolynomialFit, per_c: Array, relative: float) -> Finding:
-        """The slope of the straight line through the unit as it was at the dwells (docs/decisions/0057)."""
+        """Slope of the straight line, for the unit as it was at the dwells (docs/decisions/0057)."""
         gain = line.fit.gain[1] / line.scale * relative
         lines = [
             *self.of.own_over_dwells(quantity, gain),
@@ -110,7 +102,7 @@ class TumbleOverTemperature:
         )
 
     def _about_reference(self, quantity: str, model: PolynomialFit, per_c: Array) -> Iterator[Finding]:
-        """The first coefficients of the model's series about the reference temperature."""
+        """First coefficients of the model's series about the reference temperature."""
         origin = Origin(
             subject=self.of.subject,
             steps=(self.of.root,),
@@ -131,9 +123,9 @@ class TumbleOverTemperature:
         by_drift: float,
         interval: Interval | None = None,
     ) -> Finding:
-        """A value of one or two dwells, as uncertain as what is new in their readings: all else they have in common.
+        """Finding from one or two dwells; only errors independent between readings do not cancel.
 
-        `by_drift` is what the drift of the thermometer gives it beside, before it is made `relative`.
+        `by_drift` is the contribution of the drift of the thermometer, before it is made `relative`.
         """
         lines = self.of.own(quantity.partition("/")[0], [(dwell, relative) for dwell in dwells])
         lines.append(self.of.drift.line(by_drift * relative))

@@ -1,7 +1,7 @@
-"""Repeatability: what constants scatter by when a tumble is repeated after a remounting or a power cycle.
+"""Repeatability: scatter of coefficients when a tumble is repeated after a remounting or a power cycle.
 
-The head, gravity and certificates are the same every time and drop out of a difference; what is left is the unit, its
-seat, and the scatter of the readings, which the standard deviations contain.
+The head, gravity and certificates are common to all repetitions and cancel in differences; the unit, its seat, and the
+scatter of the readings remain, and the standard deviations contain all three.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from bench.metrology.unlike_nominal import flags_of_scale
 
 UNITS = {"K0": "g", "K1": "1", "misalignment": "rad"}
 NAMES = {"K0": "bias", "K1": "scale factor, relative", "misalignment": "misalignment of the input axis"}
-LEAST = 3  # repetitions, for a standard deviation that says something
+LEAST = 3  # minimum number of repetitions for a meaningful standard deviation
 
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """The values of one constant over the repetitions (n,), for a report; `own` is the u that readings give each."""
+    """Values of one coefficient over the repetitions (n,), for the report; `own` is the u of each from its readings."""
 
     quantity: str
     repetition: tuple[int, ...]
@@ -40,12 +40,12 @@ class Repeated:
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The standard deviations of every unit over its repetitions, and how far its bias has moved meanwhile."""
+    """Reduce a run to the standard deviations of every unit over its repetitions, and the change of its bias."""
     return [_reduced(data, unit, settings["bias_per_c_u"]) for unit in data.units]
 
 
 def interval_of(sd: float, dof: int) -> tuple[float, float]:
-    """The range that holds the standard deviation of all repetitions there could be, by chi-square, at 95 %."""
+    """Range of the standard deviation of infinitely many repetitions, by chi-square, at 95 %."""
     tail = (1 - CONFIDENCE) / 2
     return sd * math.sqrt(dof / chdtri(dof, tail)), sd * math.sqrt(dof / chdtri(dof, 1 - tail))
 
@@ -72,9 +72,9 @@ def _reduced(data: RunData, unit: UnitUnderTest, bias_per_c_u: float) -> UnitRes
 
 
 def _alike_left_out(of: TumbleUnit) -> TumbleUnit:
-    """With the scatter of the readings about what every repetition has alike, where all are of the same positions.
+    """The same with residuals common to every repetition removed from the scatter, if all use the same positions.
 
-    What is left of a warm-up bends the readings of each tumble in the same way. It is in no difference of repetitions.
+    A remaining warm-up bends the readings of each tumble in the same way, and cancels in differences of repetitions.
     """
     residuals = [dwell.tumble.fit.residuals for dwell in of.dwells]
     angles_rad = [dwell.head_rad for dwell in of.dwells]
@@ -86,7 +86,7 @@ def _alike_left_out(of: TumbleUnit) -> TumbleUnit:
 
 
 def _over(quantity: str, of: TumbleUnit) -> Repeated:
-    """A constant over the repetitions; the scale factor less 1, relative to its mean."""
+    """A coefficient over the repetitions; the scale factor relative to its mean, less 1."""
     values = np.array([dwell.values[quantity] for dwell in of.dwells])
     relative = 1 / float(values.mean()) if quantity == "K1" else 1.0
     values = values * relative - (1.0 if quantity == "K1" else 0.0)
@@ -96,7 +96,7 @@ def _over(quantity: str, of: TumbleUnit) -> Repeated:
 
 
 def _deviation(found: Repeated, of: TumbleUnit) -> Finding:
-    """A standard deviation: of n values it is uncertain by its part in √(2 (n - 1)) (JCGM 100, E.4.3)."""
+    """Standard deviation with its relative uncertainty 1 / √(2 (n - 1)) from n values (JCGM 100, E.4.3)."""
     count, dof = len(found.values), len(found.values) - 1
     own = float(np.sqrt(np.mean(found.own**2)))
     lines = [
@@ -112,9 +112,9 @@ def _deviation(found: Repeated, of: TumbleUnit) -> Finding:
 
 
 def _closure(of: TumbleUnit, bias_per_c_u: float) -> Finding:
-    """The bias of the last repetition less that of the first, each at the temperature that the thermometer showed.
+    """Bias of the last repetition minus that of the first, each at its indicated temperature.
 
-    They have in common all but what is new in a reading, and the drift of the thermometer between them.
+    All errors cancel except those independent between readings, and the drift of the thermometer in between.
     """
     first, last = of.dwells[0], of.dwells[-1]
     first_c, last_c = of.drift.error_c(np.array([first.middle_s, last.middle_s]))
@@ -129,6 +129,6 @@ def _closure(of: TumbleUnit, bias_per_c_u: float) -> Finding:
 
 
 def rows(detail: object) -> Iterator[Repeated]:
-    """The repeated values that a result carries for a report; none where nothing could be determined."""
+    """Repeated values that a result carries for a report; none if nothing was determined."""
     if isinstance(detail, tuple):
         yield from (each for each in detail if isinstance(each, Repeated))

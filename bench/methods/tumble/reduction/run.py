@@ -1,7 +1,7 @@
 """Method M4a: bias, scale factor, K2 and misalignment at each dwell, and their models over temperature.
 
 Type A is the scatter of the readings about their tumbles, pooled over the run; type B comes from the certificates of
-the bench by the derivatives of the solution. The temperature is what the unit's thermometer says.
+the bench by the derivatives of the solution. The temperature is that of the unit's thermometer.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from typing import Any
 from bench.methods.tumble.reduction.constants import TumbleConstants
 from bench.methods.tumble.reduction.dwells import solve_dwells
 from bench.methods.tumble.reduction.over_temperature import TumbleOverTemperature
+from bench.methods.tumble.reduction.temperature_models import TemperatureModels, temperature_models
 from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.calibration.temperature import Compensation
-from bench.metrology.least_squares import NotDetermined, PolynomialFit, fit_polynomial
+from bench.metrology.least_squares import PolynomialFit
 from bench.metrology.results.curves import TemperatureModel
 from bench.metrology.results.finding import NOT_CLOSED, UnitResult
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -24,41 +25,40 @@ MODELLED = ("K0", "K1")
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """The findings and models of every unit.
+    """Reduce a run to the findings and models of every unit.
 
-    `settings` has the degree of the temperature models, the temperature about which their coefficients are told, and
-    how far the bias may be from where it began when the profile has come back to its first temperature: beyond that
-    every verdict is marginal.
+    `settings` has the degree of the temperature models, the reference temperature of their coefficients, and the
+    maximum change of the bias when the profile has returned to its first temperature: beyond it every verdict is
+    marginal.
     """
     return [_Unit(data, unit, settings).result() for unit in data.units]
 
 
 @dataclass(frozen=True, slots=True)
 class TumbleAngles:
-    """How many angles a tumble had, and which further terms they separate, for a report."""
+    """Number of angles of a tumble, and the further terms that they separate, for a report."""
 
     angles: int
     extra: tuple[str, ...]
 
 
 class _Unit:
-    """The reduction of one unit."""
+    """Reduction of one unit."""
 
     def __init__(self, data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> None:
-        degree, self._settings = settings["degree"], settings
+        self._settings = settings
         solved = solve_dwells(data, unit)
         self._of = TumbleUnit.of(data, unit, solved.dwells)
         self._left_out, self._extra, self._angles = solved.left_out, solved.extra, solved.angles
         self._flags = list(solved.flags)
         self._flags += ["type_a:no_repeats"] if solved.dwells and not self._of.dof else []
-        self._models = {quantity: self._fit(quantity, degree) for quantity in MODELLED}
-        self._lines = {quantity: self._fit(quantity, 1) for quantity in MODELLED}
+        self._found = {quantity: self._over_temperature(quantity) for quantity in MODELLED}
 
     def result(self) -> UnitResult:
         per_c_u = {"K0": self._settings["bias_per_c_u"], "K1": self._settings["scale_per_c_u"]}
-        per_c = {quantity: self._of.per_c(quantity, model) for quantity, model in self._models.items()}
+        per_c = {quantity: self._of.per_c(quantity, found.model) for quantity, found in self._found.items()}
         constants = TumbleConstants(self._of, per_c, self._extra, per_c_u)
-        over = TumbleOverTemperature(self._of, self._models, self._lines, per_c, self._settings["reference_c"])
+        over = TumbleOverTemperature(self._of, self._found, per_c, self._settings["reference_c"])
         findings = [finding for index in range(len(self._of.dwells)) for finding in constants.findings(index)]
         findings += [finding for quantity in MODELLED for finding in over.findings(quantity)]
         findings += over.tilt()
@@ -80,29 +80,22 @@ class _Unit:
         )
 
     def _compensations(self) -> Iterator[Compensation]:
-        """How an output becomes an acceleration, by the models of the highest degree."""
-        bias, scale = (self._models[quantity] for quantity in MODELLED)
+        """Conversion of an output to an acceleration, by the models of the highest degree."""
+        bias, scale = (self._found[quantity].model for quantity in MODELLED)
         if bias is not None and scale is not None:
             unit, scale_model = self._of.unit, self._model("K1", scale)
             yield Compensation(unit.measured_by, unit.output_unit, "g", scale=scale_model, bias=self._model("K0", bias))
 
-    def _fit(self, quantity: str, degree: int) -> PolynomialFit | None:
-        """The model of the highest degree up to `degree` that the temperatures allow."""
-        allowed = min(degree, len({dwell.set_c for dwell in self._of.dwells}) - 1)
-        if allowed < degree:
-            self._flags.append(f"{quantity}:too_few_temperatures")
-        if allowed < 1:
+    def _over_temperature(self, quantity: str) -> TemperatureModels:
+        found = temperature_models(quantity, self._of.values(quantity), self._of.dwells, self._settings["degree"])
+        self._flags += found.flags
+        if found.line is None:
             self._flags.append(f"{quantity}:temperature_slope_unknown")
-            return None
-        try:
-            return fit_polynomial(self._of.temperatures_c, self._of.values(quantity), allowed)
-        except NotDetermined:
-            self._flags.append(f"{quantity}:ill_conditioned")
-            return None
+        return found
 
     def _fits(self, quantity: str) -> Iterator[PolynomialFit]:
         """The model, and the straight line unless the model is one."""
-        model, line = self._models[quantity], self._lines[quantity]
+        model, line = self._found[quantity].model, self._found[quantity].line
         if model is not None:
             yield model
         if line is not None and (model is None or model.degree > 1):

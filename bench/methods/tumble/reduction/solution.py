@@ -1,9 +1,9 @@
 """The one-axis tumble: bias, scale factor, misalignment and K2 from readings at known angles (equations 1.4 to 1.6).
 
 The model is E = c0 + K1 sin θ + (K1 d) cos θ + c2 sin² θ, θ the angle of the input axis above the horizontal, E in
-output units (V, mA or pulse/s). The four-point formulas are its special case at 0°, 90°, 180° and 270°. What a
-four-point tumble cannot separate stays in: K1 contains K3, c2 contains the asymmetry of a converter, d the zero error
-of the head. More angles separate further terms: Kip sin θ cos θ, K3 sin³ θ, and a converter's |sin θ|.
+output units (V, mA or pulse/s). The four-point formulas are its special case at 0°, 90°, 180° and 270°. Confounded
+terms of a four-point tumble: K1 contains K3, c2 contains the asymmetry of a converter, d the zero error of the head.
+More angles separate further terms: Kip sin θ cos θ, K3 sin³ θ, and a converter's |sin θ|.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least
 
 FOUR_POINTS_DEG = (0.0, 90.0, 180.0, 270.0)
 TERMS = ("c0", "K1", "d·K1", "c2")
-CONSTANTS = ("K0", "K1", "misalignment", "K2")  # that the terms come to, in their order
+CONSTANTS = ("K0", "K1", "misalignment", "K2")  # coefficients that follow from the terms, in their order
 # Further terms and the largest condition number of the column-scaled design with which each is fitted. Eight angles and
 # more have 6 with K3 and Kip, 15 to 20 with the asymmetry; six, a degree off the level, 80 with K3 (equations 1.5).
 EXTRA = {"Kip": 10.0, "K3": 10.0, "asymmetry": 30.0}
 SAME_ANGLE_RAD = 1e-3
-DRIFT_DOF = 2  # degrees of freedom that readings have without a drift before one is fitted
-DRIFT_CONDITION = 1.5  # by which it may make the condition number worse: not where it looks like a constant
+DRIFT_DOF = 2  # minimum degrees of freedom without a drift for a drift to be fitted
+DRIFT_CONDITION = 1.5  # maximum increase of the condition number by the drift: it must not resemble a constant
 
 
 @dataclass(frozen=True, slots=True)
 class Tumble:
     """The solution of one tumble. Angles in rad; output units as the readings; g is local gravity.
 
-    `extra` are the further terms that were fitted. What drifts evenly meanwhile may be a last term, of no further use.
+    `extra` are the further terms that were fitted. A linear drift may be a last term, not used further.
     """
 
     fit: LinearFit
@@ -70,41 +70,38 @@ class Tumble:
         return self._over_k1(float(self.fit.coefficients[2]))
 
     def _over_k1(self, value: float) -> float:
-        """NaN of a unit that does not follow its input at all."""
+        """Value / K1; NaN for a unit that does not follow its input at all."""
         return value / self.k1 if self.k1 else math.nan
 
     @property
     def values(self) -> dict[str, float]:
-        """All constants by name, in g, output units and rad: K0, K1, misalignment, K2, and the further ones.
+        """All coefficients by name, in g, output units and rad: K0, K1, misalignment, K2, and the further ones.
 
-        The asymmetry is the difference of a converter's two scales over their mean.
+        The asymmetry is the difference of a converter's two scale factors relative to their mean.
         """
         found = (self.k0_g, self.k1, self.misalignment_rad, self.k2_g_per_g2)
         further = self.fit.coefficients[len(TERMS) : len(TERMS) + len(self.extra)] / self.k1 * self._per_term()
         return dict(zip((*CONSTANTS, *self.extra), (*found, *further.tolist()), strict=True))
 
     def _per_term(self) -> Array:
-        """What turns a further term over K1 into its constant.
-
-        S± = S (1 ± asymmetry/2), by the sign of the output, which is that of the input only where K1 is positive.
-        """
+        """Factors from further terms / K1 to their coefficients."""
         return np.array([math.copysign(2.0, self.k1) if name == "asymmetry" else 1.0 for name in self.extra])
 
     def covariance(self, reading_sd: float | None = None) -> Array:
         """Covariance of K0 in g, K1 in output units per g, misalignment in rad, K2 in g/g², and of further constants.
 
         `reading_sd` is the standard deviation of one reading in output units, as pooled over many tumbles; without it
-        the scatter of this tumble is taken, which is NaN when it has four readings only.
+        the scatter of this tumble is used, which is NaN for only four readings.
         """
         sd = self.fit.residual_sd if reading_sd is None else reading_sd
         return self._jacobian() @ self.fit.unscaled_covariance @ self._jacobian().T * sd**2
 
     def gain(self) -> Array:
-        """What one output unit more in each reading (n,) adds to the constants, a row for each in order of `values`."""
+        """Sensitivity of the coefficients to each reading (n,), a row for each in order of `values`."""
         return np.asarray(self._jacobian() @ self.fit.gain)
 
     def _jacobian(self) -> Array:
-        """Derivatives of the constants to the fitted terms: all but K1 are terms over K1."""
+        """Derivatives of the coefficients with respect to the fitted terms: all but K1 are terms / K1."""
         scale = np.concatenate([[1.0, self.k1, 1.0, 1.0], self._per_term()])
         jacobian = np.diag(scale / self.k1)
         jacobian[:, 1] -= np.where(np.arange(len(scale)) == 1, 0.0, np.array(list(self.values.values())) / self.k1)
@@ -123,7 +120,7 @@ class IncompleteTumble(NotDetermined):
 
 
 def further_terms(angle_rad: Array) -> tuple[str, ...]:
-    """Which of the further terms these angles of the input axis (n,) separate from all others, each in its turn."""
+    """Further terms that these angles of the input axis (n,) separate from all others, tested one after the other."""
     distinct = len(np.unique(np.round(np.mod(angle_rad, 2 * np.pi) / SAME_ANGLE_RAD)))
     extra: tuple[str, ...] = ()
     for name, most in EXTRA.items():
@@ -138,7 +135,7 @@ def _condition(design: Array) -> float:
 
 
 def design_of(angle_rad: Array, extra: Sequence[str] = ()) -> Array:
-    """The columns (n, p) of the terms at angles (n,) of the input axis above the horizontal."""
+    """Columns (n, p) of the terms at angles (n,) of the input axis above the horizontal."""
     sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
     further = {"Kip": sine * cosine, "K3": sine**3, "asymmetry": np.abs(sine)}
     return np.stack([np.ones_like(sine), sine, cosine, sine**2, *(further[name] for name in extra)], axis=-1)
@@ -147,9 +144,9 @@ def design_of(angle_rad: Array, extra: Sequence[str] = ()) -> Array:
 def solve_tumble(angle_rad: Array, reading: Array, extra: Sequence[str] = (), time_s: Array | None = None) -> Tumble:
     """Least squares over `reading` (n,) in output units at the actual angles (n,) of the input axis above horizontal.
 
-    `extra` are further terms to be fitted. With the times of the readings (n,), and enough of them, an even drift is
-    one more, so that it is neither in the constants, which are those of the mean time, nor in the scatter. Raises
-    IncompleteTumble when the angles do not determine the terms; it names them and the positions.
+    `extra` are further terms to be fitted. With the times of the readings (n,), and enough of them, a linear drift is
+    one more, so that it is neither in the coefficients, which are those of the mean time, nor in the scatter. Raises
+    IncompleteTumble, with the terms and positions, if the angles do not determine the terms.
     """
     design, names = design_of(angle_rad, extra), (*TERMS, *extra)
     try:
@@ -165,18 +162,18 @@ def solve_tumble(angle_rad: Array, reading: Array, extra: Sequence[str] = (), ti
 
 
 def missing_positions_deg(angle_deg: Array) -> list[float]:
-    """Which of four positions have none of the angles within 45°, the half of the way to the next."""
+    """Positions of the four without an angle within 45°, half the way to the next."""
     return [wanted for wanted in FOUR_POINTS_DEG if not np.any(np.abs(turn_between_deg(wanted, angle_deg)) < 45)]
 
 
 def turn_between_deg(start_deg: float, end_deg: Array) -> Array:
-    """The shorter turn from `start_deg` to `end_deg`, from -180 to 180."""
+    """Shorter rotation from `start_deg` to `end_deg`, from -180 to 180."""
     return np.mod(end_deg - start_deg + 180, 360) - 180
 
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """The largest |rising - falling|, in the unit of the values, at the set point `set_c`, and which two dwells.
+    """Largest |rising - falling|, in the unit of the values, at the set point `set_c`, and the two dwells.
 
     `differences` (m,) are all of them, of the dwells in the rows of `pairs` (m, 2).
     """
@@ -198,10 +195,10 @@ def hysteresis(
     cycle: NDArray[np.int_],
     slope: Callable[[Array], Array],
 ) -> Hysteresis | None:
-    """Compares dwells (n,) of one cycle at one set point, reached once by rising and once by falling temperature.
+    """Compare dwells (n,) of one cycle at one set point, reached once by rising and once by falling temperature.
 
-    The two stood at slightly different temperatures: `slope`, the model's derivative at a temperature, brings them
-    together. None when no set point was visited in both ways.
+    Slightly different temperatures are corrected by `slope`, the model's derivative at a temperature. None if no set
+    point was visited in both directions.
     """
     visits: dict[tuple[int, float], tuple[list[int], list[int]]] = {}
     for dwell, at in enumerate(zip(cycle.tolist(), set_c.round(6).tolist(), strict=True)):

@@ -1,4 +1,4 @@
-"""The dwells of one unit, with what its readings scatter by and what is known of its thermometer."""
+"""Dwells of one unit, with the scatter of its readings and the uncertainty of its thermometer."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class TumbleUnit:
     """One unit over a run.
 
     `sd` is the standard deviation of a reading about its tumble, pooled over all dwells, with `dof` degrees of freedom;
-    where no reading repeats another dof is 0 and `sd` what a reading alone tells.
+    if no reading repeats another, dof is 0 and `sd` the single-reading uncertainty.
     """
 
     data: RunData
@@ -38,36 +38,36 @@ class TumbleUnit:
 
     @classmethod
     def of(cls, data: RunData, unit: UnitUnderTest, dwells: tuple[Dwell, ...]) -> Self:
-        """With the scatter of its readings pooled, over dwells in which the unit always had power where there are such.
+        """The unit with the scatter of its readings pooled, over dwells without a loss of power if there are any.
 
         The step of a power cycle is no scatter.
         """
         steady = [dwell for dwell in dwells if not dwell.interrupted] or dwells
         dof = sum(dwell.tumble.fit.dof for dwell in steady)
         if dof == 0:
-            return cls(data, unit, dwells, max((dwell.alone_u for dwell in dwells), default=0.0), 0)
+            return cls(data, unit, dwells, max((dwell.single_u for dwell in dwells), default=0.0), 0)
         squares = sum(float(np.sum(dwell.tumble.fit.residuals**2)) for dwell in steady)
         return cls(data, unit, dwells, float(np.sqrt(squares / dof)), dof)
 
     @property
     def subject(self) -> Subject:
-        """Whom findings are of."""
+        """Unit and label of the findings."""
         return self.data.subject(self.unit)
 
     @property
     def bench(self) -> BenchRecord:
-        """What is known of the bench."""
+        """Uncertainties of the bench."""
         return self.data.bench
 
     @property
     def units(self) -> Mapping[str, str]:
-        """The units of the constants of a dwell."""
+        """Units of the coefficients of a dwell."""
         output = self.unit.output_unit
         return {**UNITS, "K1": f"{output}/g", "K1_si": f"{output}/(m/s²)"}
 
     @property
     def root(self) -> str:
-        """The part of the run that holds all dwells."""
+        """Part of the run that contains all dwells."""
         return self.dwells[0].group.rpartition("/")[0]
 
     @property
@@ -76,7 +76,7 @@ class TumbleUnit:
         return self.bench.thermometer_u(self.unit.temperature)
 
     def temperature_u_c(self, temperature_c: float) -> float:
-        """Standard uncertainty of a temperature that it shows."""
+        """Standard uncertainty of a temperature by it."""
         return self.bench.temperature_u_c(self.unit.temperature, temperature_c)
 
     @property
@@ -90,29 +90,29 @@ class TumbleUnit:
         return np.array([dwell.temperature_c for dwell in self.dwells])
 
     def values(self, quantity: str) -> Array:
-        """A constant at each dwell, (n,)."""
+        """A coefficient at each dwell, (n,)."""
         return np.array([dwell.values[quantity] for dwell in self.dwells])
 
     def per_c(self, quantity: str, model: PolynomialFit | None) -> Array | None:
-        """What an error of 1 °C of the thermometer does to a constant at each dwell, (n,); None without a model."""
+        """Effect of a thermometer error of 1 °C on a coefficient at each dwell, (n,); None without a model."""
         if model is None:
             return None
         scatter = float(np.sqrt(np.mean(self.own_u(quantity) ** 2)))
         return reversible_slope(self.temperatures_c, self.values(quantity), scatter, model)
 
     def drifted(self, per_c: Array | None) -> Array:
-        """What one standard uncertainty of the thermometer's drift does to a constant at each dwell: (n,).
+        """Effect of one standard uncertainty of the thermometer's drift on a coefficient at each dwell: (n,).
 
-        Nothing without a model, which takes no temperature into account.
+        Zero without a model, which takes no temperature into account.
         """
         if per_c is None:
             return np.zeros(len(self.dwells))
         return np.asarray(per_c * self.drift.error_c(np.array([dwell.middle_s for dwell in self.dwells])))
 
     def by_thermometer(self, gain: Array, per_c: Array) -> list[BudgetLine]:
-        """What the thermometer gives to what depends on a constant at the dwells by `gain` (n,).
+        """Contribution of the thermometer to a result with sensitivities `gain` (n,) to a coefficient at the dwells.
 
-        One error moves the temperatures of all dwells together, and the constant by `per_c` (n,).
+        One error shifts the temperatures of all dwells together, and the coefficient by `per_c` (n,).
         """
         (offset_u_c, gain_u), thermometer = self.thermometer_u, self.unit.temperature
         each = gain * per_c
@@ -123,7 +123,7 @@ class TumbleUnit:
         ]
 
     def scatter(self, gain: Array) -> BudgetLine:
-        """The uncertainty that the readings give to what depends on them by `gain` (n,)."""
+        """Contribution of the scatter of the readings to a result with sensitivities `gain` (n,)."""
         u = self.sd * float(np.linalg.norm(gain))
         if self.dof:
             return BudgetLine(READINGS, "A", u, self.dof)
@@ -134,10 +134,10 @@ class TumbleUnit:
         return BudgetLine("readings: resolution of the count, no repeats", "B", u)
 
     def own(self, quantity: str, weights: Iterable[tuple[Dwell, float]]) -> list[BudgetLine]:
-        """Budget lines of what is independent between readings, for a weighted sum of a quantity at dwells.
+        """Budget lines of errors independent between readings, for a weighted sum of a quantity at dwells.
 
-        These are the scatter of the readings and the repeatability of the head. Residuals of tumbles hold the second in
-        part: an axis that points up or down does not feel it, and one that is level feels all of it.
+        These are the scatter of the readings and the repeatability of the head. Residuals of tumbles contain the second
+        in part: a vertical axis is insensitive to it, a level one has its full effect.
         """
         gains = [(dwell, dwell.gain_of(quantity) * weight) for dwell, weight in weights]
         turned = np.concatenate([gain * dwell.turn for dwell, gain in gains])
@@ -152,12 +152,12 @@ class TumbleUnit:
         return self.own(quantity, zip(self.dwells, weights.tolist(), strict=True))
 
     def own_u(self, quantity: str) -> Array:
-        """Standard uncertainty that this gives to a constant at each dwell, (n,), in its unit."""
+        """Standard uncertainty from these errors of a coefficient at each dwell, (n,), in its unit."""
         return np.array(
             [np.linalg.norm([line.u for line in self.own(quantity, [(each, 1.0)])]) for each in self.dwells]
         )
 
 
 def type_b(source: str, u: float | np.floating, shared: str | None) -> BudgetLine:
-    """A line of what is known beforehand."""
+    """Line of a type B contribution."""
     return BudgetLine(source, "B", float(u), None, shared)

@@ -449,6 +449,7 @@ def gates_of(rng, scatter_pps=0.0, count=600, seconds=10.0, cycle_pps=0.0):
                  np.full(count, 65.0))  # fmt: skip
 
 
+@pytest.mark.lengthy
 @pytest.mark.parametrize(("count", "scatter_pps", "cycle_pps", "least", "most"), [
     (150, 0.0, 0.0, 0.85, 1.15), (150, 0.005, 0.0, 0.85, 1.15), (600, 0.02, 0.0, 0.85, 1.15),
     (150, 0.0, 0.03, 0.6, 1.15),  # a chamber's limit cycle, of which stretches of a minute make too much

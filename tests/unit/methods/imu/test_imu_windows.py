@@ -205,7 +205,7 @@ def test_the_clock_of_the_computer_is_in_the_scale_of_gyros_alone():
 
 def test_steps_of_codes_are_alike_with_the_axis_up_and_with_it_down():
     """Eight readings fall onto two steps; their mean knows no more than two of them."""
-    found = result_of_codes(sent(block(BENCH, "s/hot", "xyz"), step_u=3.0))
+    found = result_of_codes(sent(block(BENCH, "s/hot", "xyz"), quantisation_u=3.0))
     assert lines(found["K0"])["acc_y: steps of the codes"] == pytest.approx(3 / 2**0.5 / K1, rel=1e-3)
     assert lines(found["K1"])["acc_y: steps of the codes"] == pytest.approx(3 / 2**0.5, rel=1e-3)
     assert lines(found["D0"])["gyro_y: steps of the codes"] == pytest.approx(3 / 2**0.5 / KG, rel=1e-3)
@@ -214,7 +214,7 @@ def test_steps_of_codes_are_alike_with_the_axis_up_and_with_it_down():
 
 
 def test_samples_scatter_no_less_than_they_tell_themselves():
-    quiet, noisy = (result_of_codes(sent(block(BENCH, "s/hot", "xyz"), alone_u=u)) for u in (0.0, 5.0))
+    quiet, noisy = (result_of_codes(sent(block(BENCH, "s/hot", "xyz"), single_u=u)) for u in (0.0, 5.0))
     name = "readings: scatter pooled over the run"
     assert lines(noisy["K1"])[name] == pytest.approx(5.0 / 8**0.5, rel=1e-3)
     assert lines(quiet["K1"])[name] < 0.02

@@ -97,6 +97,7 @@ def settled(noise, limit, trials=200):
     return float(np.sqrt(np.mean((errors_s / u_s) ** 2))), float(np.mean(np.abs(errors_s) > 3 * u_s)), held.mean()
 
 
+@pytest.mark.lengthy
 @pytest.mark.parametrize(("noise", "least"), [(0.03, 0.9), (1.0, 0.5)])
 def test_where_the_readings_hardly_tell_it_neither_uncertainty_nor_range_are_too_small(noise, least):
     """At a noise of 1 the course is known to half of its limit at its end."""
@@ -106,6 +107,7 @@ def test_where_the_readings_hardly_tell_it_neither_uncertainty_nor_range_are_too
     assert held >= 0.93
 
 
+@pytest.mark.lengthy
 def test_an_uncertainty_by_the_slope_would_be_seen_where_the_course_is_flat():
     with mock.patch.object(start_up, "_normal_draws", return_value=np.array([-1.0, 1.0])):
         rms, _, _ = settled(1.0, 1.0)

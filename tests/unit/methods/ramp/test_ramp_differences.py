@@ -22,6 +22,7 @@ def record(output_g):
     )  # fmt: skip
 
 
+@pytest.mark.lengthy
 def test_differences_scatter_by_their_gains():
     rng = np.random.default_rng(3)
     trials = [reduce_ramp(record(1e-6 * rng.standard_normal(4 * SAMPLES)), RampLimits()) for _ in range(300)]

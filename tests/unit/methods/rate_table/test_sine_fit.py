@@ -175,6 +175,7 @@ def counted(rng, per_period):
     return (np.abs(found.phasors) - size * np.array([1.0, 0.3])) / found.u, found.u
 
 
+@pytest.mark.lengthy
 def test_steps_of_counting_are_in_the_uncertainty(rng):
     """Whole numbers in a period are the trap: all periods have the same error, and nothing shows it."""
     for per_period, least, most in ((3.0, 0.6, 1.4), (2.5, 0.6, 1.4), (np.sqrt(8), 0.3, 1.4)):

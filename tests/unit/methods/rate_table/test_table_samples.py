@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.bias_at_rest import RestReading, fit_rest
-from bench.methods.rate_table.reduction.converter_hysteresis import without_play
+from bench.methods.rate_table.reduction.converter_hysteresis import without_hysteresis
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
 from bench.methods.rate_table.reduction.sine_fit import fit_sine
@@ -73,6 +73,22 @@ def test_noise_shows_in_the_uncertainty_and_the_steps_of_counting_do_once():
         found = steady(samples, 0.01)
         errors.append(found.output - 200)
         stated.append(found.u_output)
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=0.25)
+
+
+@pytest.mark.parametrize("latches", [21, 30, 40])
+def test_few_latches_have_an_uncertainty_too(latches):
+    """Of white noise: each latch is a part of its own, where they are fewer than the parts of a long block."""
+    rng, errors, stated = np.random.default_rng(5), [], []
+    for _ in range(300):
+        time_s = np.arange(latches) / 1000
+        noise = np.cumsum(rng.standard_normal(latches)) * 20.0
+        charge = 20_000 * time_s + noise - noise[0]
+        samples = table_samples(acquired(charge, 200.0 * time_s, motion=Motion("table", 200.0)), UNIT)
+        found = steady(samples, 0.01)
+        errors.append(found.output - 200)
+        stated.append(found.u_output)
+        assert found.dof < latches
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=0.25)
 
 
@@ -178,7 +194,7 @@ def gain_of(samples, phase, amplitude, frequency_hz, harmonic=1, lag=0.0):
 def test_the_play_is_taken_out_of_a_sine(amplitude, frequency_hz):
     samples, phase = swung(amplitude, frequency_hz)
     before = gain_of(samples, phase, amplitude, frequency_hz)
-    after = gain_of(without_play(samples, frequency_hz, 1.0), phase, amplitude, frequency_hz)
+    after = gain_of(without_hysteresis(samples, frequency_hz, 1.0), phase, amplitude, frequency_hz)
     assert np.angle(before) == pytest.approx(-2 / np.pi / amplitude, rel=0.1)  # its describing function
     assert abs(after - 1) < max(abs(before - 1) / 30, 1.5e-4)
 
@@ -186,29 +202,32 @@ def test_the_play_is_taken_out_of_a_sine(amplitude, frequency_hz):
 def test_the_play_is_taken_out_of_twice_the_frequency_too():
     samples, phase = swung(100.0, 0.5, second=10.0, seconds=40.0, drift=0.3)
     before, after = (
-        gain_of(each, phase, 10.0, 0.5, harmonic=2, lag=1.0) for each in (samples, without_play(samples, 0.5, 1.0))
+        gain_of(each, phase, 10.0, 0.5, harmonic=2, lag=1.0)
+        for each in (samples, without_hysteresis(samples, 0.5, 1.0))
     )
     assert abs(after - 1) < 2e-3 < abs(before - 1)
 
 
+@pytest.mark.lengthy
 def test_what_counts_with_play_are_off_is_in_the_uncertainty():
     """Where they turn round they stand still for a pulse: twice as far off as those of a counter without play."""
     ratios = []
     for amplitude in np.linspace(100, 101, 14):
         samples, _ = swung(float(amplitude), 0.5, drift=1.5, seconds=10.0)
-        block = without_play(samples, 0.5, 1.0).swing(1.0)
+        block = without_hysteresis(samples, 0.5, 1.0).swing(1.0)
         fit = fit_sine(block.time_s, block.output, 0.5, harmonics=2, step=block.step, behind=block.behind)
         ratios.append((abs(fit.phasors[0]) - amplitude) / fit.u[0])
     assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.1
 
 
+@pytest.mark.lengthy
 @pytest.mark.parametrize(("amplitude", "frequency_hz"), [(1.2, 90.37), (3.0, 10.37)])
 def test_of_a_swing_of_few_pulses_the_uncertainty_holds_what_is_off(amplitude, frequency_hz):
     """The play is a third of it, or more than half."""
     ratios = []
     for drift in (5.3, 7.7, 9.1, 11.3, 12.9, 14.2):
         samples, _ = swung(amplitude, frequency_hz, drift=drift, seconds=10.0)
-        block = without_play(samples, frequency_hz, 1.0).swing(1.0)
+        block = without_hysteresis(samples, frequency_hz, 1.0).swing(1.0)
         fit = fit_sine(block.time_s, block.output, frequency_hz, step=block.step, behind=block.behind)
         assert fit.u[0] < 0.02 * amplitude
         ratios.append((abs(fit.phasors[0]) - amplitude) / fit.u[0])
@@ -219,4 +238,4 @@ def test_of_a_swing_of_few_pulses_the_uncertainty_holds_what_is_off(amplitude, f
 @pytest.mark.parametrize(("amplitude", "drift", "play"), [(20.0, 15.0, 0.0), (0.3, 15.0, 1.0), (20.0, 9000.0, 1.0)])
 def test_without_play_or_without_reversals_nothing_changes(amplitude, drift, play):
     samples, _ = swung(amplitude, 30.37, drift=drift)
-    assert without_play(samples, 30.37, play).total.tolist() == samples.total.tolist()
+    assert without_hysteresis(samples, 30.37, play).total.tolist() == samples.total.tolist()

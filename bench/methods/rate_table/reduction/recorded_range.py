@@ -1,0 +1,174 @@
+"""Range tests of recorded cases: their blocks become those of a run, and each point is judged (equations 5.2, 5.4, 9).
+
+An error is judged against a fraction of the reading or of the full scale. A point whose table did not do what it was
+told is not judged, and a test with such a point, or with a block that is missing, has no verdict.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bench.methods.rate_table.reduction.bias_at_rest import RestReading
+from bench.methods.rate_table.reduction.blocks import TableRecord, cut_into_blocks
+from bench.methods.rate_table.reduction.radius import LEAST_LOW_RATES, Arm, RangeError, gyro_error
+from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning
+from bench.methods.rate_table.reduction.recorded_samples import recorded_samples
+from bench.methods.rate_table.reduction.samples import steady
+from bench.metrology.results.coverage import coverage_factor
+
+BIAS = "bias"
+
+
+@dataclass(frozen=True, slots=True)
+class LinearityLimit:
+    """The largest error: a fraction of the true value, or of `full_scale` where that is given."""
+
+    fraction: float
+    full_scale: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RangePoint:
+    """One rate. `error` is None where the bias or the radius is not known.
+
+    `relative_error` is the error over what the limit is a fraction of, with its sign; None over 0. `passed` is None
+    where the point is not judged.
+    """
+
+    turning: Turning
+    error: RangeError | None
+    stable: bool = True
+    relative_error: float | None = None
+    passed: bool | None = None
+    marginal: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RangeTest:
+    """Points by number. `passed` is None in a test that is invalid; `excluded` counts samples by reason.
+
+    Flags: `<phase> invalid` for a block that cannot be used, `too_few_low_rates`, `radius_not_determined`, `invalid`.
+    `notes` name the points whose limit is within the expanded uncertainty of the error: those are marginal.
+    """
+
+    bias: float | None
+    points: tuple[RangePoint, ...]
+    passed: bool | None
+    flags: tuple[str, ...]
+    notes: tuple[str, ...]
+    excluded: dict[str, int]
+    radius_m: float | None = None
+    u_radius_m: float | None = None
+
+
+def gyro_range(
+    record: TableRecord,
+    commands_dps: Mapping[str, float],
+    linearity: LinearityLimit,
+    *,
+    clip_dps: float | None = None,
+    rate_tolerance: float = 0.01,
+) -> RangeTest:
+    """Errors of a gyro, in deg/s, at each of `commands_dps`, which are named as the blocks of the record.
+
+    `record.block` is "bias" (table at rest) or one of the commands, `record.table` the cumulative angle in degrees,
+    `record.output` in deg/s. A table rate that differs from the command by more than `rate_tolerance` of it is not
+    stable, and the point not judged.
+    """
+    blocks, excluded = recorded_blocks(record, {BIAS, *commands_dps}, clip_dps, commands_dps)
+    points = []
+    for turning in _of_kind(blocks, "run"):
+        error = gyro_error(turning.steady, blocks.bias) if blocks.rest else None
+        points.append(_judged(RangePoint(turning, error, turning.on_rate(rate_tolerance)), linearity))
+    return _test(blocks, points, excluded)
+
+
+def accelerometer_range(
+    record: TableRecord, local_g_mps2: float, linearity: LinearityLimit, *, clip_g: float | None = None
+) -> RangeTest:
+    """Errors of an accelerometer on an arm, in g, against ω²r with the r that it found itself at low rates.
+
+    `record.block` is "bias" (table at rest), "low1", "low2", ... (rates up to 1 g) or "run1", ...; `record.table` is
+    the cumulative angle in degrees, `record.output` in g. The radius needs two low rates.
+    """
+    blocks, excluded = recorded_blocks(record, {BIAS, *np.unique(record.block).tolist()} - {""}, clip_g)
+    low = [turning.steady for turning in _of_kind(blocks, "low") if turning.steady.rate_dps]
+    arm = Arm(blocks.bias, low, local_g_mps2) if blocks.rest and low else None
+    if len(low) < LEAST_LOW_RATES:
+        blocks.flags.append("too_few_low_rates")
+    elif arm and arm.is_uncertain:
+        blocks.flags.append("radius_not_determined")
+    points = [RangePoint(each, arm.error(each.steady) if arm else None) for each in _of_kind(blocks, "run")]
+    test = _test(blocks, [_judged(point, linearity) for point in points], excluded)
+    return replace(test, radius_m=arm.radius_m, u_radius_m=arm.u_radius_m) if arm else test
+
+
+def recorded_blocks(
+    record: TableRecord, wanted: Collection[str], clip: float | None, commands_dps: Mapping[str, float] | None = None
+) -> tuple[RangeBlocks, dict[str, int]]:
+    """The blocks of a record as those of a run, by number, and how many samples were left out, by reason.
+
+    Those of `wanted` that are not usable are flagged. A rate that nothing commanded is its own command. The only block
+    at rest tells the bias, whatever its encoder says.
+    """
+    at_rest = replace(record, table=np.where(record.block == BIAS, 0.0, record.table))
+    excluded: Counter[str] = Counter()
+    found, resting, turning = RangeBlocks(), [], []
+    blocks = cut_into_blocks(at_rest, excluded)
+    for phase in sorted(blocks, key=_order):
+        samples = recorded_samples(phase, blocks[phase], excluded, clip)
+        if samples is None:
+            continue
+        read = steady(samples, 1.0, clip)
+        if phase == BIAS:
+            resting.append(RestReading(0.0, 0.0, read.output, read.u_output, read.dof))
+        else:
+            command_dps = (commands_dps or {}).get(phase, read.rate_dps)
+            turning.append((0.0, Turning(phase, command_dps, read, 0.0, samples.temperature_c)))
+    found.settle(resting, turning)
+    usable = {each.step for each in found.turning} | ({BIAS} if resting else set())
+    found.flags += [f"{phase} invalid" for phase in sorted(wanted, key=_order) if phase not in usable]
+    return found, dict(excluded)
+
+
+def _of_kind(blocks: RangeBlocks, kind: str) -> list[Turning]:
+    return [turning for turning in blocks.turning if _order(turning.step)[0] == kind]
+
+
+def _judged(point: RangePoint, linearity: LinearityLimit) -> RangePoint:
+    error = point.error
+    if error is None:
+        return point
+    basis = error.true if linearity.full_scale is None else linearity.full_scale
+    point = replace(point, relative_error=error.value / basis if basis else None)
+    if not point.stable:
+        return point
+    room = linearity.fraction * abs(basis) - abs(error.value)
+    passed = room >= 0 and not point.turning.steady.saturated
+    return replace(point, passed=passed, marginal=abs(room) < coverage_factor(error.dof) * error.u)
+
+
+def _test(blocks: RangeBlocks, points: list[RangePoint], excluded: dict[str, int]) -> RangeTest:
+    invalid = bool(blocks.flags) or not points or any(point.passed is None for point in points)
+    return RangeTest(
+        bias=blocks.rest.value if blocks.rest else None,
+        points=tuple(points),
+        passed=None if invalid else all(point.passed for point in points),
+        flags=(*blocks.flags, "invalid") if invalid else (),
+        notes=tuple(
+            f"{point.turning.step} is marginal: its limit is within the expanded uncertainty of its error"
+            for point in points
+            if point.marginal
+        ),
+        excluded=excluded,
+    )
+
+
+def _order(phase: str) -> tuple[str, int]:
+    """Of phases: by kind, then by number."""
+    kind = phase.rstrip("0123456789")
+    return kind, int(phase[len(kind) :] or 0)

@@ -1,0 +1,28 @@
+"""A folder of tests that costs more than its budget fails the run that it is in."""
+
+from tests.support.budget import BUDGETS, MARGIN, TESTS, above, folder_of
+
+
+def test_every_budget_is_of_a_folder():
+    named = [name for part in BUDGETS.values() for name in part]
+    assert [name for name in named if not (TESTS / name).is_dir()] == []
+    assert set(BUDGETS) == {"not-slow", "slow"}
+
+
+def test_a_test_belongs_to_the_innermost_folder_of_the_table():
+    assert folder_of("tests/unit/store/test_store.py::test_a", "not-slow") == "unit/store"
+    assert folder_of("tests/truth/cases/test_m1_cases.py::test_a[x::y]", "slow") == "truth"
+    assert folder_of("tests/nowhere/test_a.py::test_a", "slow") is None
+
+
+def test_a_folder_above_its_budget_is_named_and_one_within_the_margin_is_not():
+    budget_s = BUDGETS["not-slow"]["wire"]
+    tests = {f"tests/wire/test_{number}.py::test": budget_s * MARGIN / 4 for number in range(4)}
+    assert above({"not-slow": tests}) == []
+    (line,) = above({"not-slow": {**tests, "tests/wire/test_more.py::test": 1.0}})
+    assert line.startswith("tests/wire (not-slow) took 7 s of processor time of 4 s: make its tests cheaper")
+
+
+def test_a_test_in_no_folder_of_the_table_is_named():
+    (line,) = above({"slow": {"tests/nowhere/test_a.py::test": 0.1}})
+    assert line.startswith("tests/nowhere/test_a.py::test is in no folder of [slow]")
