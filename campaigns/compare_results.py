@@ -62,7 +62,7 @@ def results(checkout: Path, sequence: str, bench: str) -> object:
 
 
 def differences(before: object, after: object, at: str) -> Iterator[str]:
-    """Where two contents differ, but for what names a time, a run or a version."""
+    """Paths at which two contents differ, except for names of a time, a run or a version."""
     if isinstance(before, dict) and isinstance(after, dict):
         for key in sorted({*before, *after} - VOLATILE):
             yield from differences(before.get(key), after.get(key), f"{at}/{key}")
@@ -74,7 +74,7 @@ def differences(before: object, after: object, at: str) -> Iterator[str]:
 
 
 def size(content: object) -> int:
-    """How many values were compared."""
+    """Number of compared values."""
     if isinstance(content, dict):
         return sum(size(each) for key, each in content.items() if key not in VOLATILE)
     return sum(map(size, content)) if isinstance(content, list) else 1

@@ -1,1 +1,1 @@
-"""Instruments and the wires to them; usable without the bench."""
+"""Instrument drivers and their connections; usable without the bench."""

@@ -1,4 +1,4 @@
-"""What a device can do for a sequence. A role in a bench file is filled by a driver that has the capability.
+"""Capabilities of devices. A role of a sequence is filled by a device whose driver has the capability.
 
 Every device is an async context manager: inside it, it is connected *and* identified. `make_safe` may be called at
 any time and in any state, twice too, and ends in bounded time. Commands that move or energise are sent once: after a
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 from drivers.values import Approach as Approach
 
-if TYPE_CHECKING:  # checking a sequence needs the names here, and not numpy
+if TYPE_CHECKING:  # the check of a sequence needs the names here, and not numpy
     from drivers.can.frame_block import FrameBlock
     from drivers.values import ChamberState, Heard, Identity, Reading, SourceReading
 
@@ -25,27 +25,27 @@ class Device(Protocol):
     name: str
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies; raises CannotConnect or WrongIdentity."""
+        """Connect and identify; raises CannotConnect or WrongIdentity."""
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the wire; does not change what the instrument does."""
+        """Close the connection; the instrument keeps its state."""
 
     async def identify(self) -> Identity:
-        """Asks who is there; raises WrongIdentity when it is not the instrument of the bench file."""
+        """Query the identity; raises WrongIdentity if it is not the instrument of the bench file."""
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """The readings by channel that are new since the last poll; changes nothing in the instrument.
+        """New readings since the last poll, by channel; changes nothing in the instrument.
 
         Raises InstrumentFault if the state differs from the commanded one, NoAnswer if it is silent.
         """
 
     async def make_safe(self) -> None:
-        """Brings the instrument into its safe state; idempotent, legal in any state, bounded in time."""
+        """Bring the instrument into its safe state; idempotent, legal in any state, bounded in time."""
 
 
 @runtime_checkable
 class Positioner(Device, Protocol):
-    """An axis that goes to angles."""
+    """An axis that moves to angles."""
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Move to `angle_deg`, wait until it has settled, then `settle_s`; return the angle read back (°)."""
@@ -54,44 +54,44 @@ class Positioner(Device, Protocol):
         """The angle now (°)."""
 
     async def stop(self) -> None:
-        """Decelerates and holds."""
+        """Decelerate and hold."""
 
 
 @runtime_checkable
 class RateTable(Device, Protocol):
-    """An axis that turns without end, and swings."""
+    """An axis that rotates continuously and oscillates."""
 
     async def rotate_at(self, rate_dps: float, *, acceleration_dps2: float | None) -> None:
-        """Turns at `rate_dps`, returning when it is reached and read back; positive turns count the angle up.
+        """Turn at `rate_dps`; return when that rate is reached and read back. Positive rates increase the angle.
 
-        `acceleration_dps2` is how fast the rate changes; None leaves that to the bench file.
+        `acceleration_dps2` is the rate of change; None takes that of the bench file.
         """
 
     async def oscillate(self, amplitude_deg: float, frequency_hz: float) -> None:
-        """Swings as a sine by ± `amplitude_deg` about the angle where it stands; returns when it does so fully."""
+        """Oscillate sinusoidally by ± `amplitude_deg` about the present angle; return at full amplitude."""
 
     async def stop(self) -> None:
-        """Zero rate; returns when the axis is at rest."""
+        """Decelerate to zero rate; return when the axis is at rest."""
 
     async def rate(self) -> Reading:
         """The rate now (°/s)."""
 
     async def angle(self) -> Reading:
-        """The angle now (°), whole turns included as far as the instrument reports them."""
+        """Angle (°), including whole turns as far as the instrument reports them."""
 
 
 @runtime_checkable
 class ThermalChamber(Device, Protocol):
-    """A chamber that ramps by itself."""
+    """A chamber with programmable temperature ramps."""
 
     async def ramp_to(self, temperature_c: float, rate_c_per_min: float) -> None:
-        """Returns when the set point in force has arrived; the air and the unit are still on their way."""
+        """Ramp the set point; return when the active set point has arrived. Air and unit follow later."""
 
     async def state(self) -> ChamberState:
         """State of the control loop."""
 
     async def hold(self) -> None:
-        """Stops a ramp where it is: the set point in force becomes the set point."""
+        """Stop a ramp: the active set point becomes the set point."""
 
 
 @runtime_checkable
@@ -99,56 +99,56 @@ class Source(Device, Protocol):
     """A supply (volts) or a current source (amperes)."""
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
-        """Sets the level (V, or A for a current source), its limit (A, or V compliance), then the output.
+        """Set level (V, or A of a current source) and limit (A, or compliance in V), then the output.
 
         Switching off needs no level: the output goes off first.
         """
 
     async def read(self) -> SourceReading:
-        """What the output does now."""
+        """Read level and output state."""
 
 
 @runtime_checkable
 class FrameSource(Device, Protocol):
-    """What sends frames by itself."""
+    """A device that sends frames unsolicited."""
 
     def acquire(self, *, block_s: float | None = None) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
-        """Blocks of frames from entry to exit: the first frame arrived after entry, the last before exit.
+        """Context manager whose value yields blocks of the frames that arrive between entry and exit.
 
-        A block comes every `block_s` or more often; without it, as often as what is recorded must be on the disk.
+        Blocks have at most `block_s`; None takes the interval at which records must be on disk.
         """
 
     async def news(self) -> None:
-        """Return when frames have been taken in since the last call, or a fault is known, which `poll` raises.
+        """Return when frames arrived since the last call, or when there is a fault, which `poll` then raises.
 
-        That is at the latest as often as a reading may be on its way (`reports_every_s`), and after every `take_in`.
+        Returns at least every `reports_every_s`, and after every `take_in`.
         """
 
     def take_in(self) -> None:
-        """Takes in what has arrived by now."""
+        """Process the frames that have arrived."""
 
     def heard(self) -> Mapping[str, Heard]:
-        """Time of the last frame of each channel, as far as frames have been taken in."""
+        """Time of the last frame of each channel, as far as frames have been processed."""
 
 
 @runtime_checkable
 class PulseCounter(FrameSource, Protocol):
-    """Counters that run freely."""
+    """Free-running pulse counters."""
 
 
 @runtime_checkable
 class Telemetry(FrameSource, Protocol):
-    """Units under test that send samples of their own output; without power they send nothing."""
+    """Telemetry: samples sent by the units under test themselves; without power they send nothing."""
 
 
 @runtime_checkable
 class Meter(Device, Protocol):
-    """An instrument that measures when it is asked to."""
+    """An instrument that measures on request."""
 
     async def measure(self, count: int, *, nplc: float | None) -> Sequence[Reading]:
-        """`count` readings (V, or A of an ammeter), one after the other, each with the time of its middle.
+        """Take `count` consecutive readings (V, or A of an ammeter), each with its mid-integration time.
 
-        `nplc` is over how many cycles of the power line each integrates; None leaves that to the bench file.
+        `nplc` is the integration time of each in power line cycles; None takes that of the bench file.
         """
 
 
@@ -159,7 +159,7 @@ class Voltmeter(Meter, Protocol):
 
 @runtime_checkable
 class Ammeter(Meter, Protocol):
-    """A meter of DC current, in series with what drives it."""
+    """A meter of DC current, in series with the source."""
 
 
 CAPABILITIES: Mapping[str, type] = {
@@ -175,5 +175,5 @@ CAPABILITIES: Mapping[str, type] = {
 }
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
 READING = "reading"  # a named reading of any device, in any unit
-OUTPUT = "output"  # of the units: pulse counters, voltmeters or telemetry, as the places of the bench say
-MEASURES_OUTPUTS = ("pulse_counter", "voltmeter", "telemetry", OUTPUT)  # what a role is that outputs come from
+OUTPUT = "output"  # of the units: pulse counters, voltmeters or telemetry, as given by the places of the bench
+MEASURES_OUTPUTS = ("pulse_counter", "voltmeter", "telemetry", OUTPUT)  # capabilities of roles with outputs of units

@@ -1,4 +1,4 @@
-"""What a bench file may say about a driver, known without importing the driver.
+"""Descriptions of drivers for the bench file, known without importing the driver.
 
 Each dialect package has a `description.py` with a DESCRIPTION; the entry-point group `inertial_test_bench.drivers`
 finds it, a plug-in's too. The class is imported when the device is opened.
@@ -24,7 +24,7 @@ from drivers.schema.fields import Spelled, StrictModel
 from drivers.shipped import DRIVERS
 from drivers.timing.busy import BUSY_S
 
-if TYPE_CHECKING:  # a bench file is checked without what only an opened device needs
+if TYPE_CHECKING:  # the check of a bench file must not import what only an opened device needs
     from drivers.discovery.recognition import Recognition
     from drivers.transport.address import Address
     from drivers.transport.wires import Wires
@@ -37,31 +37,30 @@ SafeT = TypeVar("SafeT", bound=BaseModel)
 
 
 class Nothing(StrictModel):
-    """For a driver that has no options, limits, safe settings or calibration of its own."""
+    """Empty block, of a driver that has no options, limits, safe settings or calibration of its own."""
 
 
 class IdentityPin(StrictModel):
     """The identity stated in the bench file; missing parts are not compared."""
 
-    maker: Spelled | None = Field(None, description="as it answers")
-    model: Spelled | None = Field(None, description="as it answers")
+    maker: Spelled | None = Field(None, description="as reported")
+    model: Spelled | None = Field(None, description="as reported")
     serial: Spelled | None = Field(None, description="serial number; not compared if the instrument does not report it")
-    firmware: Spelled | None = Field(None, description="version, as it answers")
+    firmware: Spelled | None = Field(None, description="version, as reported")
 
 
 class DriverDescription(NamedTuple):
-    """A driver as a bench file sees it.
+    """Description of a driver.
 
-    `busy_s` is the longest time for which one in order may give no reading, since it moves, averages or is slow; or a
-    function of options and limits that returns it.
-    `reports_every_s` is how long readings may be on their way because the driver takes them in together.
-    `safe_state` is what `make_safe` does, or a function of options, limits and safe that returns it.
-    `channels` are the readings that `poll` gives, with their units, or a function of the options that tells them.
-    `options`, `limits`, `safe`, `uncertainty` and `corrections` are the models of those blocks of a device entry
-    (`calibration.U` and `calibration.corrections` for the last two). `target` is "module:Class"; so is `simulator`,
-    which is known by name only and may be missing. `recognition` is "module:NAME" of the Recognition by which an
-    instrument is known that no bench file names yet; without it a scan does not find it. `frames` describes what a
-    device sends by itself, with what decodes it; None of one that is asked.
+    `busy_s` is the longest time for which a working device may give no reading, because it moves, averages or is slow;
+    or a function of options and limits that returns it. `reports_every_s` is the delay of readings that the driver
+    processes together. `safe_state` describes `make_safe`; or a function of options, limits and safe that returns it.
+    `channels` are the readings of `poll`, with their units, or a function of the options that returns them. `options`,
+    `limits`, `safe`, `uncertainty` and `corrections` are the models of those blocks of a device entry (`calibration.U`
+    and `calibration.corrections` for the last two). `target` is "module:Class"; so is `simulator`, which is known by
+    name only and may be missing. `recognition` is "module:NAME" of the Recognition used by a scan; without it a scan
+    does not find the instrument. `frames` describes the frames of a device that sends unsolicited, and their decoder;
+    else None.
     """
 
     name: str
@@ -83,33 +82,33 @@ class DriverDescription(NamedTuple):
     frames: SentFrames | None = None
 
     def channels_of(self, options: BaseModel) -> Mapping[str, str]:
-        """The readings of a device with these options: name → unit."""
+        """Readings of a device with these options: name → unit."""
         return self.channels(options) if callable(self.channels) else self.channels
 
     def safe_state_of(self, options: BaseModel, limits: BaseModel, safe: BaseModel) -> SafeState:
-        """What `make_safe` does to a device with these blocks of its entry, and within what time."""
+        """Safe state of a device with these blocks of its entry, and its time limit."""
         return self.safe_state if isinstance(self.safe_state, SafeState) else self.safe_state(options, limits, safe)
 
     def busy_s_of(self, options: BaseModel, limits: BaseModel) -> float:
-        """For how long one with these blocks of its entry may give no reading."""
+        """Longest time for which a device with these blocks of its entry may give no reading."""
         return self.busy_s(options, limits) if callable(self.busy_s) else self.busy_s
 
     def recognised_by(self) -> Recognition | None:
-        """How a scan knows the instrument; imports its module. None where it does not."""
+        """Recognition of the instrument by a scan, from an import of its module; None if it has none."""
         found: Recognition | None = loaded(self.recognition) if self.recognition else None
         return found
 
 
 def unheard(_text: str) -> None:
-    """Ignores the notes of a driver."""
+    """Ignore the notes of a driver."""
 
 
 @dataclass(frozen=True)
 class Setup(Generic[OptionsT, LimitsT, SafeT]):
-    """Everything a driver is made from.
+    """Everything that a driver is constructed from.
 
-    `note` takes what it did on its own: asked again, connected again. `person` is who can be asked to do something by
-    hand.
+    `note` receives notes of automatic actions such as a repeated query or a reconnection. `person` is the operator who
+    can be asked to do something by hand.
     """
 
     name: str
@@ -138,7 +137,7 @@ def make_driver(description: DriverDescription, setup: Setup[OptionsT, LimitsT, 
 
 
 def check_identity(device: str, pin: IdentityPin, found: Identity) -> None:
-    """Raises WrongIdentity unless every pinned field that the instrument reports is as pinned."""
+    """Raise WrongIdentity unless every pinned field that the instrument reports is as pinned."""
     for what in ("maker", "model", "serial", "firmware"):
         expected, answered = getattr(pin, what), getattr(found, what)
         if expected is None or (what == "serial" and not found.verified):

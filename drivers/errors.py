@@ -56,7 +56,7 @@ class WrongIdentity(DriverError):
 
 
 class BeyondLimit(DriverError):
-    """A setting beyond what the instrument or the bench file allows; nothing was sent."""
+    """A setting beyond the limits of the instrument or the bench file; nothing was sent."""
 
     code = "limit"
 
@@ -68,7 +68,7 @@ class NotSettled(DriverError):
 
 
 class InstrumentFault(DriverError):
-    """The instrument reports a fault of its own: an alarm, a trip, an interlock, a counter that does not count."""
+    """A fault reported by the instrument: an alarm, a trip, an interlock, a counter that does not count."""
 
     code = "fault"
 

@@ -1,7 +1,7 @@
-"""Objects by name: those that the program brings, and those that installed packages offer as entry points.
+"""Lookup of objects by name: those shipped with the program, and entry points of installed packages.
 
-Each is imported when it is asked for. The packages are searched when a name is none of the program's own, because that
-search takes longer than many checks do.
+Each is imported on first use. Packages are searched only for names that the program does not ship, because that search
+takes longer than many checks.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ OfferedT = TypeVar("OfferedT")
 
 @lru_cache(maxsize=1)
 def _points(_path: tuple[str, ...]) -> Any:
-    """Every entry point on a search path: for a single group Python reads the files of all packages as well."""
+    """All entry points on a search path, cached: even for a single group Python reads the files of all packages."""
     from importlib.metadata import entry_points
 
     return entry_points()
 
 
 def loaded(target: str) -> Any:
-    """The object that "module:attribute" names; imports the module."""
+    """Import the object named by "module:attribute"."""
     module, _, attribute = target.partition(":")
     return getattr(import_module(module.strip()), attribute.strip())
 
 
 class Installed(Mapping[str, OfferedT], Generic[OfferedT]):
-    """The objects of a group of entry points by name; a plug-in cannot take the name of one that is shipped.
+    """Objects of an entry point group by name; a plug-in cannot take the name of a shipped one.
 
-    `shipped` holds a "module:attribute" for each name.
+    `shipped` maps names to "module:attribute".
     """
 
     def __init__(self, group: str, shipped: Mapping[str, str]) -> None:

@@ -1,6 +1,6 @@
-"""A person as a part of the bench: does by hand what a device cannot do by itself, and types what he reads off it.
+"""The operator as part of the bench: turns a device by hand and types what he reads off it.
 
-A driver is given its person with its wires; who he is, and how he is reached, is decided where they are made.
+A driver receives its Person in its Setup, like its connections.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from drivers.values import Approach
 
 
 class Turn(NamedTuple):
-    """An axis that is to be turned by hand: to which angle, and from which side it comes there at last."""
+    """An axis to be turned by hand: target angle and side of the final approach."""
 
     angle_deg: float
     approach: Approach
 
 
 class Errand(NamedTuple):
-    """What a device asks of a person: what he is told, and the value that he then types, in `unit`.
+    """A request of a device to the operator: instruction, and the value to be typed, in `unit`.
 
-    `takes_s` is how long that usually takes, and `give_up_s` how long an answer is waited for. `turn` is what he is to
-    do, where it is more than to look. `again` says that the answer before was not taken.
+    `takes_s` is the usual duration, `give_up_s` the time limit for an answer. `turn` is the motion to carry out; None
+    if a value is only read off. `again` is True if the previous answer was rejected.
     """
 
     device: str
@@ -35,30 +35,32 @@ class Errand(NamedTuple):
 
 
 class Typed(NamedTuple):
-    """What a person has typed, in the unit that he was asked for, and who he is."""
+    """A typed value, in the requested unit, and the operator's name."""
 
     value: float
     by: str
 
 
 class Person(Protocol):
-    """Somebody at the bench."""
+    """Interface to the operator at the bench."""
 
     async def ask(self, errand: Errand) -> Typed:
-        """What he answers; a question that is cancelled is withdrawn.
+        """Prompt the operator; cancelling withdraws the prompt.
 
-        Raises NoAnswer when nobody answers in time, CannotConnect where there is nobody to be asked.
+        Raises NoAnswer without an answer in time, CannotConnect without an operator.
         """
 
 
 class _Nobody:
-    """Where no run is under way."""
+    """Operator interface outside a run."""
 
     async def ask(self, errand: Errand) -> Typed:
         raise CannotConnect(
-            errand.device, f"no operator is available: {errand.text}", remedy="Only a run asks people for anything."
+            errand.device,
+            f"no operator is available: {errand.text}",
+            remedy="Operators are prompted only during a run.",
         )
 
 
 NOBODY: Person = _Nobody()
-"""Raises CannotConnect whatever is asked: for drivers that are opened outside a run."""
+"""Raises CannotConnect for every prompt: for drivers opened outside a run."""

@@ -1,4 +1,4 @@
-"""Who is at the other end of a wire: whom the bench file pins, and the same one each time."""
+"""Verification of an instrument's identity against the bench file, and against earlier connections."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from drivers.values import Identity
 
 
 class Recognised:
-    """The instrument of one device; `identity` is None until it has been recognised."""
+    """The verified instrument of one device; `identity` is None until its first verification."""
 
     def __init__(self, device: str, pin: IdentityPin) -> None:
         self._device, self._pin = device, pin
         self.identity: Identity | None = None
 
     def check(self, found: Identity, received: str) -> Identity:
-        """The identity found; WrongIdentity if it is not as pinned, or, with what was received, not as before."""
+        """Verify an identity; WrongIdentity, with the received answer, if it differs from the pinned or earlier one."""
         check_identity(self._device, self._pin, found)
         if self.identity not in (None, found):
             raise WrongIdentity(

@@ -1,19 +1,19 @@
-"""What making a device safe does, in words, and how long it may take; known without importing the driver."""
+"""Description of making a device safe, with its time limit; known without importing the driver."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-DIALOGUE_S = 5.0  # to open a line anew, identify, command, and read back
-LONGEST_S = 30.0  # no bench file may give a device longer
+DIALOGUE_S = 5.0  # for reconnecting, identifying, commanding, and reading back
+LONGEST_S = 30.0  # limit for the bench file
 
 
 class SafeState(NamedTuple):
-    """What `make_safe` does, in words, and the time (s) within which it ends on a connected device.
+    """Description of `make_safe`, and the time limit (s) on a connected device.
 
-    Without words there is nothing to make safe. `alone_after_s` is when it becomes safe by itself if nothing is said to
-    it any more; None where it does not. `hold_s` is for how long a guardian may keep it as it is before, after a run
-    that failed.
+    Empty `words` mean that there is nothing to make safe. `alone_after_s` is the time after which the device becomes
+    safe by itself without communication; None if it does not. `hold_s` is the time for which a guardian may delay it
+    after a failed run.
     """
 
     words: str
@@ -28,5 +28,5 @@ NOT_DESCRIBED = SafeState("as its driver does it", 2 * DIALOGUE_S)
 
 
 def at_rest(fastest_dps: float, deceleration_dps2: float) -> SafeState:
-    """Of an axis that stops, from its fastest rate, and stays where it is."""
+    """Safe state of an axis that stops, from its maximum rate, and holds."""
     return SafeState("at rest where it is", fastest_dps / deceleration_dps2 + DIALOGUE_S)

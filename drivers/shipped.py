@@ -1,4 +1,4 @@
-"""The drivers that the program brings: the description of each, which imports nothing of the driver itself."""
+"""Table of shipped drivers: their descriptions, which import nothing of the drivers themselves."""
 
 from __future__ import annotations
 

@@ -5,27 +5,27 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 Approach = Literal["direct", "from_below", "from_above"]
-"""From which side an axis comes to an angle at last."""
+"""Direction of the final approach of an axis to an angle."""
 
 
 class Reading(NamedTuple):
-    """A value of one channel and the loop time at which it was true; the channel's description names the unit."""
+    """A value of one channel and the loop time at which it was valid; the channel's description names the unit."""
 
     at_s: float
     value: float
 
 
 class Heard(NamedTuple):
-    """Of a channel: the loop time of its last frame, and that by which its counts or its code had last changed."""
+    """Of a channel: loop time of its last frame, and of the last change of its counts or code."""
 
     frame_s: float
     pulse_s: float
 
 
 class Identity(NamedTuple):
-    """Who answered. `verified` is False if the instrument cannot report a serial number.
+    """Identity of an instrument. `verified` is False if it cannot report a serial number.
 
-    `fingerprint` is what it can.
+    `fingerprint` holds other properties that it reports.
     """
 
     maker: str = ""
@@ -42,10 +42,10 @@ class Identity(NamedTuple):
 
 
 class ChamberState(NamedTuple):
-    """One coherent state of a chamber, °C; `set_point_c` is in force now and moves while the chamber ramps.
+    """One consistent state of a chamber, °C; `set_point_c` is the active set point, which moves during a ramp.
 
-    `from_safe_c` is how far the last command is from the safe set point: 0 where the controller is switched off, None
-    where the driver does not report it.
+    `from_safe_c` is the distance of the last command from the safe set point: 0 if the controller is switched off, None
+    if the driver does not report it.
     """
 
     process_value_c: float

@@ -1,1 +1,1 @@
-"""The laboratory in software: one physics, and instruments that speak their real protocols."""
+"""The simulated laboratory: one physics, and instruments with their real protocols."""

@@ -1,8 +1,8 @@
 """One physics for all simulated instruments: attitude, gravity, temperatures, power (equations 8).
 
 Time here is *true* time: the host's clock, which the bench runs on, is itself an instrument with an error. The world
-is worked out lazily. Whoever looks asks for it "up to now"; whoever changes a stimulus first lets everybody who
-integrates catch up, so that no part of the time is counted under the wrong stimulus.
+is computed lazily: every reading first computes it up to now. Before a stimulus changes, all integrating parts catch
+up, so that no interval is integrated under the wrong stimulus.
 """
 
 from __future__ import annotations
@@ -96,19 +96,19 @@ class World:
         return next(iter(self.axes.values()))
 
     def now(self) -> float:
-        """True seconds since the world began."""
+        """True seconds since the start of the world."""
         return self.true_time(self._host_s())
 
     def true_time(self, host_s: float) -> float:
-        """The true time at which the host's clock shows `host_s`."""
+        """True time at which the host's clock shows `host_s`."""
         return (host_s - self._origin_s) * (1 + self.settings.host_clock)
 
     def host_time(self, true_s: Array) -> Array:
-        """What the host's clock shows at true times."""
+        """Host clock at true times."""
         return self._origin_s + true_s / (1 + self.settings.host_clock)
 
     def look(self) -> float:
-        """Works the temperatures out up to now, and returns now."""
+        """Compute the temperatures up to now; return now."""
         now = self.now()
         self.thermal.advance(now)
         for unit in self.units.values():
@@ -117,70 +117,70 @@ class World:
 
     @property
     def straight_for_s(self) -> float:
-        """How long a straight line stays as close to the temperature of every sensor as STRAIGHT_C."""
+        """Time for which a straight line stays within STRAIGHT_C of the temperature of every sensor."""
         bend_c_per_s2 = self.thermal.bend_c_per_s2
         return math.sqrt(8 * STRAIGHT_C / bend_c_per_s2) if bend_c_per_s2 else math.inf
 
     def moves_until_s(self, from_s: float, now_s: float) -> float:
-        """When all axes that move at `from_s` are at rest; now for one that goes on moving."""
+        """Time at which all axes moving at `from_s` are at rest; now if one does not stop."""
         return min(now_s, max((from_s + axis.rests_in_s(from_s) for axis in self.axes.values()), default=from_s))
 
     def integrate_with(self, catch_up: Callable[[], None]) -> None:
-        """Registers somebody who integrates over time and must be told before a stimulus changes."""
+        """Register a function that is called before a stimulus changes."""
         self._integrators.append(catch_up)
 
     def before_change(self) -> float:
-        """To be called before any stimulus changes; returns now."""
+        """Call before any stimulus changes; returns now."""
         now = self.look()
         for catch_up in self._integrators:
             catch_up()
         return now
 
-    # What instruments do to the world
+    # Stimuli changed by instruments
 
     def axis_of(self, role: str | None) -> Axis:
-        """The axis that a controller drives; without a role that of the head."""
+        """Axis driven by a controller; without a role that of the head."""
         return self.axis if role is None else self.axes[role]
 
     def move(
         self, target_deg: float, rate_dps: float, acceleration_dps2: float | None = None, role: str | None = None
     ) -> None:
-        """An axis starts for `target_deg`, with the acceleration of the settings unless one is given."""
+        """Begin a move of an axis to `target_deg`, with the acceleration of the settings unless one is given."""
         self.axis_of(role).start(self.before_change(), target_deg, rate_dps, acceleration_dps2)
 
     def place(self, angle_deg: float, *, from_above: bool, role: str | None = None) -> None:
-        """Somebody has turned an axis by hand: it stands at an angle now, and came there from above or below."""
+        """Set an axis by hand to an angle, approached from above or below."""
         self.axis_of(role).place(self.before_change(), angle_deg, from_above=from_above)
 
     def turn(self, rate_dps: float, acceleration_dps2: float, role: str | None = None) -> None:
-        """An axis changes its rate."""
+        """Change the rate of an axis."""
         self.axis_of(role).turn(self.before_change(), rate_dps, acceleration_dps2)
 
     def swing(self, amplitude_deg: Slew, frequency_hz: Slew, phase_deg: float, role: str | None = None) -> None:
-        """An axis begins to swing about where it is."""
+        """Begin an oscillation of an axis about its present angle."""
         self.axis_of(role).swing(self.before_change(), amplitude_deg, frequency_hz, phase_deg)
 
     def stop(self, role: str | None = None) -> None:
-        """An axis stands still."""
+        """Stop an axis."""
         self.axis_of(role).stop(self.before_change())
 
     def ramp(self, target_c: float, rate_c_per_s: float) -> None:
-        """The chamber's set point in force starts for `target_c`."""
+        """Begin a ramp of the chamber's active set point to `target_c`."""
         self.before_change()
         self.thermal.ramp(target_c, rate_c_per_s)
 
     def door(self, *, is_open: bool) -> None:
-        """Somebody opens the chamber's door, or closes it."""
+        """Open or close the chamber's door."""
         self.before_change()
         self.thermal.door(self.settings.ambient_c if is_open else None)
 
     def chamber_fails(self, failure: Failure | None) -> None:
-        """Something of the chamber breaks; None repairs it."""
+        """Break a part of the chamber; None repairs it."""
         self.before_change()
         self.thermal.fail(failure, self.settings.ambient_c)
 
     def power(self, supply: str, on: bool) -> None:
-        """A supply's output goes on or off, and with it the units on it."""
+        """Switch a supply's output, and with it the units on it."""
         now = self.before_change()
         for index, unit in enumerate(self.counted.values()):
             if unit.settings.supply == supply and on != (unit.powered_at_s is not None):
@@ -191,29 +191,28 @@ class World:
                 imu.power(now, on)
 
     def fix_units(self, mount: Mount) -> None:
-        """Somebody fixes all units, in another way or the same; each lies a little otherwise every time."""
+        """Mount all units by hand, in another orientation or the same; mounting angles scatter each time."""
         now = self.before_change()
         self.mount = mount
         for unit in self.units.values():
             unit.fixed_anew(now)
 
     def connect(self, fed_by: Input) -> None:
-        """Somebody plugs the accelerometers, or the cables of the sources in their place, into the converters.
+        """Connect the accelerometers, or the cables of the sources instead, to the converters.
 
-        A converter has one input. The cable of a source that is not in it ends in a load, where its current does not
-        matter.
+        A converter has one input. The cable of a disconnected source ends in a load.
         """
         self.before_change()
         for unit in self.units.values():
             unit.input = fed_by
 
     def source_a(self, source: str, at_s: Array) -> Array:
-        """What comes out of a source's cable at true times."""
+        """Current of a source's cable at true times."""
         feed = self.sources.get(source)
         return np.zeros_like(at_s) if feed is None else feed.current_a(at_s)
 
     def load_a(self, supply: str) -> float:
-        """What the units on a supply draw while its output is on."""
+        """Current of the units on a supply while its output is on."""
         drawn_a = math.fsum(
             unit.truth.supply_a * (BROKEN_DRAWS if unit.faults.active("current") else 1.0)
             for unit in self.counted.values()
@@ -223,6 +222,6 @@ class World:
 
 
 def _streams(roles: Iterable[str]) -> Iterator[tuple[str, ...]]:
-    """Under which names the random numbers of each axis are drawn: the head's its own, further axes by their roles."""
+    """Names of the random streams of each axis: the head has its own, further axes are named by role."""
     for number, role in enumerate(roles):
         yield ("head",) if number == 0 else ("head", role)

@@ -92,7 +92,7 @@ class Acquired:
 
 
 def play(cases: Iterable[int], seed: int) -> Tally:
-    """Plays the cases with these numbers."""
+    """Play the cases with these numbers."""
     tally = Tally()
     for number in cases:
         play_one(seed, number, tally)
@@ -122,7 +122,7 @@ def play_one(seed: int, number: int, tally: Tally) -> None:
 
 
 async def acquire(options: CounterOptions, story: Story, acquired: Acquired) -> None:
-    """What the engine does."""
+    """Acquire as the engine does."""
     loop = asyncio.get_running_loop()
     setup = Setup(
         name="counter", address=Address.parse("can:virtual/story"), wires=Bus(story), options=options,
@@ -187,7 +187,7 @@ def judge(story: Story, options: CounterOptions, acquired: Acquired) -> tuple[li
 
 
 def overlooked(look: Unbroken, story: Story, truth: Truth, acquired: Acquired) -> list[str]:
-    """What is wrong with the quick look at the blocks: gaps that it passed over, or saw where there are none."""
+    """Errors of the gap check of blocks: missed gaps, or gaps reported where there are none."""
     for block in acquired.blocks:
         look.take(block)
     if look.is_whole and truth.gaps and not truth.restarted:
@@ -196,7 +196,7 @@ def overlooked(look: Unbroken, story: Story, truth: Truth, acquired: Acquired) -
 
 
 def compare_samples(story: Story, truth: Truth, block: FrameBlock) -> list[str]:
-    """What is wrong with the latches read as samples of telemetry."""
+    """Errors of the latches decoded as samples of telemetry."""
     layout, counter = story.counter.layout, story.counter
     form = _form_of_samples(layout)
     raw = telemetry.decode_samples(form, block)
@@ -271,7 +271,7 @@ def compare(story: Story, truth: Truth, found: _Found) -> tuple[str, list[str]]:
 
 
 def _misread(truth: Truth, counts: wire.Counts) -> list[str]:
-    """What is wrong with the latches that were found and those that were missed."""
+    """Errors in the latches that were decoded and those reported lost."""
     problems = []
     ahead = truth.first - counts.first
     gaps = [(first, last) for first, last in (counts.gaps + ahead).tolist()]
@@ -315,7 +315,7 @@ def _all_seem(story: Story) -> list[str]:
 
 
 def _seems(layout: Layout, frame_id: int, dlc: int) -> str:
-    """Which message of the counter a frame is by its identifier and length, or ""."""
+    """Message of the counter with the identifier and length of a frame, or ""."""
     if frame_id == LATCH_ID:
         return "latch" if dlc == layout.length(layout.latch) else ""
     if AXIS_ID <= frame_id < AXIS_ID + layout.axes:

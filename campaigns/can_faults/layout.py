@@ -48,7 +48,7 @@ class Layout:
         return word.to_bytes(8, "big" if self.big_endian else "little")[: self.length(fields)]
 
     def length(self, fields: Fields) -> int:
-        """How many bytes a frame has."""
+        """Length of a frame in bytes."""
         return -(-sum(bits for _, bits in fields) // 8)
 
     def dbc(self) -> Path:

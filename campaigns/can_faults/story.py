@@ -1,4 +1,4 @@
-"""What a counter counts and sends, latch by latch, and what its bus makes of it: drawn from a seed and a number."""
+"""Counts and frames of a counter, latch by latch, and the effect of its bus on them: drawn from a seed and a number."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from campaigns.can_faults.layout import AXES, AXIS_ID, LATCH_ID, Layout
 from drivers.can.frame_block import FrameBlock
 from simulators.faults.frame_faults import FrameFault, carry
 
-ERROR_ID = 1 << 29 | 0x008  # a violation of the protocol, as SocketCAN tells it
+ERROR_ID = 1 << 29 | 0x008  # a protocol violation, as SocketCAN tells it
 LEAD_IN = 6  # latches that nothing happens to, so that the driver finds its counter
 LAYOUTS = 42
 FRAME_S = 0.05  # of a period, from one frame of a latch to the next

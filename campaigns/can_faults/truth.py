@@ -1,4 +1,4 @@
-"""What can be known of what has come of a counter, worked out frame by frame from what was really sent.
+"""Reference evaluation of a counter's frames, computed frame by frame from the sent ones.
 
 Nothing here unwraps a number or pairs frames by it: every frame says of which latch it is.
 """
@@ -102,7 +102,7 @@ def truth_of_samples(came: Sequence[Came]) -> Truth:
 
 
 def _come_very_late(latches: Sequence[Sent]) -> bool:
-    """Whether one comes so much later than others as none does from a counter that has not begun anew."""
+    """Return whether one comes so much later than others as none does from a counter that has not begun anew."""
     newest = accumulate((sent.latch for sent in latches), max)
     return any(most - sent.latch > MOST_LATE for most, sent in zip(newest, latches, strict=True))
 
@@ -128,7 +128,7 @@ def _in_order(frames: Sequence[Sent]) -> tuple[dict[int, Sent], int]:
 
 
 def _judge(counter: Counter, axis: str, truth: Truth) -> None:
-    """Whether the mean may be used, and what it is: of what the frames say, and of what was really counted."""
+    """Return whether the mean may be used, and what it is: of what the frames say, and of what was really counted."""
     reasons, rows = truth.reasons, truth.latches
     if truth.restarted:
         reasons.add("restarted")

@@ -1,4 +1,4 @@
-"""What YAML itself offers to somebody hostile: depth, size, aliases, tags, escapes, encodings."""
+"""Hostile features of YAML itself: depth, size, aliases, tags, escapes, encodings."""
 
 from __future__ import annotations
 

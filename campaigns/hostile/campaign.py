@@ -31,7 +31,7 @@ class Account:
     peak_kib: int = 0
 
     def add(self, readings: list[Reading]) -> None:
-        """Counts the readings in."""
+        """Count the readings in."""
         for reading in readings:
             self.outcomes[reading.way, reading.outcome] += 1
             self.times_s.setdefault(reading.way, []).append(reading.time_s)
@@ -56,7 +56,7 @@ class Account:
 
 
 def campaign(seed: int, first: int, count: int, jobs: int, kind: str = "") -> Account:
-    """Reads the documents `first` to `first + count - 1`; what was slow is read again, alone, before it counts.
+    """Read the documents `first` to `first + count - 1`; what was slow is read again, alone, before it counts.
 
     With a kind, only those whose kind begins so.
     """

@@ -1,4 +1,4 @@
-"""What hostile documents are made from: every document of the project, its words and values, and nasty scalars."""
+"""Material of hostile documents: all documents of the project, their words and values, and hostile scalars."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def expressions(rng: random.Random) -> str:
 
 
 def expression(rng: random.Random) -> str:
-    """What stands between the braces."""
+    """Content of the braces."""
     depth = rng.choice((3, 50, 90, 240, 2000))
     return rng.choice((
         "(" * depth + "1" + ")" * depth, "-" * depth + "1", "not " * depth + "x", "+".join(["x"] * depth),

@@ -52,7 +52,7 @@ class Reading:
 
     @property
     def is_offence(self) -> bool:
-        """Whether it went wrong, other than by its time."""
+        """True if it went wrong, other than by its time."""
         return self.outcome not in (ACCEPTED, REFUSED)
 
     @property
@@ -63,20 +63,20 @@ class Reading:
 
     @property
     def is_long_plan(self) -> bool:
-        """Whether the document means many more steps than it says."""
+        """True if the document means many more steps than it says."""
         refused = re.search(r"has more than \d+ (steps|passes)", self.detail)
         return self.kind in LONG_PLANS or self.steps > MANY_STEPS or refused is not None
 
     @property
     def limit_s(self) -> float:
-        """How long it may take."""
+        """Time limit."""
         if self.is_long_plan and self.way != "bench":
             return LONG_PLAN_LIMIT_S
         return LAYOUT_LIMIT_S if self.way == "layout" else LIMIT_S
 
     @property
     def is_slow(self) -> bool:
-        """Whether it took too long."""
+        """True if it took too long."""
         return self.time_s > self.limit_s
 
 
@@ -105,7 +105,7 @@ class Readers:
             self.read(Hostile(0, "", path.read_bytes()))
 
     def read(self, document: Hostile) -> list[Reading]:
-        """What each way makes of a document, some ways of every fourth only, and its time on the wall."""
+        """Read a document in each way, in some ways only every fourth, with its wall time."""
         self._path.write_bytes(document.data)
         usual = list(self._ways) if document.index % 4 == 0 else ["sequence", "bench"]
         return [self._one(document, way, time.perf_counter) for way in usual]
@@ -137,7 +137,7 @@ class Readers:
 
 
 def _odd(message: str) -> str:
-    """What is wrong with the words of a refusal: they may not carry what was hostile to a terminal."""
+    """Problems in the text of a refusal, which must not pass control characters to a terminal."""
     if not message:
         return "no words"
     return "" if all(_SHOWN.fullmatch(line) for line in message.split("\n")) else "unprintable words"

@@ -47,7 +47,7 @@ def main() -> int:
 
 
 def show(name: str, tally: Tally) -> int:
-    """Prints what became of the faults on one dialect; how many sentences should not be there."""
+    """Print what became of the faults on one dialect; how many sentences should not be there."""
     longest = f"; longest reading {tally.longest_s:.2f} s" if tally.longest_s else ""
     print(f"{name:<36} {in_words(tally.outcomes)}{longest}")
     for sentence in tally.unexpected[:5]:
@@ -56,7 +56,7 @@ def show(name: str, tally: Tally) -> int:
 
 
 def show_gain(trials: int, seed: int) -> None:
-    """Prints how many turned bits are believed on serial lines without checksum, by one take and by two."""
+    """Print how many turned bits are believed on serial lines without checksum, by one take and by two."""
     twice, _ = believed(trials, seed)
     with one_take():
         once, _ = believed(trials, seed)

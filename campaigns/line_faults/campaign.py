@@ -58,7 +58,7 @@ class Chooser:
         return self.fault
 
     def disarm(self) -> None:
-        """Lets all answers pass."""
+        """Let all answers pass."""
         self.at, self.aims = -1, lambda: False
 
 
@@ -96,7 +96,7 @@ def play(name: str, case: Case, trials: int, seed: int, kinds: Iterable[LineFaul
 
 
 async def quiet(stand: Stand, trial: int) -> tuple[dict[str, float], int]:
-    """Gives the instrument something new to read: what it then reads, and in how many answers the driver reads it."""
+    """Give the instrument something new to read: what it then reads, and in how many answers the driver reads it."""
     stand.chooser.disarm()
     await stand.case.line.vary(stand.laboratory, stand.twin, stand.driver, trial)
     await asyncio.sleep(stand.case.instrument.settles_s)
@@ -147,7 +147,7 @@ async def one(stand: Stand, truth: dict[str, float], fault: LineFault, where: st
 
 
 def spoilt(injected: Injected) -> bool:
-    """Whether more than spaces came before an answer, which may be there in any case."""
+    """Return whether more than spaces came before an answer, which may be there in any case."""
     return injected.altered.lstrip(b" ") != injected.answer.lstrip(b" ")
 
 
@@ -191,7 +191,7 @@ async def read(driver: Device) -> dict[str, float]:
 
 
 def alike(found: dict[str, float], truth: dict[str, float], moving: frozenset[str]) -> bool:
-    """Whether every value is the true one."""
+    """Return whether every value is the true one."""
     return found.keys() == truth.keys() and all(
         abs(found[key] - truth[key]) <= TOLERANCE * max(1.0, abs(truth[key])) for key in truth.keys() - moving
     )

@@ -33,7 +33,7 @@ class Case:
 
     @cached_property
     def link(self) -> Link:
-        """What protects its answers."""
+        """Protection of its answers."""
         if self.line.checked:
             return Link.CHECKSUM
         return Link.NOTHING if self.entry.connection.is_serial_line else Link.TCP

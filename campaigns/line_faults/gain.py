@@ -1,4 +1,4 @@
-"""What asking twice gains: turned bits that are believed on serial lines without checksum, by one take and by two."""
+"""Benefit of double reading: inverted bits accepted on serial lines without checksum, with one read and two."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ UNPROTECTED = [name for name, case in CASES.items() if case.link is Link.NOTHING
 
 
 def believed(trials: int, seed: int) -> tuple[int, list[str]]:
-    """How many wrong values of so many turned bits on each line, and what should not have been."""
+    """Number of accepted wrong values among inverted bits on each line, and unexpected outcomes."""
     tallies = [play(name, CASES[name], trials, seed, [LineFault.FLIP]) for name in UNPROTECTED]
     unexpected = [sentence for tally in tallies for sentence in tally.unexpected]
     return sum(tally.outcomes[GRAMMATICAL] for tally in tallies), unexpected

@@ -73,12 +73,13 @@ async def one(stand: Stand, order: Order, trial: int, where: str) -> None:
 
 
 def is_there(found: float, given: float) -> bool:
-    """Whether a reading is what was ordered, but for what instruments round, and whole turns that nobody watched."""
+    """Return whether a reading is what was ordered, but for what instruments round, and whole turns that nobody
+    watched."""
     return abs(math.remainder(found - given, 360.0)) <= 1e-3 * abs(given)
 
 
 async def recover(stand: Stand) -> None:
-    """Looks until the driver has found its instrument again; what became of an order that failed is a fault to it."""
+    """Look until the driver has found its instrument again; what became of an order that failed is a fault to it."""
     await asyncio.sleep(40.0)  # longer than between two attempts to connect
     for _ in range(RECOVERS_IN):
         with suppress(DriverError):

@@ -1,4 +1,4 @@
-"""Which trial comes next, and what became of each: a file to which every result is appended."""
+"""Order of trials and their outcomes: a file to which every result is appended."""
 
 from __future__ import annotations
 

@@ -226,7 +226,7 @@ def _of_a_real_bench(resumption: Resumption) -> Resumption:
 
 
 def _same(calm: list[Event], entries: list[Event]) -> Iterator[str]:
-    """What is not as in a run whose clock nobody sets: order, durations, and everything that was found."""
+    """Differences from a run with an unchanged clock: order, durations, and all findings."""
     times = [entry.at_s for entry in entries]
     if times != sorted(times):
         yield "the journal is not in the order of time"
@@ -276,7 +276,7 @@ def _outage(entries: Sequence[Event]) -> Iterator[str]:
 
 
 def _manifest(path: Path) -> Iterator[str]:
-    """What is wrong with the times in the manifest and on the first page."""
+    """Problems of the times in the manifest and on the first page."""
     manifest = json.loads((path / "manifest.json").read_text("utf-8"))
     started, ended = (datetime.fromisoformat(manifest[key]) for key in ("started", "ended"))
     if ended < started or manifest["wall_s"] < 0:

@@ -1,4 +1,4 @@
-"""What ext4 says of a write that is under way when its power is cut, without any of this project's code.
+"""Behaviour of ext4 for a write interrupted by a power cut, independent of this project's code.
 
     python -m campaigns.reliability.in_flight 300
 

@@ -61,7 +61,7 @@ def thermal(number: int) -> str:
 
 
 def _commanded_s(run: Path) -> float:
-    """When a run first commanded the chamber, in s of bench time."""
+    """Bench time of a run's first command to the chamber, in s."""
     with RunReader(run) as reader:
         begun = [event.at_s for event in reader.events("step_begins") if event.data.get("device") == "chamber"]
     return min(begun, default=math.inf)

@@ -53,7 +53,8 @@ def killed_at_a_call(number: int) -> str:
 
 
 def storage_fails(number: int) -> str:
-    """The n-th storage operation of a kind, once or from then on: the bench is safe, and the reason is told."""
+    """Let the n-th storage operation of a kind fail, once or from then on: the bench must be safe, and the reason
+    reported."""
     draw = np.random.default_rng([12, number])
     kind, error = STORAGE[number % len(STORAGE)], ERRORS[int(draw.integers(len(ERRORS)))]
     which, for_good = 1 + int(draw.integers(40)), bool(draw.integers(2))
@@ -70,7 +71,7 @@ def storage_fails(number: int) -> str:
 
 
 def _traced(folder: Path, inject: str) -> tuple[dict[str, Any], str]:
-    """How a run ended whose system calls are tampered with, if it did, and what is wrong with its record."""
+    """Exit of a run with manipulated system calls, and problems of its record."""
     command = ["strace", "-f", "-qq", "-o", "/dev/null", "-e", f"trace={inject.partition(':')[0]}", "-e"]
     command += [f"inject={inject}", sys.executable, "-m", "campaigns.reliability.workload", str(folder)]
     done = subprocess.run(

@@ -1,1 +1,1 @@
-"""Instruments that exchange their ports, and second masters: nobody is told what was meant for another."""
+"""Exchanged instruments, and second masters: no instrument may receive a message for another."""

@@ -1,4 +1,4 @@
-"""Swaps of instruments, and second masters, drawn from a seed; what was told to whom is held against who was meant."""
+"""Exchanges of instruments, and second masters, drawn from a seed; every message has an intended receiver."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ async def _swap(trial: int, pair: Pair, draw: np.random.Generator, tally: Tally)
 
 
 def _is_other(ended: object) -> bool:
-    """Whether a piece of work ended by something else than a refusal, or in peace."""
+    """Return whether a piece of work ended by something else than a refusal, or in peace."""
     return isinstance(ended, BaseException) and not isinstance(ended, DriverError)
 
 
@@ -153,7 +153,7 @@ def _seat(panel: Panel, number: int, pair: Pair) -> Seat:
 
 
 async def _refusals(seat: Seat, draw: float) -> list[DriverError]:
-    """What a driver says to everything that a run does with it, while another instrument is in its place."""
+    """Errors of a driver in all steps of a run while another instrument is in its place."""
     found: list[DriverError] = []
     doings: list[Callable[[], Awaitable[object]]] = [
         seat.device.poll, lambda: seat.kind.act(seat.device, draw), seat.device.make_safe, seat.device.identify,
@@ -173,7 +173,7 @@ async def _refusals(seat: Seat, draw: float) -> list[DriverError]:
 
 
 def _judged(seat: Seat, pair: Pair, refusals: list[DriverError]) -> Iterator[str]:
-    """What is wrong with what a driver said."""
+    """Problems in the errors of a driver."""
     if len(refusals) < DOINGS:
         yield f"{seat.role} took {DOINGS - len(refusals)} of {DOINGS} things for done: {refusals}"
     if pair.alike and not any(isinstance(problem, WrongIdentity) for problem in refusals):
@@ -189,7 +189,7 @@ def _wrongly_told(panel: Panel, seats: list[Seat]) -> Iterator[str]:
 
 
 async def _not_found_again(seats: list[Seat]) -> list[str]:
-    """Who is not there again once the instruments are in their own places; the connections are closed then."""
+    """Drivers that do not reconnect once the instruments are in their own places; the connections are closed then."""
     await asyncio.sleep(RECONNECTS_WITHIN_S)
     missing = []
     for seat in seats:

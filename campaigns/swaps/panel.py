@@ -45,7 +45,7 @@ class Panel:
             end.hang_up()
 
     async def quiet(self) -> None:
-        """Returns when nobody is in the middle of several exchanges: what comes then is seen, not overwritten."""
+        """Return when nobody is in the middle of several exchanges: what comes then is seen, not overwritten."""
         said = -1
         while said != len(self.heard):
             said = len(self.heard)

@@ -34,7 +34,7 @@ def trials(scale: float) -> Iterator[Row]:
 
 
 def _lost(way: str, phase: str, number: int, bench: Wires, folder: Path) -> str:
-    """What is wrong after it; "" is as it should be."""
+    """Problem after it; "" for none."""
     arguments, wait = PHASES[phase]
     run = Process(bench.bench, folder, *arguments)
     wait(run)

@@ -83,7 +83,7 @@ def another(text: str, *, user: int | None = None, change: Mapping[str, str] | N
 
 
 def named(text: str, who: str) -> bool:
-    """Whether an address is refused, with the words that name who has it."""
+    """Return whether an address is refused, with the words that name who has it."""
     try:
         with address_lock([Address.parse(text)], "a trial"):
             return False
@@ -111,7 +111,7 @@ def serial_links() -> list[bool]:
 
 
 def after_a_kill() -> bool:
-    """Whether an address is free again once its holder was killed."""
+    """Return whether an address is free again once its holder was killed."""
     text = f"tcp://127.0.0.1:{free_port()}"
     with another(text):
         pass

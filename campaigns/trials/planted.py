@@ -100,7 +100,7 @@ def _tried(plant: Plant, trees: SimpleQueue[Path]) -> str:
 
 
 def _problem(plant: Plant, tree: Path) -> str:
-    """What is wrong with the test of a mend; "" when it fails without the mend and passes with it."""
+    """Problem of the test of a mend; "" if it fails without the mend and passes with it."""
     path = tree / plant.file
     intact = path.read_text(encoding="utf-8")
     try:

@@ -79,7 +79,7 @@ def killed(folder: Path, count: int) -> Row:
 
 
 def killed_once(runs: Path, moment: Moment) -> list[str]:
-    """What is wrong after a run was killed at a moment of it."""
+    """Problem after a run was killed at a moment of it."""
     with running(runs) as run:
         moment.wait(run)
     return wrong_with(runs, run.acknowledged)
@@ -108,7 +108,7 @@ def ext4(folder: Path) -> tuple[Path, Path]:
 
 
 def cut_once(image: Path, disk: Path, moment: Moment) -> list[str]:
-    """What is wrong after the power of a disk was cut at a moment of a run on it.
+    """Problem after the power of a disk was cut at a moment of a run on it.
 
     Rows acknowledged from the cut on do not count: `campaigns.reliability.in_flight` shows that ext4 then answers a
     fdatasync under way as done, and after a real cut nobody hears an answer.
@@ -126,7 +126,7 @@ def cut_once(image: Path, disk: Path, moment: Moment) -> list[str]:
 
 
 def not_resumable(runs: Path) -> list[str]:
-    """Why an interrupted run cannot go on; one that had ended need not."""
+    """Reason why an interrupted run cannot be resumed; none for a run that had ended."""
     (run,) = list_runs(runs)
     try:
         if run.state == "interrupted":
@@ -153,7 +153,7 @@ def _writers(line: str, folder: Path, count: int, trial: Callable[[Path, Moment]
 
 
 def whole_s(runs: Path) -> float:
-    """How long such a run takes that nobody disturbs."""
+    """Duration of such a run without a disturbance."""
     with running(runs) as run:
         began = time.monotonic()
         run.process.join()
@@ -183,7 +183,7 @@ class Moment:
 
 @dataclass
 class Running:
-    """A run in a process of its own, which tells how many rows were acknowledged."""
+    """A run in a process of its own, which reports the number of acknowledged rows."""
 
     process: Any
     told: int
@@ -192,7 +192,7 @@ class Running:
 
     @property
     def acknowledged(self) -> int:
-        """The rows of which the run was told until now, or until it was over, that they are durable."""
+        """Rows acknowledged to the run as durable until now, or until its end."""
         while not self._is_over and select.select([self.told], [], [], 0)[0]:
             data = os.read(self.told, 65536)
             self._said += data
@@ -239,7 +239,7 @@ def _acknowledging(runs: Path, tell: int) -> None:
 
 
 def wrong_with(runs: Path, acknowledged: int) -> list[str]:
-    """What was acknowledged and is not there, or is not as it was written."""
+    """Acknowledged rows that are missing or altered."""
     found = list(list_runs(runs))
     if not found:
         return [f"{acknowledged} rows without a run"] if acknowledged else []
@@ -305,7 +305,7 @@ def altered_once(folder: Path, original: Path, number: int) -> tuple[str, str]:
 
 
 def judged(original: Path, copy: Path, record: Record) -> str:
-    """What the answer was; AssertionError when it is not true."""
+    """Evaluate the answer; AssertionError if it is wrong."""
     if record.damage:
         return "damaged"
     if record.kind == "sealed":

@@ -46,7 +46,7 @@ def _row(line: str, some: list[tuple[str, float, float | None]]) -> Row:
 
 
 def killed(folder: Path, sequence: str, share: float, again: float | None) -> str:
-    """What is wrong with a run that was killed after a share of its time; "" is as it should be."""
+    """Problem of a run that was killed after a share of its time; "" for none."""
     bench = ROOT / "config" / f"{RUNS[sequence]}.yaml"
     prepared = prepare(RunRequest(sequence, bench=str(bench), preset=PRESET))
     at_s = share * prepared.expected.total_s

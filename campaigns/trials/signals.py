@@ -87,7 +87,7 @@ def _signalled(phase: str, sent: tuple[signal.Signals, ...], bench: Wires, folde
 
 
 def _completed(run: Process) -> str:
-    """What is wrong with how a run ended that a signal did not end: its report is there, or the manifest has why not.
+    """Problem in the end of a run that no signal ended: its report exists, or the manifest has the reason.
 
     A signal before the writing of results changes nothing.
     """
@@ -102,7 +102,7 @@ def _completed(run: Process) -> str:
 
 
 def _ended(run: Process, code: int, by: str | None) -> str:
-    """What is wrong with how a run ended."""
+    """Problem in the end of a run."""
     found = run.code()
     if run.path is None:
         return f"{found} without a run; {run.told.read_text('utf-8')[-300:]}"
@@ -143,7 +143,7 @@ def _closed(bench: Wires, folder: Path) -> str:
 
 
 def _hangs(bench: Wires, folder: Path) -> str:
-    """Nobody reads what is told: the pipe is full."""
+    """Block the output: nobody reads the pipe, and it is full."""
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     try:

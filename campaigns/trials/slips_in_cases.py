@@ -250,7 +250,7 @@ SLIPS = (
 
 
 def missed(slip: Slip) -> str:
-    """How a slip goes unseen; empty where its flag is there and the case is neither PASS, FAIL nor complete."""
+    """Reason why a mistake is undetected; empty if its flag is set and the case is neither PASS, FAIL nor complete."""
     case = good_case(slip.method, slip.sub)
     slip.spoil(case)
     title = f"{slip.method} {slip.sub} {slip.name}".replace("  ", " ")
@@ -266,7 +266,7 @@ def missed(slip: Slip) -> str:
 
 
 def no_cell_is_trusted(rng: np.random.Generator, method: str, sub: str) -> str:
-    """What a case with a hostile cell anywhere raises beside InputError; empty where it raises nothing else."""
+    """Exceptions other than InputError from a case with a hostile cell; empty if there are none."""
     case = good_case(method, sub)
     record = case.records[rng.choice(list(case.records))]
     column, text = rng.choice(list(record)), str(rng.choice(HOSTILE))

@@ -48,21 +48,21 @@ def _row(line: str, results: Sequence[str]) -> Row:
 
 
 def with_instruments(stopped_s: float) -> str:
-    """Stops a run over real wires together with its guardian and its instruments; why it did not pass."""
+    """Stop a run over real wires together with its guardian and its instruments; why it did not pass."""
     with wired() as (run, simulators):
         stand_still((run.pid, guardian_of(run.pid), simulators.pid), stopped_s)
         return _why(run)
 
 
 def alone(stopped_s: float) -> str:
-    """Stops a run over real wires and its guardian, as a computer that stands still; the instruments go on."""
+    """Stop a run over real wires and its guardian, as a computer that stands still; the instruments go on."""
     with wired() as (run, _):
         stand_still((run.pid, guardian_of(run.pid)), stopped_s)
         return _why(run)
 
 
 def simulated(stopped_s: float) -> str:
-    """Stops a run at full speed that waits for its threads for a few seconds only."""
+    """Stop a run at full speed that waits for its threads for a few seconds only."""
     with tempfile.TemporaryDirectory() as folder:
         runs = Path(folder)
         with bench_run(runs, "tumble_static", "--preset", "quick", program=("-c", IMPATIENT)) as run:
@@ -93,7 +93,7 @@ def wired() -> Iterator[tuple[subprocess.Popen[str], subprocess.Popen[str]]]:
 
 
 def stand_still(processes: Sequence[int], stopped_s: float) -> None:
-    """Stops processes, and lets them go on."""
+    """Stop processes, and lets them go on."""
     for sign, wait_s in ((signal.SIGSTOP, stopped_s), (signal.SIGCONT, 0.0)):
         for process in processes:
             os.kill(process, sign)

@@ -40,7 +40,7 @@ def trials(scale: float) -> Iterator[Row]:
 
 
 def _full_disk(beyond_reserve_bytes: int) -> str:
-    """What is wrong with the record of a run whose disk is full, and whose supply is silent from its teardown on."""
+    """Problem in the record of a run with a full disk, whose supply does not answer from the teardown on."""
     limit = 4 * 2**20 + beyond_reserve_bytes
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -161,7 +161,7 @@ def _parts(document: Part, kind: str) -> Iterator[Part]:
 
 
 def _draw(part: Part, sds: dict[str, str]) -> None:
-    """Makes bias and scale factor differ from seed to seed.
+    """Make bias and scale factor differ from seed to seed.
 
     What is left over in a converter when it is latched follows from the rate: one unit for all seeds would have the
     same errors of counting in all.
@@ -179,7 +179,7 @@ def kinds_of(path: Path) -> list[str]:
 
 
 def alter_file(path: Path, kind: str) -> None:
-    """Writes the unit file of another kind in place of a unit file."""
+    """Write the unit file of another kind in place of a unit file."""
     document = altered(read_document(path).value, kind)
     with path.open("w", encoding="utf-8") as file:
         yaml.safe_dump(document, file, allow_unicode=True)

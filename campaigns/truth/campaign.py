@@ -47,12 +47,12 @@ class Comparison:
 
     @property
     def covered(self) -> bool:
-        """Whether the truth is within the expanded uncertainty."""
+        """True if the truth is within the expanded uncertainty."""
         return abs(self.value - self.truth) <= self.k * self.u
 
     @property
     def held(self) -> bool:
-        """Whether the truth is in the interval, where there is one."""
+        """True if the truth is in the interval, where there is one."""
         return self.interval[0] <= self.truth <= self.interval[1]
 
     @property
@@ -77,13 +77,13 @@ def perfect_bench(folder: Path, name: str = "simulated") -> Path:
 
 
 def campaign(requests: Iterable[RunRequest], processes: int = 2) -> list[Path]:
-    """Runs them all; the run directories, in the order of the requests."""
+    """Run them all; the run directories, in the order of the requests."""
     with Pool(processes, maxtasksperchild=8) as pool:
         return pool.map(run_one, list(requests), chunksize=1)
 
 
 def run_one(request: RunRequest) -> Path:
-    """Runs one request; AssertionError when it does not get to its end."""
+    """Run one request; AssertionError when it does not get to its end."""
     result = execute(prepare(request), Quiet())
     assert result.outcome.how == "completed", result.problems
     return result.path
@@ -115,7 +115,7 @@ def compared(truth: dict, results: dict) -> list[Comparison]:
 
 
 def through_of(truth: dict, place: str) -> Through:
-    """What the current of the unit in a place goes through: a load, its own A/D converter, or what pulses."""
+    """Signal path of the current of the unit in a place: a load, its own A/D converter, or the pulse converter."""
     if place in truth["bench"].get("telemetry", {}):
         return Decoding(**truth["bench"]["telemetry"][place])
     loads = (meter["load_ohm"] for meter in truth["bench"].get("voltmeters", {}).values() if meter["place"] == place)

@@ -154,7 +154,7 @@ class Cell:
 
 
 def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
-    """Lets a bench file, and the settings of a range or a response, say that the output falls while the input rises."""
+    """Let a bench file, and the settings of a range or a response, say that the output falls while the input rises."""
     bench.write_text(re.sub(r"\bK1: (?=\d)", "K1: -", bench.read_text("utf-8")), "utf-8")
     text, count = re.subn(
         r"(?<=scale: \[)[^]]*", lambda list_: re.sub(r"\b(?=\d+ )", "-", list_[0]),
@@ -175,7 +175,7 @@ STATED = {
 
 
 def _state(stated: Path, sequence: str, old: str, new: str) -> None:
-    """Writes a sequence, with those that it calls beside it, in which something else is stated."""
+    """Write a sequence, with those that it calls beside it, in which something else is stated."""
     text = (ROOT / "sequences" / f"{sequence}.yaml").read_text("utf-8")
     changed, count = re.subn(old, new, text)
     assert count, sequence
@@ -209,7 +209,7 @@ class Line:
 
 
 def kept() -> Path:
-    """Where what is found is kept: apart for each state of the program, so that a rerun mixes no two of them."""
+    """Folder of results, separate for each state of the program, so that a rerun mixes no two of them."""
     digest = hashlib.sha256()
     for part in ("bench", "drivers", "simulators", "config", "sequences", "campaigns/truth"):
         for path in sorted(path for path in (ROOT / part).rglob("*") if path.suffix in (".py", ".yaml", ".dbc")):
@@ -218,7 +218,7 @@ def kept() -> Path:
 
 
 def known(cell: Cell, records: Path) -> list[Line]:
-    """What is known of a cell from before; a line that was cut off when the campaign was stopped counts for nothing."""
+    """Earlier results of a cell; an incomplete last line of an interrupted campaign is ignored."""
     path = records / f"{cell.name}.jsonl"
     if not path.exists():
         return []
@@ -284,7 +284,7 @@ def _through_wires(cell: Cell, folder: Path, seed: int) -> list[Comparison]:
 
 
 def _told(problem: Exception) -> str:
-    """What went wrong, and in which line of ours."""
+    """Exception and line of our code."""
     last = next((e for e in reversed(traceback.extract_tb(problem.__traceback__)) if str(ROOT) in e.filename), None)
     where = f" ({Path(last.filename).name}:{last.lineno})" if last else ""
     return f"{type(problem).__name__}: {problem}{where}"[:500]

@@ -43,7 +43,7 @@ def compare_channel(folder: Path, results: dict | None = None) -> dict[str, Comp
 
 
 def compared(truth: dict, results: dict) -> dict[str, Comparison]:
-    """The same of a truth and of results at hand. A deviation, told without its sign, is compared with it.
+    """Compare a truth with results. A deviation without sign is compared by magnitude.
 
     What an uncertainty says is about the difference of two slopes. Its size alone would be nearer to that of the truth
     than that tells where the truth is about nothing.
@@ -66,7 +66,7 @@ def compared(truth: dict, results: dict) -> dict[str, Comparison]:
 
 
 def _of_run(findings: list[dict], run: str, quantity: str) -> float:
-    """What was found of a level."""
+    """Results of a level."""
     return next(each["value"] for each in findings if each["quantity"] == quantity and each["at"].get("run") == run)
 
 

@@ -1,4 +1,4 @@
-"""What a tumble tells over temperature against the truth: series, lines, loops, residuals and the closure.
+"""Results of a tumble over temperature against the truth: series, lines, loops, residuals and the closure.
 
 The definitions, put to what the channel really was at the dwells, at the temperatures that the results state.
 """
@@ -25,7 +25,7 @@ def compare_coefficients(folder: Path) -> list[Comparison]:
 
 
 def compared(truth: dict, results: dict) -> list[Comparison]:
-    """The same of a truth and of results at hand, with all else that is told over temperature."""
+    """Compare a truth with results, including all results over temperature."""
     figures = {quantity: value for constant in ("K0", "K1") for quantity, value in _figures(truth, results, constant)}
     return [Comparison.of(truth["seed"], found, figures[found["quantity"]])
             for found in results["findings"] if found["quantity"] in figures]  # fmt: skip

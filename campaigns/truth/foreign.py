@@ -58,7 +58,7 @@ class Drifts:
         self._middle_deg = self._carried._level.middle_deg
 
     def go_to(self, share: float) -> None:
-        """Lets the errors be as they are at a share of the run: -1 at its begin, 1 at its end."""
+        """Let the errors be as they are at a share of the run: -1 at its begin, 1 at its end."""
         for of, name, drawn_value in self._began:
             setattr(of, name, drawn_value * (1 + DRIFT * share))
         self._carried._level = Level(self._middle_deg * (1 + DRIFT * share))
@@ -67,6 +67,6 @@ class Drifts:
 
 @contextmanager
 def bench_errors(form: str) -> Iterator[None]:
-    """Draws the errors of laboratories from a form while it lasts."""
+    """Draw the errors of laboratories from a form while it lasts."""
     with mock.patch.object(drawn, "stream", lambda *path: _Stream(stream(*path), FORMS[form])):
         yield

@@ -83,7 +83,7 @@ def _true(truth: dict, finding: dict) -> float:
 
 
 def decoding_of(truth: dict, place: str, channel: str) -> Decoding | None:
-    """What the codes of a channel of a unit become; None of one that pulses."""
+    """Decoding of a channel of a unit; None for one that pulses."""
     raw = truth.get("decodings", {}).get(place, {}).get(channel)
     return Decoding(**raw) if raw is not None else None
 
@@ -126,7 +126,7 @@ def table(comparisons: Sequence[Comparison]) -> Iterator[str]:
 
 
 def draw_scale_factors(folder: Path) -> None:
-    """Gives the unit beside a bench file scale factors that differ from seed to seed, as those of real units do.
+    """Give the unit beside a bench file scale factors that differ from seed to seed, as those of real units do.
 
     What is left over in a converter when a window begins and ends follows from the rate alone: with one scale factor
     all seeds would have the same errors of counting, which are most of what a quiet accelerometer scatters by.

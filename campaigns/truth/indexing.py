@@ -43,7 +43,7 @@ def compared(truth: dict, results: dict) -> list[Comparison]:
 
 
 def is_hysteretic(truth: dict) -> bool:
-    """Whether the unit has hysteresis in its input."""
+    """Return whether the unit has hysteresis in its input."""
     return any(unit["input_hysteresis_g"] for unit in truth["units"].values())
 
 
@@ -96,7 +96,7 @@ def _swept(truth: dict, sense: int) -> list[str]:
 
 
 def _pass_of(key: str) -> int:
-    """How often both ends were measured before, and once more."""
+    """Number of earlier measurements of both ends, plus one."""
     found = re.search(r"/pass=(\d+)", key)
     return int(found[1]) if found else 1
 
@@ -140,7 +140,7 @@ def main() -> int:
 
 
 def judged(comparisons: list[Comparison], name: str) -> Iterator[str]:
-    """What is beyond the bars; a line is printed for each quantity."""
+    """Quantities beyond their bounds; a line is printed for each."""
     found = judge.by_quantity(each for each in comparisons if each.u)
     for quantity, chosen in found.items():
         rms, worst = judge.rms_of(chosen), max(abs(each.ratio) for each in chosen)

@@ -24,7 +24,7 @@ def by_quantity(comparisons: Iterable[Comparison]) -> dict[str, list[Comparison]
 
 
 def beyond(found: Mapping[str, Sequence[Comparison]], kind: str) -> Iterator[str]:
-    """What is beyond the bars of a "perfect" or of a "full" bench; largest values by their intervals (equations 8.8).
+    """Quantities beyond the bounds of a "perfect" or a "full" bench; largest values by their intervals (equations 8.8).
 
     A largest value is not symmetric about its truth: only that its uncertainty is not too small is asked of it beside.
     """

@@ -83,7 +83,7 @@ def _mean_output_g(input_g: Any, dead_g: float, noise_g: float) -> Any:
 
 
 def draw_dead_band(path: Path) -> None:
-    """Lets the dead band of a unit file differ from seed to seed."""
+    """Let the dead band of a unit file differ from seed to seed."""
     fixed = path.read_text("utf-8")
     path.write_text(fixed.replace("dead_band: 100 nA", "dead_band: {mean: 110 nA, sd: 30 nA}"), "utf-8")
     assert path.read_text("utf-8") != fixed, path

@@ -32,7 +32,7 @@ TRIALS: dict[str, Callable[[int], Rows]] = {
 
 
 def main() -> int:
-    """Prints scatter over uncertainty for every quantity; 1 where one is not within 10 %."""
+    """Print scatter over uncertainty for every quantity; 1 where one is not within 10 %."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=1500)
     parser.add_argument("--only", choices=TRIALS, action="append")

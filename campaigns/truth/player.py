@@ -172,7 +172,7 @@ class Player:
         block = max(1, round(BLOCK_S / self._latch_s))
         for begin in range(0, len(at_s) - 1, block):
             edges_s = at_s[begin : begin + block + 1]
-            for stimulus in self._due(float(self.world.host_time(edges_s[-1]))):  # a ramp begins while it is acquired
+            for stimulus in self._due(float(self.world.host_time(edges_s[-1]))):  # a ramp begins during an acquisition
                 self._play(stimulus)
             for name, part in self._count(edges_s).items():
                 parts[name].append(part)
@@ -209,7 +209,7 @@ class Player:
         )  # fmt: skip
 
     def _positions(self, role: str, was: Positions, at_s: np.ndarray) -> Positions:
-        """What the encoder of an axis reads at the latches, as late as it does."""
+        """Encoder readings of an axis at the latches, with their delay."""
         number = np.arange(len(at_s))
         angle_deg = self.world.axis_of(role).encoder_angles_deg(at_s + self.world.settings.encoder_skew_s)
         return replace(
@@ -219,7 +219,7 @@ class Player:
         )  # fmt: skip
 
     def _turned(self, was: Turned, at_s: np.ndarray) -> Turned:
-        """What the encoder told at the first and at the last latch."""
+        """Encoder readings at the first and the last latch."""
         from_s, to_s = self.world.host_time(at_s[[0, -1]]).tolist()
         from_deg, to_deg = self.world.axis_of(was.axis).encoder_angles_deg(at_s[[0, -1]]).tolist()
         return replace(was, from_s=from_s, from_deg=from_deg, to_s=to_s, to_deg=to_deg)

@@ -115,7 +115,7 @@ def _at_degrees(leg: dict, slope: float, offset: float) -> np.ndarray:
 
 
 def draw_misalignments(folder: Path) -> None:
-    """Gives the unit beside a bench file misalignments that differ from seed to seed, as those of real units do.
+    """Give the unit beside a bench file misalignments that differ from seed to seed, as those of real units do.
 
     They are an error of every figure that the settings state an uncertainty of, 1 mrad: one unit is one draw of it.
     """

@@ -27,7 +27,7 @@ def scattering_bench(folder: Path) -> Path:
 
 
 def scatter(path: Path, unit: Path) -> None:
-    """Lets the unit of a bench step at power-on, and lie askew in its seat."""
+    """Let the unit of a bench step at power-on, and lie askew in its seat."""
     for file, old, new in (
         (unit, "  warm_up:", f"  turn_on: {TURN_ON_G * 1e6:g} µg\n  warm_up:"),
         (path, "  ambient:", f"  remount: {REMOUNT_ARCSEC:g} arcsec\n  ambient:"),

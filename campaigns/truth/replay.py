@@ -38,7 +38,7 @@ Compared = TypeVar("Compared")
 
 
 def template_of(request: RunRequest) -> Template:
-    """Runs a request through all wires, and notes what it does."""
+    """Run a request through all wires, and notes what it does."""
     stimuli: list[Stimulus] = []
     origins_s: list[float] = []
     with _noting(stimuli, origins_s):
@@ -50,7 +50,7 @@ def template_of(request: RunRequest) -> Template:
 
 
 def _without_counts(data: RunData) -> RunData:
-    """What another seed counts instead is worked out anew."""
+    """Replace the counts by those of another seed, computed anew."""
     return replace(data, acquisitions=tuple(replace(each, counts={}) for each in data.acquisitions))
 
 
@@ -98,7 +98,7 @@ def replayed(
 def at_record_level(
     requests: Sequence[RunRequest], compared: Callable[[dict, dict], Compared], processes: int = 2
 ) -> list[Compared]:
-    """What `compared` makes of the truth and of the results of each; the first alone goes through all wires."""
+    """Compare truths and results by `compared`; only the first goes through all wires."""
     template = template_of(requests[0])
     bench = load_bench(Path(requests[0].bench)).bench
     with Pool(processes) as pool:

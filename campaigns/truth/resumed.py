@@ -76,7 +76,7 @@ def killed_and_resumed(folder: Path, seed: int, dwells: list[tuple[float, float]
 
 
 def has_line(finding: dict) -> bool:
-    """Whether it combines both sides of an interruption."""
+    """Return whether it combines both sides of an interruption."""
     return any(line["source"] == SOURCE for line in finding["budget"])
 
 

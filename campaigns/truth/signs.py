@@ -88,7 +88,7 @@ def _stated(entry: ResultEntry) -> ResultEntry:
 
 
 def differences(folder: Path) -> Iterator[str]:
-    """What of the results and of the report of a run with negated outputs is other than a sign."""
+    """Differences in the results and the report of a run with negated outputs, other than signs."""
     with open_run(folder) as run:
         other = of_other_sign(run)
         usual, found = run.evaluate(), other.evaluate()
@@ -138,7 +138,7 @@ def _alike(one: float, other: float, least: float) -> bool:
 
 
 def _negative_u(model: Any) -> bool:
-    """Whether any `u` in the JSON of a model is below 0."""
+    """Return whether any `u` in the JSON of a model is below 0."""
     if isinstance(model, Mapping):
         return any(np.min(each, initial=0.0) < 0 if key == "u" and each else _negative_u(each)
                    for key, each in model.items())  # fmt: skip
@@ -146,7 +146,7 @@ def _negative_u(model: Any) -> bool:
 
 
 def _compensate_alike(one: Any, other: Any) -> bool:
-    """Whether a calibration makes the same of outputs as that of the other sign makes of their opposites."""
+    """Return whether a calibration makes the same of outputs as that of the other sign makes of their opposites."""
     if isinstance(one, ResponseCompensation):
         hz = np.linspace(*one.valid_hz, len(PROBES))
         (size, phase_deg, _), (size_n, phase_n_deg, _) = one.apply(PROBES, PROBES, hz), other.apply(PROBES, PROBES, hz)

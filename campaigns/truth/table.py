@@ -117,7 +117,7 @@ def one_a_run(comparisons: Iterable[Comparison]) -> Iterator[Comparison]:
 
 
 def problems_of(found: Sequence[Comparison], kind: str, *, by_records: bool) -> list[str]:
-    """What is beyond the bars of a perfect or a full bench; of few seeds, through all wires, only what is far off."""
+    """Results beyond the bounds of a perfect or a full bench; for few seeds, through all wires, only large ones."""
     if by_records:
         judged = found if kind == "perfect" else list(one_a_run(found))
         return list(judge.beyond(judge.by_quantity(judged), kind))
@@ -125,7 +125,7 @@ def problems_of(found: Sequence[Comparison], kind: str, *, by_records: bool) -> 
 
 
 def main() -> int:
-    """Prints how errors compare with their uncertainties; 1 when those of a kind do not fit."""
+    """Print how errors compare with their uncertainties; 1 when those of a kind do not fit."""
     options = _options()
     bad = []
     with tempfile.TemporaryDirectory() as temporary:

@@ -50,7 +50,7 @@ def decided(cell: Cell, seeds: int, options: argparse.Namespace, folder: Path) -
 
 
 def far_off(lines: Sequence[Line]) -> list[str]:
-    """What few seeds can show: values beyond five times their uncertainty, and runs without a result."""
+    """Large deviations for few seeds: values beyond five times their uncertainty, and runs without a result."""
     told = [f"seed {line.seed}: {line.problem}" for line in lines if line.problem]
     return told + [
         f"seed {line.seed}: {each.quantity} is {each.ratio:+.1f} u off"

@@ -11,11 +11,11 @@ from drivers.can.frame_block import ERROR, FrameBlock
 
 BUS_OFF, RESTARTED = 0x040, 0x100
 _CLASSES = {
-    0x001: "time-out of a transmission",
+    0x001: "transmission timeout",
     0x002: "lost arbitration",
-    0x004: "trouble of the controller",
-    0x008: "violation of the protocol",
-    0x010: "trouble of the transceiver",
+    0x004: "controller problem",
+    0x008: "protocol violation",
+    0x010: "transceiver problem",
     0x020: "no acknowledgement",
     BUS_OFF: "bus off",
     0x080: "bus error",
@@ -30,8 +30,8 @@ def error_classes(block: FrameBlock) -> NDArray[np.uint32]:
 
 
 def in_words(classes: Iterable[int]) -> str:
-    """Classes of error frames for a person."""
+    """Names of error-frame classes for a message."""
     together = 0
     for each in classes:
         together |= each
-    return ", ".join(text for bit, text in _CLASSES.items() if together & bit) or "of no known class"
+    return ", ".join(text for bit, text in _CLASSES.items() if together & bit) or "of unknown class"

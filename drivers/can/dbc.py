@@ -1,4 +1,4 @@
-"""CAN messages by DBC: a plan built once by cantools, applied to whole blocks of frames by numpy, both directions."""
+"""CAN messages described by a DBC: parsed once by cantools, decoded and encoded by numpy for whole blocks of frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class DbcError(ValueError):
-    """A DBC that cannot be used, or a name that it does not have."""
+    """A DBC that cannot be used, or a name that it does not contain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Signal:
     unit: str
 
     def raw(self, data: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """The integers in `data` (N, 8) uint8; up to 63 bits, or 64 signed."""
+        """Decode the integers of `data` (N, 8) uint8; up to 63 bits, or 64 signed."""
         words = data.view(">u8" if self.big_endian else "<u8").ravel().astype(np.uint64, copy=False)
         words = words >> np.uint64(self.shift)
         if self.length < 64:
@@ -49,16 +49,16 @@ class Signal:
         return values
 
     def raw_of(self, data: bytes) -> int:
-        """The integer in one frame's data (8 bytes)."""
+        """Decode the integer of one frame's data (8 bytes)."""
         value = int.from_bytes(data, "big" if self.big_endian else "little") >> self.shift & (1 << self.length) - 1
         return value - (1 << self.length) if self.signed and value >> (self.length - 1) else value
 
     def physical(self, data: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """The values in `unit`."""
+        """Convert raw integers to values in `unit`."""
         return np.asarray(self.raw(data) * self.scale + self.offset, np.float64)
 
     def bits(self, values: NDArray[np.int64]) -> NDArray[np.uint64]:
-        """Integers (N,) in their place in the frames' 64-bit words, little-endian; bits beyond the field are cut."""
+        """Encode integers (N,) into the frames' 64-bit words, little-endian; bits beyond the field are cut."""
         words = values.view(np.uint64) & np.uint64((1 << self.length) - 1)
         words <<= np.uint64(self.shift)
         return words.byteswap() if self.big_endian else words
@@ -66,7 +66,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One kind of frame."""
+    """A CAN message: its id, length and signals."""
 
     name: str
     id: int
@@ -74,7 +74,7 @@ class Message:
     signals: Mapping[str, Signal]
 
     def signal(self, name: str) -> Signal:
-        """The signal of this name; DbcError lists what there is."""
+        """Signal of this name; DbcError lists the available ones."""
         if name not in self.signals:
             raise DbcError(f"message {self.name} has no signal '{name}'; it has {', '.join(self.signals)}")
         return self.signals[name]
@@ -95,30 +95,30 @@ class Dbc:
     """The messages of one DBC text."""
 
     def __init__(self, text: str) -> None:
-        from cantools.database.can import Database  # 125 ms: only where frames are decoded
+        from cantools.database.can import Database  # import takes 125 ms: only where frames are decoded
 
         database = Database()
         try:
             database.add_dbc_string(text)
         except Exception as problem:  # cantools raises errors of many kinds from its parser
             raise DbcError(f"not a usable DBC: {problem}") from problem
-        messages = [message for message in database.messages if message.length <= 8]  # those of classical CAN
+        messages = [message for message in database.messages if message.length <= 8]  # identifiers of classical CAN
         self.messages = {message.name: _message(message) for message in messages}
 
     def message(self, name: str) -> Message:
-        """The message of this name; DbcError lists what there is."""
+        """Message of this name; DbcError lists the available ones."""
         if name not in self.messages:
             raise DbcError(f"the DBC has no message '{name}'; it has {', '.join(self.messages)}")
         return self.messages[name]
 
     def field(self, dotted: str) -> Field:
-        """What `Message.Signal` names."""
+        """Look up the signal `Message.Signal`; DbcError if it is not in the DBC."""
         message, _, signal = dotted.partition(".")
         found = self.message(message)
         return Field(found, found.signal(signal))
 
     def fields_in(self, unit: str) -> dict[str, Field]:
-        """The fields in a unit, by `Message.Signal`."""
+        """Signals with this unit, by `Message.Signal`."""
         return {
             f"{message.name}.{signal.name}": Field(message, signal)
             for message in self.messages.values()
@@ -128,24 +128,24 @@ class Dbc:
 
 
 def dbc_in(path: Path) -> Dbc:
-    """The messages of a DBC file; UnfitFileError where it cannot be read, DbcError where it is none."""
+    """Parse a DBC file; raises UnfitFileError if it cannot be read, DbcError if it is not a valid DBC."""
     return _parsed(text_of(path))
 
 
-@lru_cache(maxsize=8)  # of the few nodes of a bench, for each label of a run
+@lru_cache(maxsize=8)  # cache for the few nodes of a bench, needed for each label of a run
 def _parsed(text: str) -> Dbc:
     return Dbc(text)
 
 
 def _message(message: CantoolsMessage) -> Message:
-    """Our plan of a cantools message; multiplexed and floating-point signals are left out, no counter sends them."""
+    """Convert a cantools message; multiplexed and floating-point signals are left out: no counter sends them."""
     signals = {}
     for signal in message.signals:
         if signal.multiplexer_ids or signal.is_multiplexer or signal.is_float:
             continue
         big_endian = signal.byte_order == "big_endian"
         shift = signal.start
-        if big_endian:  # the DBC's start is the most significant bit, numbered byte by byte
+        if big_endian:  # for big-endian signals the DBC's start is the most significant bit, numbered byte by byte
             shift = 64 - (8 * (signal.start // 8) + 7 - signal.start % 8) - signal.length
         signals[signal.name] = Signal(
             signal.name, shift, signal.length, big_endian, signal.is_signed, float(signal.scale), float(signal.offset),
@@ -158,7 +158,7 @@ def _message(message: CantoolsMessage) -> Message:
 def readings_of(
     fields: Mapping[str, Field], block: FrameBlock
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """What fields read in a block, by their names: arrival times and physical values; those that did not come lack."""
+    """Decode fields in a block: arrival times and physical values by field name, without fields that did not arrive."""
     found, sent = {}, {field.message.id: field.message for field in fields.values()}
     rows = {of_message: message.rows(block) for of_message, message in sent.items()}
     for name, field in fields.items():
@@ -170,7 +170,7 @@ def readings_of(
 def encode_frames(
     dbc: Dbc, at_s: NDArray[np.float64], values: Mapping[str, Mapping[str, NDArray[np.int64]]]
 ) -> FrameBlock:
-    """Frames as they are sent: for each instant of `at_s` (N,) one of each message, in order of id.
+    """Encode frames: for each instant of `at_s` (N,) one of each message, in order of id.
 
     `values` gives (N,) integers by message and signal name; signals not named are 0.
     """

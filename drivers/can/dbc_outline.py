@@ -1,17 +1,17 @@
-"""The names, units and lengths in a DBC text, read without cantools and numpy: enough to check a bench file."""
+"""Names, units and lengths of the signals of a DBC text, parsed without cantools and numpy, to check bench files."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
 
-# How a DBC spells what we write otherwise. It is ASCII, or has a degree sign in an encoding of its own, which is
+# Unit spellings of a DBC that differ from ours. It is ASCII, or has a degree sign in an encoding of its own, which is
 # replaced when the file is read.
 UNITS = {"degC": "°C", "DegC": "°C", "deg C": "°C", "\N{REPLACEMENT CHARACTER}C": "°C"}
 _MESSAGE = re.compile(r"^\s*BO_\s+\d+\s+(\w+)\s*:", re.ASCII)
 _FRAME = re.compile(r"^\s*BO_\s+(\d{1,10})\s+(\w+)\s*:\s*(\d{1,2})\b", re.ASCII)
 _SIGNAL = re.compile(r'^\s*SG_\s+(\w+)\s*:([^"]*)"([^"]*)"', re.ASCII)
-EXTENDED = 1 << 31  # in the id of a message whose identifier has 29 bits
+EXTENDED = 1 << 31  # set in the id of a message with a 29-bit identifier
 _LENGTH = re.compile(r"\|(\d{1,2})@", re.ASCII)
 
 
@@ -26,7 +26,7 @@ def lengths_bits(text: str) -> dict[str, int]:
 
 
 def frames_bits(text: str) -> dict[str, int]:
-    """The bits that a frame of each message takes on the bus at most, stuffed ones and the gap after it included.
+    """Maximum length of a frame of each message on the bus in bits, with stuff bits and interframe space.
 
     R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, Controller Area Network (CAN) schedulability analysis, Real-Time
     Systems 35 (2007) 239, equation (1): g + 8 s + 13 + (g + 8 s - 1) // 4 for s bytes, g = 34, or 54 with 29-bit ids.
@@ -40,7 +40,7 @@ def frames_bits(text: str) -> dict[str, int]:
 
 
 def _signals(text: str) -> Iterator[tuple[str, str, str]]:
-    """Name, layout and unit of each signal, as they are written."""
+    """Name, layout and unit of each signal, as text."""
     message = ""
     for line in text.splitlines():
         if match := _MESSAGE.match(line):

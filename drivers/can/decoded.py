@@ -1,4 +1,4 @@
-"""Frames of a device decoded: counts, samples and positions as they were on the wire, and what decodes them."""
+"""Decoded frames of a device: counts, samples and positions in raw units, and the decoder interface."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from drivers.can.sequence_numbers import Integers
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """One channel as the wire gave it, a row for each latch whose frames all came.
+    """Raw counts of one channel, one row for each latch of which all frames arrived.
 
     `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick`, `positive`, `negative` (N,) are raw and wrap at
-    `2**bits` of their field; `host_s` (N,) is the arrival of the latch. `lost` counts latches that did not come whole,
-    but for the very last one, whose frames may come after the end; `gaps` (G, 2) are the numbers of the first and of
-    the last of each row of them, in the numbers of `sequence`, which begin with that of the `first` latch. `dropped`
-    counts frames that came twice or late, `restarts` how often the counter restarted.
+    `2**bits` of their field; `host_s` (N,) is the arrival of the latch. `lost` counts incomplete latches, without the
+    last one, whose frames may arrive after the end; `gaps` (G, 2) holds the first and last sequence number of each run
+    of lost latches, counted as `sequence`, which starts at the number of the `first` latch. `dropped` counts duplicated
+    and late frames, `restarts` the restarts of the counter.
     """
 
     sequence: Integers
@@ -42,13 +42,13 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """One channel as the wire gave it, a row for each sample that came once, in order and valid.
+    """Samples of one channel, one row for each valid sample that arrived once and in order.
 
     `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick` (N,) is raw and wraps at `2**tick_bits`; `values`
-    (N,) are codes, or what they are decoded to; `host_s` (N,) is the arrival. `lost` counts samples that did not come,
-    `gaps` (G, 2) are the numbers of the first and of the last of each row of them, in the numbers of `sequence`, which
-    begin with that of the `first` sample. `dropped` counts those that came twice or late, `invalid` those that the unit
-    marked, `restarts` how often it began anew.
+    (N,) are codes or decoded values; `host_s` (N,) is the arrival. `lost` counts lost samples, `gaps` (G, 2) holds the
+    first and last sequence number of each run of lost samples, counted as `sequence`, which starts at the number of the
+    `first` sample. `dropped` counts duplicated and late samples, `invalid` those marked invalid by the unit, `restarts`
+    the restarts of the unit.
     """
 
     sequence: Integers
@@ -66,10 +66,10 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """One encoder as the wire gave it, a row for each latch whose frames all came; `position` wraps.
+    """Raw positions of one encoder, one row for each latch of which all frames arrived; `position` wraps.
 
-    `sequence` (N,) numbers the latches, or the samples, that they belong to; `tick` (N,) is raw, `host_s` (N,) is when
-    these arrived. `lost` counts those whose frames did not all come, `restarts` changes of a boot counter.
+    `sequence` (N,) is the number of the latch or sample of each position; `tick` (N,) is raw, `host_s` (N,) its time of
+    arrival. `lost` counts incomplete latches, `restarts` changes of the boot counter.
     """
 
     sequence: Integers
@@ -83,7 +83,7 @@ class Positions:
 
 
 class Scale(NamedTuple):
-    """A value is `factor` times its code plus `offset`."""
+    """Linear scale: a value is `factor` times its code plus `offset`."""
 
     factor: float = 1.0
     offset: float = 0.0
@@ -94,7 +94,7 @@ class GapWatch(Protocol):
 
     @property
     def is_whole(self) -> bool:
-        """True until a frame may be missing."""
+        """True as long as no frame can be missing."""
 
     def take(self, block: FrameBlock) -> None:
         """Check the next block."""
@@ -103,19 +103,19 @@ class GapWatch(Protocol):
 class FrameDecoder(ABC):
     """Decodes the frames of one device, live and from the record of a run.
 
-    `scales` are those of channels that send samples, where these are not codes as they come.
+    `scales` convert the codes of channels that send samples; a channel without scale sends decoded values.
     """
 
     scales: Mapping[str, Scale] = MappingProxyType({})
 
     @abstractmethod
     def outputs(self, block: FrameBlock) -> Mapping[str, Counts | Samples]:
-        """The counts or samples of every channel in these frames."""
+        """Decode the counts or samples of every channel."""
 
     @abstractmethod
     def watches(self) -> Sequence[GapWatch]:
-        """Watches for a new acquisition. They may report a gap that is none, but must not miss one."""
+        """Gap checks for a new acquisition. They may report a gap where there is none, but must not miss one."""
 
     def positions(self, block: FrameBlock) -> Mapping[str, Positions]:
-        """What the encoders read, by the devices that drive their axes."""
+        """Decode encoder positions, by the devices that drive their axes."""
         return {}

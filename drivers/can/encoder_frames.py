@@ -1,4 +1,4 @@
-"""Encoders of tables latched with the data of a CAN node: frame formats and decoding."""
+"""Table encoders latched with the data of a CAN node: frame formats and decoding."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 from drivers.can.dbc import Dbc, Field
 from drivers.can.sequence_numbers import MOST_LATE, Integers, ascending, shortest
 
-MOST_AHEAD = 8  # numbers that a frame may be ahead of the next known one
+MOST_AHEAD = 8  # numbers by which a frame may be ahead of the next known one
 
 
 @dataclass(frozen=True, slots=True)
 class PositionFormat:
-    """The encoder of an axis."""
+    """Frame format of the encoder of an axis."""
 
     position: Field
     sequence: Field
 
 
 def position_formats(dbc: Dbc, positions: Mapping[str, Mapping[str, Any]]) -> dict[str, PositionFormat]:
-    """Binds the names of each encoder to the DBC; DbcError names what it does not have."""
+    """Resolve the signal names of each encoder in the DBC; DbcError names the missing ones."""
     return {
         name: PositionFormat(dbc.field(entry["position"]), dbc.field(entry["sequence"]))
         for name, entry in positions.items()
@@ -34,11 +34,11 @@ def position_formats(dbc: Dbc, positions: Mapping[str, Mapping[str, Any]]) -> di
 def numbered_beside(
     rows: NDArray[np.intp], raw: Integers, bits: int, known_rows: NDArray[np.intp], known: Integers
 ) -> tuple[Integers, NDArray[np.bool_]]:
-    """Numbers that wrap, in rows of a block, unwrapped; and which of them are above all before them.
+    """Unwrap numbers in rows of a block by neighbouring known numbers; also return which of them exceed all before.
 
-    `known` (M,) are unwrapped and ascend, in the rows `known_rows` (M,). A number is the nearest one to that of the
-    known row before it, or to that of the one after it where that is nearer, as after a gap. One that is ahead even of
-    that is of nobody known, and not among those above.
+    `known` (M,) are unwrapped and ascend, in the rows `known_rows` (M,). Each number is unwrapped to the nearest value
+    to the known row before it, or to the one after it if that is closer, as after a gap. A number ahead of both belongs
+    to no known row and does not count as exceeding.
     """
     if not len(known):
         return raw, ascending(raw)

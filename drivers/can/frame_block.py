@@ -1,4 +1,4 @@
-"""CAN frames as blocks of arrays, as counters deliver and the store keeps them."""
+"""CAN frames as blocks of arrays, as delivered by counters and kept by the store."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXTENDED = 1 << 31  # set in the id of a frame with a 29-bit identifier, as SocketCAN does
-ERROR = 1 << 29  # set in that of an error frame, whose other bits are its classes, as SocketCAN does
+ERROR = 1 << 29  # set in the id of an error frame, whose other bits are its classes, as SocketCAN does
 
 
 @dataclass(frozen=True, slots=True)
 class FrameBlock:
-    """CAN frames in order of arrival, error frames among them.
+    """CAN frames in order of arrival, including error frames.
 
     `ids` (N,) uint32 (29-bit ones with EXTENDED set, those of error frames with ERROR), `at_s` (N,) float64 loop time
     of arrival, `dlc` (N,) uint8, `data` (N, 8) uint8, zero past dlc.
@@ -29,17 +29,17 @@ class FrameBlock:
         return len(self.ids)
 
     def payloads(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
-        """The data of these frames, (n, 8)."""
+        """Data of these frames, (n, 8)."""
         return self.words.take(rows).view(np.uint8).reshape(-1, 8)
 
     @property
     def words(self) -> NDArray[np.uint64]:
-        """The data as one word of each frame, (N,), which is moved in one piece."""
+        """Data of each frame as one 64-bit word, (N,)."""
         return self.data.view(np.uint64).ravel()
 
     @classmethod
     def joined(cls, blocks: Sequence[FrameBlock]) -> FrameBlock:
-        """Blocks one after the other as one."""
+        """Concatenate blocks."""
         if len(blocks) == 1:
             return blocks[0]
         if not blocks:

@@ -1,6 +1,6 @@
-"""Frames that come in cycles: after each one of a message the same others, in the same order.
+"""Cyclic frames: each frame of a leading message is followed by the same others in the same order.
 
-So a node on a healthy bus sends, and then all messages are found by the one that leads them.
+A node on a healthy bus sends in cycles; all its messages are then found from the leading one, without a search.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ T = TypeVar("T", bound=np.generic)
 
 @dataclass(frozen=True, slots=True)
 class Cycles:
-    """Where cycles begin in a block of `frames` (N,), and how far behind a message stands, by its id and its length.
+    """Start of each cycle in a block of `frames` (N,), and the position of each message in a cycle, by id and length.
 
-    Nowhere else is any of these messages, but for those at the head of the block that ended the cycle before it; the
-    last cycle may lack its end. Without `places` the frames come otherwise.
+    These messages occur nowhere else in the block, except at its head, as the end of the previous cycle; the last cycle
+    may be incomplete. If `places` is empty, the frames are not cyclic.
     """
 
     begins: NDArray[np.intp]
@@ -40,14 +40,14 @@ class Cycles:
 
 
 def cycles_of(block: FrameBlock, begins: NDArray[np.intp]) -> Cycles:
-    """The cycles of a block that begin with the frames at `begins` (N,), all those of one message, in order."""
+    """Cycles of a block that begin with the frames at `begins` (N,), which are all frames of one message, in order."""
     if not len(begins):
         return Cycles(begins, {}, len(block))
     steps = np.diff(begins, append=len(block))
     first, length = int(begins[0]), int(steps[: max(len(steps) - 1, 1)].min())
     kinds = _kinds(block, first, first + length)
     places = {kind: place for place, kind in enumerate(kinds)}
-    tail = int(begins[-1]) if steps[-1] < length else len(block)  # where a cycle begins that lacks its end
+    tail = int(begins[-1]) if steps[-1] < length else len(block)  # start of an incomplete last cycle
     between = _between(begins, steps, length)
     alike = (
         len(places) == length
@@ -61,18 +61,18 @@ def cycles_of(block: FrameBlock, begins: NDArray[np.intp]) -> Cycles:
 
 
 def _recurs(column: NDArray[T], between: NDArray[np.intp], length: int) -> bool:
-    """Whether a column, without what comes between cycles, is that of one cycle again and again."""
+    """Return whether a column repeats from cycle to cycle, frames between cycles ignored."""
     cycles = (np.delete(column, between) if len(between) else column).reshape(-1, length)
     return bool((cycles == column[:length]).all())
 
 
 def _kinds(block: FrameBlock, begin: int, end: int) -> list[tuple[int, int]]:
-    """The messages in a stretch of rows, by their ids and lengths."""
+    """Messages in a range of rows, by id and length."""
     return list(zip(block.ids[begin:end].tolist(), block.dlc[begin:end].tolist(), strict=True))
 
 
 def _between(begins: NDArray[np.intp], steps: NDArray[np.intp], length: int) -> NDArray[np.intp]:
-    """The rows of frames after the end of a cycle and before the next one begins."""
+    """Rows of frames after the end of a cycle and before the beginning of the next."""
     longer = np.flatnonzero(steps > length)
     extra = steps[longer] - length
     within = np.arange(extra.sum()) - np.repeat(np.cumsum(extra) - extra, extra)

@@ -1,7 +1,6 @@
-"""Quick check, block by block, whether numbered frames are consecutive; it misses no gap.
+"""Quick check, block by block, that numbered frames are consecutive; it misses no gap.
 
-It only detects that there may be a gap. What else is odd, such as a frame that is late or comes twice,
-looks like one too, so that who must know decodes what has come.
+It only detects a possible gap: late and duplicated frames look like gaps, too. For certainty, decode the frames.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from drivers.can.sequence_numbers import Integers
 
 @dataclass(slots=True)
 class _Numbers:
-    """What has come of one message: how many, and the first and the last of their raw numbers."""
+    """Sequence numbers of one message so far: count, and first and last raw number."""
 
     field: Field
     count: int = 0
@@ -28,7 +27,7 @@ class _Numbers:
     last: int = 0
 
     def rise(self, raw: Integers) -> bool:
-        """Takes in more of them; whether each is the one after that before it."""
+        """Add numbers; return whether each is the successor of the one before."""
         if not len(raw):
             return True
         mask = (1 << self.field.signal.length) - 1
@@ -38,7 +37,7 @@ class _Numbers:
         return goes_on and bool(((steps & mask) == 1).all())
 
     def note(self, raw: Integers) -> None:
-        """Takes in more of them that are known to rise; not none."""
+        """Add numbers that are known to be consecutive; at least one."""
         if not self.count:
             self.first = int(raw[0])
         self.last = int(raw[-1])
@@ -47,23 +46,23 @@ class _Numbers:
 
 @dataclass(slots=True)
 class Unbroken:
-    """Frames whose numbers rise by one, by a clock in them, and those of other messages that come with each of them.
+    """Gap detector for frames with consecutive numbers and a clock, and for other messages sent with each of them.
 
-    One of a latch that began before the first block, and one that comes after the last, are not missed.
+    A missing frame of a latch that began before the first block or ends after the last is not a gap.
     """
 
     leading: _Numbers
     tick: Field
     others: Sequence[_Numbers]
     is_whole: bool = field(default=True, init=False)
-    _in_step: bool = field(default=True, init=False)  # so far all others have followed the leading one at once
+    _in_step: bool = field(default=True, init=False)  # True while all others have followed the leading message at once
     _last_tick: int | None = field(default=None, init=False)
     _least_ticks: int = field(default=1 << 62, init=False)
     _most_ticks: int = field(default=0, init=False)
 
     @classmethod
     def of(cls, sequence: Field, tick: Field, others: Sequence[Field] = ()) -> Unbroken:
-        """Of a message with a number and a clock, and of numbers in others."""
+        """Build from a message with number and clock, and from the numbers in other messages."""
         distinct = {(each.message.id, each.signal.name): each for each in others}
         return cls(_Numbers(sequence), tick, tuple(map(_Numbers, distinct.values())))
 
@@ -88,7 +87,7 @@ class Unbroken:
         )
 
     def _are_followed(self, block: FrameBlock, rows: NDArray[np.intp], raw: Integers) -> bool:
-        """Whether all others come in cycles with the leading ones and have their numbers: most often they do."""
+        """Return whether all others are cyclic with the leading message and carry its numbers: the usual case."""
         cycles, found = cycles_of(block, rows), []
         for each in self.others:
             at = cycles.rows(each.field.message)
@@ -103,11 +102,11 @@ class Unbroken:
         return True
 
     def _common(self, other: _Numbers) -> int:
-        """The bits that the number of another message has in common with the leading one."""
+        """Bits that the number of another message has in common with the leading one."""
         return (1 << min(other.field.signal.length, self.leading.field.signal.length)) - 1
 
     def _in_time(self, ticks: Integers) -> bool:
-        """Whether the numbers cannot have gone round between any two."""
+        """Return whether the number cannot have wrapped between any two frames, by their clock."""
         if not len(ticks):
             return True
         if self._last_tick is not None:
@@ -120,11 +119,11 @@ class Unbroken:
         return self._most_ticks < 2 * self._least_ticks
 
     def _beside(self, other: _Numbers) -> bool:
-        """Whether another message has come as often as the leading one, but for those at both ends."""
+        """Return whether another message arrived as often as the leading one, apart from both ends."""
         leading = self.leading
         if not other.count or not leading.count:
             return max(other.count, leading.count) <= 1
         mask = self._common(other)
-        ahead = (leading.first - other.first) & mask  # of the first latch, where its other frames came before it
+        ahead = (leading.first - other.first) & mask  # numbers of the first latch whose other frames arrived before it
         behind = (leading.last - other.last + 1 & mask) - 1
         return ahead in (0, 1) and behind in (-1, 0, 1) and other.count - leading.count == ahead - behind

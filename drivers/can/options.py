@@ -1,4 +1,4 @@
-"""Bench file keys of all devices that send CAN frames by themselves, described by a DBC."""
+"""Bench file keys of devices that send CAN frames unsolicited, described by a DBC."""
 
 from __future__ import annotations
 
@@ -19,36 +19,39 @@ from drivers.schema.wording import problem_at
 
 FRAME_SCHEMES = frozenset({"slcan", "can", "socketcand", "log"})
 DBC_LIMIT_BYTES = 2**20
-IDLE_BLOCK_S = 10.0  # how long frames are collected while there is no acquisition
+IDLE_BLOCK_S = 10.0  # interval at which frames are collected outside an acquisition
 
-SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal, a name of the DBC")]
+SignalName = Annotated[str, TextLike(r"\w+\.\w+", "Message.Signal of the DBC")]
 
 
 class DbcOptions(StrictModel):
     """Options of a device whose frames a DBC describes."""
 
-    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="describes the frames")
+    dbc: Annotated[Path, FileBeside(DBC_LIMIT_BYTES)] = Field(description="DBC file of the frames")
 
 
 class PositionOptions(StrictModel):
-    """The signals of a table's encoder, which is latched with what else the node sends; so both have one clock."""
+    """Signals of a table's encoder that is latched with the other data of the node; both have one clock."""
 
-    position: SignalName = Field(description="the counts of the encoder; they wrap")
-    sequence: SignalName = Field(description="the number of the latch, or of the sample, that they belong to")
+    position: SignalName = Field(description="counts of the encoder, which wrap")
+    sequence: SignalName = Field(description="sequence number of their latch or sample")
     resolution: Annotated[float, InUnit("arcsec", above=0)] = Field(description="one count")
 
 
 class ClockUncertainty(StrictModel):
-    """What a certificate states of the clock of a node, expanded."""
+    """Expanded uncertainty of a node's clock, from its certificate."""
 
-    time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of its clock, such as 1 ppm")
+    time_base: Annotated[Ratio, InUnit("", at_least=0)] = Field(
+        0.0, description="relative uncertainty of its clock, such as 1 ppm"
+    )
     encoder_skew: Seconds = Field(
-        0.0, description="of the time between the latch of an encoder and that of the pulses, or the end of the sample"
+        0.0,
+        description="uncertainty of the delay of an encoder latch after that of the pulses, or the end of the sample",
     )
 
 
 def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str | int, ...], str | None]:
-    """The signals of encoders at their places in the options."""
+    """Encoder signals, by their place in the options."""
     return {
         ("positions", device, key): getattr(encoder, key)
         for device, encoder in positions.items()
@@ -57,7 +60,7 @@ def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str 
 
 
 def on_the_wire(dbc: Path, periods_s: Mapping[str, float], positions: Mapping[str, PositionOptions]) -> OnTheWire:
-    """The load of the frames with these signals, each sent once in its period, and the bits of positions."""
+    """Bus load of the frames with these signals, each sent once in its period, and the bits of positions."""
     text = text_of(dbc)
     bits, lengths = frames_bits(text), lengths_bits(text)
     of_messages = {signal.partition(".")[0]: period_s for signal, period_s in periods_s.items()}
@@ -67,7 +70,7 @@ def on_the_wire(dbc: Path, periods_s: Mapping[str, float], positions: Mapping[st
 
 
 def text_of(dbc: Path) -> str:
-    """The text of a DBC file, whatever its encoding; UnfitFileError for what is no file of that size."""
+    """Read the text of a DBC file in any encoding; raises UnfitFileError."""
     return read_bounded(dbc, DBC_LIMIT_BYTES).decode("utf-8", errors="replace")
 
 
@@ -82,7 +85,7 @@ def temperatures(options: DbcOptions) -> Mapping[str, str]:
 
 
 def unknown_signals(dbc: Path, named: Mapping[tuple[str | int, ...], str | None]) -> Iterator[InitErrorDetails]:
-    """What names at their places the DBC does not have."""
+    """Signals in the options that the DBC does not contain, by place."""
     known = signals_of(dbc)
     for place, name in named.items():
         if name is not None and name not in known:

@@ -1,4 +1,4 @@
-"""What a bench has to know of a device that sends frames by itself, without importing its driver or numpy."""
+"""Description of a device that sends frames unsolicited, known without importing its driver or numpy."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-CODE = "code"  # the unit of samples that are not decoded
-WITH_THE_COUNTS = ""  # in place of the channel that an encoder is latched with
+CODE = "code"  # unit of samples that are not decoded
+WITH_THE_COUNTS = ""  # instead of the channel with which an encoder is latched
 
 
 @dataclass(frozen=True, slots=True)
 class Counted:
     """A channel of cumulative pulse counts, latched every `period_s`.
 
-    `tick_period_s` is one count of the clock in the frames. `max_rate_pps` is the fastest that pulses can come; it
-    bounds the gap over which the counts stay unambiguous.
+    `tick_period_s` is one count of the clock in the frames. `max_rate_pps` is the maximum pulse rate; it bounds the gap
+    over which counts stay unambiguous.
     """
 
     unit: ClassVar[str] = "pulse/s"
@@ -29,7 +29,7 @@ class Sampled:
     """A channel of samples, one every `period_s`, in `unit`.
 
     A sample is the mean over the period that ends at its tick where it is `averaged`, else the output at its tick.
-    `stuck_after` consecutive samples of one value mean that the unit no longer measures; None where nobody says.
+    `stuck_after` consecutive equal samples mean that the unit no longer measures; None if that is not specified.
     """
 
     period_s: float
@@ -44,7 +44,7 @@ Output = Counted | Sampled
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
-    """The encoder of a table, latched every `period_s` with the counts, or with the samples of a `channel`."""
+    """Encoder of a table, latched every `period_s` with the counts, or with the samples of a `channel`."""
 
     resolution_arcsec: float
     period_s: float
@@ -54,7 +54,7 @@ class Encoder:
 
 @dataclass(frozen=True, slots=True)
 class OnTheWire:
-    """The load of the bus in bit/s at most, and the bits of the positions of encoders; 0 and none where not known."""
+    """Maximum bus load in bit/s, and the bits of the encoder positions; 0 and none if not known."""
 
     bits_per_s: float = 0.0
     position_bits: Mapping[str, int] = field(default_factory=dict)
@@ -72,9 +72,9 @@ def _not_known(_options: object) -> OnTheWire:
 class SentFrames:
     """The frames of a driver's devices, as part of its description; each function takes the options of a device.
 
-    `outputs` are the channels on which outputs of units come. `encoders` are those latched with them, by the devices
-    that drive their axes. `decoder` is "module:callable" of what makes a `drivers.can.decoded.FrameDecoder` of the
-    options. `on_the_wire` may read files that the options name; it is called only where these exist.
+    `outputs` are the channels with outputs of units. `encoders` are latched with them, by the devices that drive their
+    axes. `decoder` is the "module:callable" that makes a `drivers.can.decoded.FrameDecoder` from the options.
+    `on_the_wire` may read files that the options name; it is called only where these exist.
 
     A file that an option names (a `Path`) is kept with a run under its own name; the options given to `decoder` then
     name the kept one.

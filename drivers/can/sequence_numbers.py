@@ -1,4 +1,4 @@
-"""Numbers that frames carry so that lost, late and doubled ones are seen: they wrap, and rise by one."""
+"""Sequence numbers of frames, which wrap and rise by one: detection of lost, late and duplicated frames."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
-MOST_LATE = 64  # numbers that a frame may come behind the newest; one further back is of a sender that began anew
-CLOCK_SLACK = 0.5  # of the usual time from one number to the next
+MOST_LATE = 64  # numbers by which a frame may be behind the newest; one further back is from a restarted sender
+CLOCK_SLACK = 0.5  # tolerance, relative to the usual interval between numbers
 
 
 def shortest(steps: Integers, bits: int) -> Integers:
-    """Steps of a number that wraps; half its range or more is a step back."""
+    """Difference of numbers that wrap; half their range or more counts as a step back."""
     half = 1 << (bits - 1)
     return ((steps + half) & (2 * half - 1)) - half
 
 
 def unwrapped(raw: Integers, bits: int) -> Integers:
-    """Numbers that wrap as numbers that do not, counted from the first."""
+    """Unwrap numbers, counted from the first."""
     return np.concatenate([raw[:1], raw[:1] + np.cumsum(shortest(np.diff(raw), bits))])
 
 
 def unwrapped_by_clock(raw: Integers, bits: int, ticks: Integers, tick_bits: int) -> Integers:
-    """The same of numbers that come with a clock, which tells how often the number has gone round in between.
+    """Unwrap numbers that come with a clock, which resolves wraps during gaps.
 
-    Up to half the range of the clock, forward over a gap and back to what comes late; a step that does not fit the
-    clock is the shortest.
+    Valid up to half the range of the clock, forward over a gap and back to a late frame; a step inconsistent with the
+    clock is taken as the shortest.
     """
     steps, clock = shortest(np.diff(raw), bits), shortest(np.diff(ticks), tick_bits)
     if not len(steps) or ((steps == 1).all() and 0 < clock.max() < 2 * clock.min()):
-        return raw[:1] + np.arange(len(raw))  # it cannot have gone round between any two
+        return raw[:1] + np.arange(len(raw))  # the number cannot have wrapped between any two
     forward = (steps > 0) & (clock != 0)
     if not forward.any():
         return unwrapped(raw, bits)
@@ -40,24 +40,24 @@ def unwrapped_by_clock(raw: Integers, bits: int, ticks: Integers, tick_bits: int
 
 
 def ascending(numbers: Integers) -> NDArray[np.bool_]:
-    """Which of the numbers are above all before them."""
+    """Mask of the numbers that exceed all before them."""
     fresh = np.ones(len(numbers), dtype=bool)
     fresh[1:] = numbers[1:] > np.maximum.accumulate(numbers)[:-1]
     return fresh
 
 
 def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
-    """How often a sender began anew: its unwrapped numbers jump, and not by its clock, or go back too far.
+    """Count restarts of a sender: jumps of its unwrapped numbers that disagree with its clock, or go back too far.
 
-    A sender that loses its power begins with other numbers, or at another time of its clock. A frame that is late, or
-    comes twice, goes back by the clock as well, and not far.
+    After a loss of power a sender starts with other numbers, or at another clock time. A late or duplicated frame goes
+    back as well, but in agreement with the clock and not far.
     """
     if (np.diff(numbers) == 1).all():
         return 0
     fresh = ascending(numbers)
     steps, clock = np.diff(numbers[fresh]), np.diff(ticks[fresh]) % (1 << tick_bits)
     each = float(np.median(clock[clock > 0] / steps[clock > 0])) if clock.any() else 0.0
-    rounding = steps  # that time is a whole number of ticks only in the mean
+    rounding = steps  # that interval is a whole number of ticks only on average
     jumps = (steps > 1) & (np.abs(clock - steps * each) >= CLOCK_SLACK * each + rounding)
     last = np.maximum.accumulate(np.where(fresh, np.arange(len(numbers)), 0))
     behind, anew = numbers[last] - numbers, ~fresh
@@ -71,7 +71,7 @@ def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
 
 
 def gaps_in(numbers: Integers, first: int, last: int) -> Integers:
-    """The first and the last of each row of numbers from `first` to `last` that ascending `numbers` lack, (G, 2)."""
+    """First and last number of each run between `first` and `last` that ascending `numbers` lack, (G, 2)."""
     if len(numbers) == last - first + 1:
         return np.empty((0, 2), np.int64)
     around = np.concatenate(([first - 1], numbers, [last + 1])).astype(np.int64)

@@ -1,6 +1,6 @@
-"""Corrections from certificates that are added to readings, as stated in bench files.
+"""Corrections from certificates that are added to readings, as stated in the bench file.
 
-A table holds corrections at readings, straight lines between them; beyond its ends the end values hold.
+A table holds corrections at readings and is interpolated linearly; beyond its ends the end values apply.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ ARCSEC_PER_DEG = 3600.0
 class AngleCorrection(StrictModel):
     """A row of the table of an axis."""
 
-    at: Degrees = Field(description="the angle that is read")
-    add: Annotated[float, InUnit("arcsec")] = Field(description="what must be added to it")
+    at: Degrees = Field(description="indicated angle")
+    add: Annotated[float, InUnit("arcsec")] = Field(description="correction to be added to it")
 
 
 class TemperatureCorrection(StrictModel):
     """A row of the table of a thermometer."""
 
-    at: Celsius = Field(description="the temperature that is read")
-    add: Annotated[float, InUnit("°C")] = Field(description="what must be added to it")
+    at: Celsius = Field(description="indicated temperature")
+    add: Annotated[float, InUnit("°C")] = Field(description="correction to be added to it")
 
 
 class CurrentCorrection(StrictModel):
     """A row of the table of a current source, or of an ammeter."""
 
-    at: Annotated[float, InUnit("A")] = Field(description="the current that it is set to, or reads")
-    add: Annotated[float, InUnit("A")] = Field(description="the correction to add to obtain the true current")
+    at: Annotated[float, InUnit("A")] = Field(description="set or indicated current")
+    add: Annotated[float, InUnit("A")] = Field(description="correction to be added to obtain the true current")
 
 
 def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
     _rising([(row.at, row.at + row.add / ARCSEC_PER_DEG) for row in rows])
     if rows and rows[-1].at - rows[0].at > TURN_DEG:
-        raise telling(f"the rows are those of one turn, and go from {rows[0].at:g}° to {rows[-1].at:g}°")
+        raise telling(f"the rows must lie within one turn, and go from {rows[0].at:g}° to {rows[-1].at:g}°")
     return rows
 
 
@@ -56,12 +56,12 @@ def _currents(rows: tuple[CurrentCorrection, ...]) -> tuple[CurrentCorrection, .
 
 
 def _rising(rows: list[tuple[float, float]]) -> None:
-    """Readings and what they are corrected: both rise from row to row."""
+    """Check that readings and corrected readings rise from row to row."""
     for (before, low), (after, high) in pairwise(rows):
         if after <= before:
             raise telling(f"the rows rise, and {after:g} stands after {before:g}")
         if high <= low:
-            raise telling(f"what is read as {after:g} is corrected to no more than what is read as {before:g}")
+            raise telling(f"the reading {after:g} is corrected to no more than the reading {before:g}")
 
 
 TemperatureTable = Annotated[tuple[TemperatureCorrection, ...], AfterValidator(_temperatures)]
@@ -70,25 +70,25 @@ AngleTable = Annotated[tuple[AngleCorrection, ...], AfterValidator(_angles)]
 
 
 class AxisCorrections(StrictModel):
-    """What a certificate states of an axis besides its uncertainty."""
+    """Corrections of an axis, from its certificate."""
 
-    angle: AngleTable = Field((), description="rows of one turn, by rising angle; all turns are corrected alike")
+    angle: AngleTable = Field((), description="rows of one turn, by rising angle; the same for all turns")
 
 
 class ClockCorrections(StrictModel):
-    """What a certificate states of a counter's clock besides its uncertainty."""
+    """Corrections of a counter's clock, from its certificate."""
 
     time_base: Annotated[Ratio, InUnit("")] = Field(0.0, description="relative correction of times, such as 0.4 ppm")
 
 
 class VoltageCorrections(StrictModel):
-    """What a certificate states of a voltmeter in its range besides its uncertainty."""
+    """Corrections of a voltmeter in its range, from its certificate."""
 
-    gain: Annotated[Ratio, InUnit("")] = Field(0.0, description="of the reading, what must be added, such as -3 ppm")
-    offset: Annotated[float, InUnit("V")] = Field(0.0, description="what must be added, whatever it reads")
+    gain: Annotated[Ratio, InUnit("")] = Field(0.0, description="correction relative to the reading, such as -3 ppm")
+    offset: Annotated[float, InUnit("V")] = Field(0.0, description="constant correction")
 
 
 class CurrentCorrections(StrictModel):
-    """What a certificate states of a current source, or an ammeter, in its range besides its uncertainty."""
+    """Corrections of a current source or an ammeter in its range, from its certificate."""
 
     current: CurrentTable = Field((), description="rows, by rising current")

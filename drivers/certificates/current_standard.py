@@ -1,4 +1,4 @@
-"""Certificate of a current standard, whether it sources or measures the current."""
+"""Certificate of a current standard, whether a source or an ammeter."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ from drivers.schema.fields import InUnit, Ratio, StrictModel
 
 
 class CurrentUncertainty(StrictModel):
-    """What a certificate states of a current source, or an ammeter, in its range, once it has warmed up; expanded."""
+    """Expanded uncertainty of a current source or an ammeter in its range, warmed up, from its certificate."""
 
-    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the current, such as 40 ppm")
-    offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="the same at every current")
-    drift: Annotated[float, InUnit("1/h", at_least=0)] = Field(
-        0.0, description="of the current in an hour, such as 2 ppm/h"
-    )
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="relative to the current, such as 40 ppm")
+    offset: Annotated[float, InUnit("A", at_least=0)] = Field(0.0, description="constant part")
+    drift: Annotated[float, InUnit("1/h", at_least=0)] = Field(0.0, description="relative drift, such as 2 ppm/h")

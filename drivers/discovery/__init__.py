@@ -1,1 +1,1 @@
-"""Recognising an unknown instrument with questions that change nothing."""
+"""Recognition of an unknown instrument by queries that change nothing."""

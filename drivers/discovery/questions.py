@@ -12,13 +12,13 @@ from drivers.transport.address import Address
 from drivers.transport.wires import Wires
 
 ANSWER_S = 1.0
-QUIET_S = 0.3  # after which an answer is over; the slowest instrument needs as much before the next question
+QUIET_S = 0.3  # silence after which an answer is complete; the slowest instrument also needs it before the next query
 ANSWER_LIMIT_BYTES = 65_536
 LINE_ENDS = (b"\r", b"\n")
 
 
 class Listener(asyncio.Protocol):
-    """Keeps what arrives on a connection."""
+    """Buffers received bytes of a connection."""
 
     def __init__(self) -> None:
         self.received = bytearray()
@@ -27,7 +27,7 @@ class Listener(asyncio.Protocol):
         self._news = asyncio.Event()
 
     async def until_quiet(self, answer_s: float, quiet_s: float = QUIET_S) -> bytes:
-        """All that comes until nothing has come for `quiet_s`; b"" when nothing does within `answer_s`."""
+        """Receive until the line was silent for `quiet_s`; b"" if nothing arrives within `answer_s`."""
         wait_s = answer_s
         while not self.lost and len(self.received) < ANSWER_LIMIT_BYTES:
             self._news.clear()
@@ -44,18 +44,18 @@ class Listener(asyncio.Protocol):
     # asyncio.Protocol
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The connection is open."""
+        """Store the transport."""
         if not isinstance(transport, asyncio.Transport):
             raise TypeError("a stream transport is needed")
         self.transport = transport
 
     def data_received(self, data: bytes) -> None:
-        """Received bytes."""
+        """Buffer received bytes."""
         self.received += data
         self._news.set()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection is closed."""
+        """Mark the connection as closed."""
         self.lost = True
         self._news.set()
 
@@ -74,21 +74,21 @@ class QuestionPort:
         self._no_modbus = False
 
     async def __aenter__(self) -> QuestionPort:
-        """Connect, and drop unsolicited data until the line is quiet."""
+        """Connect, and discard unsolicited data until the line is silent."""
         self._listener = await self._wires.stream("scan", self._address, Listener)
         await self._listener.until_quiet(QUIET_S)
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the connection."""
+        """Close the connection."""
         if self._listener is not None and self._listener.transport is not None:
             self._listener.transport.close()
 
     async def ask(self, question: bytes, *, again: bool = False) -> bytes:
         """See Port.
 
-        On a serial line half a message may stand, such as one that was tried at another baud rate. The first line of
-        text ends it and has no answer then; so it is sent once more.
+        The instrument's input buffer may hold an incomplete message, such as one sent at another baud rate. The first
+        line of text then only completes it and gets no answer, so it is sent once more.
         """
         if question in self.said and not again:
             return self.said[question]

@@ -1,8 +1,8 @@
-"""How an instrument is known while nobody has said which driver it needs: by questions that change nothing.
+"""Recognition of an instrument before its driver is known, by queries that change nothing.
 
-A description that has a Recognition takes part in `bench devices scan`. The instruments of one language take each
-other's questions without harm; each language is spoken on a connection of its own, and once one is understood, the
-others are not tried.
+A description that has a Recognition takes part in `bench devices scan`. The queries of one language are harmless to all
+its instruments; each language is tried on a connection of its own, and once one is understood, the others are not
+tried.
 """
 
 from __future__ import annotations
@@ -15,39 +15,39 @@ from typing import Literal, Protocol
 from drivers.protocols import scpi
 from drivers.values import Identity
 
-IDN = b"*IDN?\r\n"  # an instrument that ends lines with either of the two takes the other for an empty one
+IDN = b"*IDN?\r\n"  # an instrument that ends lines with one of the two takes the other for an empty line
 _ERRORS_AT_MOST = 32
 _IDENTITY = re.compile(rb"[\x20-\x7e]{1,200}")
 _ENDS = {"crlf": b"\r\n", "cr": b"\r", "lf": b"\n"}
 _DO_SOMETHING = ("*TST", "*CAL", "*TRG", "CAL", "TEST", "MEAS", "INIT", "READ", "DIAG")
-"""Questions that begin so make an instrument do something before it answers."""
+"""Queries with these beginnings make an instrument act before it answers."""
 
 Blocks = Mapping[str, Mapping[str, object]]
-"""Blocks of a device entry, as they are written there."""
+"""Blocks of a device entry, as in the bench file."""
 
 
 class NoSuchRegister(ValueError):
-    """Somebody answers in Modbus, and refuses."""
+    """A Modbus exception: there is an instrument, but not this register."""
 
 
 class Port(Protocol):
-    """A connection to nobody knows whom."""
+    """A connection to an unknown instrument."""
 
     unit_id: int
     is_serial_line: bool
 
     async def ask(self, question: bytes, *, again: bool = False) -> bytes:
-        """All that comes back until the line is quiet, b"" when nothing does.
+        """Send a query; return the answer up to a silence of the line, b"" if there is none.
 
-        Sent once, however many drivers want to know, unless `again`.
+        The answer is cached for all drivers; `again` repeats the query.
         """
 
     async def registers(self, address: int, count: int, function: Literal[3, 4] = 3) -> Sequence[int]:
-        """Modbus registers; NoSuchRegister when they are refused, ValueError when the answer is none."""
+        """Read Modbus registers; raises NoSuchRegister for an exception, ValueError for an invalid answer."""
 
 
 def scpi_asks(line: str) -> bool:
-    """Whether every command of a line only asks: ends with `?` and makes the instrument do nothing first."""
+    """Return whether every command of a line is a query that has no effect on the instrument."""
     found = scpi.commands(line)
     return bool(found) and all(
         command.header.endswith("?") and not command.header.startswith(_DO_SOMETHING) for command in found
@@ -56,11 +56,11 @@ def scpi_asks(line: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """What instruments speak.
+    """Command language of instruments.
 
-    `rank` is when it is tried: what has no line end comes after text, which it would garble on a serial line.
-    `asks` tells whether a line that a person types only asks; None where nothing in a line tells. Of a `numbered` one
-    there may be several instruments on a line.
+    `rank` is the order of attempts: protocols without line ends come after text, which they would corrupt on a serial
+    line. `asks` returns whether a typed line is only a query; None if that cannot be seen from a line. A `numbered`
+    language allows several instruments on a line.
     """
 
     name: str
@@ -75,9 +75,9 @@ MODBUS = Language("modbus", 3, numbered=True)
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """An instrument that a driver knows: who it is, and what its entry in a bench file must say because of it.
+    """An instrument recognised by a driver: identity, and the keys of its bench file entry that follow from it.
 
-    With `missing` the entry needs something first that only a person has.
+    `missing` names what the operator has to add to the entry.
     """
 
     identity: Identity
@@ -87,11 +87,11 @@ class Found:
 
 @dataclass(frozen=True)
 class Recognition:
-    """How a driver knows its instrument.
+    """Recognition of an instrument by its driver.
 
-    `ask` raises ValueError when it is another. `starter` is what an entry needs besides, with values that are careful
-    rather than useful. `lines` are the settings of serial lines as instruments are delivered. What is `generic` is
-    asked only where no other driver of the language knows the instrument.
+    `ask` raises ValueError if it is another instrument. `starter` holds the other required keys of an entry, with
+    conservative values. `lines` are the serial line settings at delivery. A `generic` recognition is tried only after
+    all others of the language.
     """
 
     language: Language
@@ -102,7 +102,7 @@ class Recognition:
 
 
 def text_of(answer: bytes) -> str:
-    """One line of printable text without its end; ValueError."""
+    """Decode one line of printable text without its end; ValueError."""
     line = answer.strip(b"\r\n")
     if _IDENTITY.fullmatch(line) is None:
         raise ValueError("not a line of text")
@@ -112,9 +112,9 @@ def text_of(answer: bytes) -> str:
 def answers_idn(
     maker: str, model: str, *, terminators: bool = False, read: Callable[[bytes], Identity] = scpi.identity
 ) -> Callable[[Port], Awaitable[Found]]:
-    """Knows an instrument by the maker and the model in its answer to *IDN?, patterns for all of either.
+    """Recognition by maker and model in the answer to *IDN?, given as patterns.
 
-    With `terminators` the driver has an option of that name, and how the answer ends tells it.
+    With `terminators` the driver has an option `terminator`, whose value follows from the end of the answer.
     """
 
     async def ask(port: Port) -> Found:
@@ -130,7 +130,7 @@ def answers_idn(
 
 
 async def forget_errors(port: Port, question: bytes) -> None:
-    """Empties an error queue: for what was asked that the instrument does not know."""
+    """Clear the error queue of errors caused by unknown queries."""
     for _ in range(_ERRORS_AT_MOST):
         if scpi.error_entry(text_of(await port.ask(question, again=True)).encode()).code == scpi.NO_ERROR:
             return

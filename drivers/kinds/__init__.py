@@ -1,1 +1,1 @@
-"""The common half of drivers of one kind: chambers, heads, tables, sources, frame sources."""
+"""Common halves of drivers of one kind: chambers, heads, tables, sources, frame sources."""

@@ -1,4 +1,4 @@
-"""Going to an angle from one side, and standing at it; no I/O."""
+"""Approach of an angle from one side, and hold time; no I/O."""
 
 from __future__ import annotations
 
@@ -7,36 +7,36 @@ from collections.abc import Mapping
 from drivers.values import Approach
 
 ARCSEC_PER_DEG = 3600
-ASTRAY_BANDS = 10  # this many bands off is no scatter: somebody or something has interfered
-FAR_AWAY_POLL_S = 0.5  # how often a move is looked at while its end is far away
+ASTRAY_BANDS = 10  # a larger deviation, in bands, is no scatter: there was an interference
+FAR_AWAY_POLL_S = 0.5  # interval of polls while the end of a move is far away
 _SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
 
 
 def begin_of(target_deg: float, approach: Approach, distance_deg: float) -> float:
-    """The angle where an approach begins: the target itself where it is direct."""
+    """Angle where an approach begins: the target itself for a direct one."""
     return target_deg + _SIDES[approach] * distance_deg
 
 
 def legs(start_deg: float, begin_deg: float, target_deg: float, hold_s: float) -> list[tuple[float, float]]:
-    """The angles to go to, and for how long to stand there: first to the beginning, unless it lies on the way."""
+    """Angles of the legs with their hold times: first the beginning of the approach, unless it is on the way."""
     detour = (start_deg - begin_deg) * (target_deg - begin_deg) > 0
     return [(begin_deg, 0.0)] * detour + [(target_deg, hold_s)]
 
 
 def pause_s(poll_s: float, left_s: float) -> float:
-    """How long to wait before a move is looked at again whose end is about `left_s` away; never less than `poll_s`."""
+    """Pause before the next poll of a move with about `left_s` to go; never less than `poll_s`."""
     return max(poll_s, min(left_s / 2, FAR_AWAY_POLL_S))
 
 
 class Hold:
-    """Time for which an axis must have stood, from one look to the next."""
+    """Timer of a hold condition, from poll to poll."""
 
     def __init__(self, hold_s: float) -> None:
         self._hold_s = hold_s
         self._since_s: float | None = None
 
     def is_over(self, at_s: float, *, stands: bool) -> bool:
-        """Whether it has stood for as long, given what it does at a time."""
+        """Return whether the condition has held for the required time, given its value at a time."""
         if not stands:
             self._since_s = None
             return False

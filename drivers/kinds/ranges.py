@@ -1,4 +1,4 @@
-"""Ranges that descriptions share: the one that an instrument is locked in, and what a bench allows a source."""
+"""Ranges shared by descriptions: the range in which an instrument is locked, and limits of a source."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.schema.wording import telling
 
 
 def range_of(known: Iterable[float], unit: str, words: str) -> AfterValidator:
-    """Validates a number into the known range that it names, whatever unit it was written in; `words` tell them all."""
+    """Validate a number, in any unit, into the known range that it names; `words` lists them."""
 
     def named(value: float) -> float:
         for one in known:
@@ -23,13 +23,13 @@ def range_of(known: Iterable[float], unit: str, words: str) -> AfterValidator:
 
 
 class LevelRange(Range):
-    """From `min` to `max`, both allowed."""
+    """From `min` to `max`, inclusive."""
 
     min: Amperes
     max: Amperes
 
 
 class SourceLimits(StrictModel):
-    """What the bench allows the source, for the sake of the coil on it."""
+    """Limits that protect the coil on the source."""
 
     current: LevelRange

@@ -1,7 +1,7 @@
 """Modbus requests and answers as bytes, over TCP and over a serial line; the only importer of pymodbus.
 
-pymodbus writes the requests, knows the checksum and reads what a frame holds. Where a frame begins and ends is decided
-here, strictly: what is left over, or has another length than its function says, is an error and never skipped.
+pymodbus encodes requests, computes the checksum and decodes the content of frames. Frame limits are detected here,
+strictly: surplus bytes, or a length that does not fit the function, are an error and never skipped.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterRequest,
 )
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what it logs, we raise
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # what it logs is raised here
 
 Pdu = ModbusPDU
 Framing = Literal["tcp", "rtu"]
@@ -34,56 +34,56 @@ _RTU, _TCP = FramerRTU(_DECODER), FramerSocket(_DECODER)
 
 
 class Frames(Protocol):
-    """The frames of one connection to one unit."""
+    """Frames of one connection to one unit."""
 
     def request(self, pdu: Pdu) -> bytes:
-        """The bytes of the next request."""
+        """Encode the next request."""
 
     def answer(self, received: bytearray) -> Pdu | None:
-        """Takes the answer to the last request out of what was received; None until it is whole.
+        """Decode the answer to the last request; None until it is complete.
 
-        Raises ValueError for bytes that can be no answer to it.
+        Raises ValueError for bytes that cannot be an answer to it.
         """
 
 
 def read_request(address: int, count: int, function: ReadFunction) -> Pdu:
-    """Asks for `count` holding registers (function 3) or input registers (4) from the wire address `address`."""
+    """Request to read `count` holding registers (function 3) or input registers (4) from the wire address `address`."""
     if function == READ_INPUT:
         return ReadInputRegistersRequest(address=address, count=count)
     return ReadHoldingRegistersRequest(address=address, count=count)
 
 
 def write_request(address: int, words: Sequence[int], *, many: bool) -> Pdu:
-    """Writes registers from `address`: one by function 6 unless `many`, several by function 16."""
+    """Request to write registers from `address`: one by function 6 unless `many`, several by function 16."""
     if len(words) == 1 and not many:
         return WriteSingleRegisterRequest(address=address, registers=words)
     return WriteMultipleRegistersRequest(address=address, registers=words)
 
 
 def frames_of(framing: Framing, unit_id: int) -> Frames:
-    """The frames of a new connection."""
+    """Frames for a new connection."""
     return TcpFrames(unit_id) if framing == "tcp" else RtuFrames(unit_id)
 
 
 class TcpFrames:
-    """Frames with a header that numbers them, so that a late answer is never taken for another: it is dropped."""
+    """Frames with a transaction number in the header, by which a late answer is recognised and dropped."""
 
     def __init__(self, unit_id: int) -> None:
         self._unit_id, self._number, self._function = unit_id, 0, 0
 
     def request(self, pdu: Pdu) -> bytes:
-        """The bytes of the next request."""
+        """Encode the next request."""
         self._number = self._number % 0xFFFF + 1
         self._function = pdu.function_code
         pdu.dev_id, pdu.transaction_id = self._unit_id, self._number
         return _TCP.buildFrame(pdu)
 
     def answer(self, received: bytearray) -> Pdu | None:
-        """The answer to the last request; what has another number, or comes from another unit, is dropped."""
+        """Decode the answer to the last request; one with another number, or of another unit, is dropped."""
         while len(received) > _HEADER_BYTES:
             number, protocol, length = (int.from_bytes(received[at : at + 2], "big") for at in (0, 2, 4))
             if protocol != 0 or not 2 <= length <= _LONGEST_BYTES:
-                received.clear()  # where the next frame would begin is unknown
+                received.clear()  # the start of the next frame is unknown
                 return None
             if len(received) < _HEADER_BYTES + length:
                 return None
@@ -97,19 +97,19 @@ class TcpFrames:
 
 
 class RtuFrames:
-    """Frames with a checksum and no number: everything that arrives after a request must be its answer."""
+    """Frames with a checksum and no number: all bytes after a request must be its answer."""
 
     def __init__(self, unit_id: int) -> None:
         self._unit_id, self._function = unit_id, 0
 
     def request(self, pdu: Pdu) -> bytes:
-        """The bytes of the next request."""
+        """Encode the next request."""
         self._function = pdu.function_code
         pdu.dev_id = self._unit_id
         return _RTU.buildFrame(pdu)
 
     def answer(self, received: bytearray) -> Pdu | None:
-        """The answer to the last request, when its checksum is right and nothing follows it."""
+        """Decode the answer to the last request; its checksum must be valid and nothing may follow it."""
         if len(received) < 3:
             return None
         unit_id, function, first = received[:3]
@@ -129,7 +129,7 @@ class RtuFrames:
 
 
 def _body_bytes(function: int, first: int, asked: int) -> int:
-    """How long function and data of an answer are; `first` is the first byte after the function."""
+    """Length of function code and data of an answer; `first` is the first byte after the function code."""
     if function & ~REFUSED != asked:
         raise ValueError(f"function {function} instead of {asked}")
     if function & REFUSED:
@@ -138,7 +138,7 @@ def _body_bytes(function: int, first: int, asked: int) -> int:
 
 
 def _decoded(body: bytes, asked: int) -> Pdu:
-    """Decoded answer of function and data; ValueError unless its length fits the function."""
+    """Decode an answer; ValueError unless its length fits the function."""
     if len(body) < 2 or len(body) != _body_bytes(body[0], body[1], asked):
         raise ValueError(f"{len(body)} bytes, which function {asked} does not answer")
     answer = _DECODER.decode(body)

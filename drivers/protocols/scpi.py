@@ -1,6 +1,6 @@
-"""The parts of SCPI that instruments share: headers, messages, numbers and the error queue; no I/O.
+"""Common parts of SCPI instruments: headers, messages, numbers and the error queue; no I/O.
 
-After IEEE 488.2 and SCPI-1999. Drivers read answers with it, simulators read messages with it.
+Sources: IEEE 488.2 and SCPI-1999. Drivers decode answers with it, simulators decode messages.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ NO_ERROR = 0
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _ERROR = re.compile(r"""([+-]?\d{1,6})\s*,\s*(?:"((?:[^"]|"")*)"|'([^']*)'|([A-Za-z][^"',;]*))""", re.ASCII)
-_EVENT_ERRORS = {  # bit of the event status register, and the class of errors that it tells
+_EVENT_ERRORS = {  # bit of the event status register, and its class of errors
     5: (-100, "Command error"), 4: (-200, "Execution error"), 3: (-300, "Device-specific error"),
     2: (-400, "Query error"),
 }  # fmt: skip
@@ -24,7 +24,7 @@ _MNEMONIC = re.compile(r"(\[?:?)([A-Za-z]+)(:?\]?)", re.ASCII)
 
 
 class ErrorEntry(NamedTuple):
-    """One entry of an instrument's error queue; code 0 says that the queue is empty."""
+    """One entry of an instrument's error queue; code 0 means that the queue is empty."""
 
     code: int
     text: str
@@ -34,14 +34,14 @@ class ErrorEntry(NamedTuple):
 
 
 class Command(NamedTuple):
-    """One command or query of a message: its whole header in capitals, from the root, and its argument."""
+    """One command or query of a message: complete header in capitals, from the root, and argument."""
 
     header: str
     argument: str
 
 
 def number(text: str) -> float:
-    """A finite decimal number; ValueError for anything else, also for SCPI's infinity and not-a-number."""
+    """Decode a finite decimal number; ValueError for anything else, including SCPI's infinity and not-a-number."""
     if not _NUMBER.fullmatch(text):
         raise ValueError(f"'{text}' is not a number")
     value = float(text)
@@ -51,26 +51,26 @@ def number(text: str) -> float:
 
 
 def boolean(text: str) -> bool:
-    """What an instrument answers to a question about a switch: 0 or 1; ValueError for anything else."""
+    """Decode the state of a switch, 0 or 1; ValueError for anything else."""
     if text not in ("0", "1"):
         raise ValueError(f"'{text}' is neither 0 nor 1")
     return text == "1"
 
 
 def integer(text: str) -> int:
-    """A register: a whole number without a point; ValueError for anything else."""
+    """Decode a register, an integer without a decimal point; ValueError for anything else."""
     if not re.fullmatch(r"[+-]?\d{1,10}", text, re.ASCII):
         raise ValueError(f"'{text}' is not a whole number")
     return int(text)
 
 
 def spell(value: float) -> str:
-    """A number as it is sent: six significant digits, more than any setting here resolves."""
+    """Format a number with six significant digits, more than any setting here resolves."""
     return f"{value:.6G}"
 
 
 def answers(line: bytes, count: int) -> list[str]:
-    """The answers to `count` queries of one message, which come joined by semicolons; ValueError."""
+    """Split the answers to `count` queries of one message, which are joined by semicolons; ValueError."""
     found = [part.strip(" ") for part in line.decode("ascii").split(";")]
     if len(found) != count:
         raise ValueError(f"{len(found)} answers to {count} questions")
@@ -78,10 +78,10 @@ def answers(line: bytes, count: int) -> list[str]:
 
 
 def error_entry(line: bytes) -> ErrorEntry:
-    """An answer to SYST:ERR?, like `-113,"Undefined header"`; ValueError.
+    """Decode an answer to SYST:ERR?, like `-113,"Undefined header"`; ValueError.
 
-    Makers write the empty queue as `0,"No error"`, `+0,"No error"`, `0,'No error'` or `0,No error`. A number alone is
-    none: any switch answers that.
+    Variants of the empty queue are `0,"No error"`, `+0,"No error"`, `0,'No error'` and `0,No error`. A number alone is
+    rejected, because queries of switches have the same answer.
     """
     match = _ERROR.fullmatch(line.decode("ascii").strip())
     if match is None:
@@ -91,7 +91,7 @@ def error_entry(line: bytes) -> ErrorEntry:
 
 
 def event_entry(line: bytes) -> ErrorEntry:
-    """The same out of an answer to *ESR?, which IEEE 488.2 has every instrument know: its first error; ValueError."""
+    """Decode the first error of an answer to *ESR?, which is mandatory in IEEE 488.2; ValueError."""
     events = integer(line.decode("ascii").strip())
     for bit, (code, kind) in _EVENT_ERRORS.items():
         if events >> bit & 1:
@@ -100,7 +100,7 @@ def event_entry(line: bytes) -> ErrorEntry:
 
 
 def identity(line: bytes) -> Identity:
-    """An answer to *IDN?: maker, model, serial number, firmware, of which the last two may be empty; ValueError."""
+    """Decode an answer to *IDN?: maker, model, and serial number and firmware, which may be empty; ValueError."""
     fields = [field.strip(" \r") for field in line.decode("ascii").split(",", 3)]
     if len(fields) != 4 or not all(fields[:2]):
         raise ValueError("not maker,model,serial,firmware")
@@ -110,7 +110,7 @@ def identity(line: bytes) -> Identity:
 
 @lru_cache(maxsize=256)
 def commands(message: str) -> tuple[Command, ...]:
-    """The commands of a message, split at semicolons outside quotes.
+    """Parse the commands of a message, separated by semicolons outside quotes.
 
     A header without a leading colon continues in the group of the one before it; common commands (`*CLS`) leave the
     group as it is.
@@ -133,9 +133,9 @@ def commands(message: str) -> tuple[Command, ...]:
 
 @lru_cache(maxsize=256)
 def header(spelled: str) -> re.Pattern[str]:
-    """What matches a header, in capitals, written as manuals write it: `[SOURce:]CURRent:COMPliance`.
+    """Compile a pattern for a header, in capitals, from the notation of manuals: `[SOURce:]CURRent:COMPliance`.
 
-    Each word may be given whole or as its capitals; what is in brackets may be left out; a `?` makes a query.
+    Each word may be in long or short form (its capitals); words in brackets are optional; a `?` makes a query.
     """
 
     def word(match: re.Match[str]) -> str:

@@ -1,7 +1,7 @@
 r"""Numbers with units: "30 min", "-40 °C", "54°44'08\"", "2 µg/Hz^0.5".
 
-One full-match grammar and an algebra of dimensions; text that is not wholly understood is refused, never guessed at.
-What was written is kept: `6 °C/h` and `0.1 °C/min` are the same quantity to the last bit, and `to` gives 6 and 0.1.
+One full-match grammar and an algebra of dimensions; text that does not match completely is rejected. The text is kept:
+`6 °C/h` and `0.1 °C/min` are the same quantity to the last bit, and `to` gives 6 and 0.1.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ _TIME = parse_unit("s").dimension
 class Quantity:
     """A finite number in base units with its dimension; `+ - * /` and comparison check dimensions.
 
-    `written` is the text that it was parsed from, with single spaces; empty for what was computed. It is no part of the
-    value: quantities that are equal may be written differently.
+    `written` is the parsed text, with single spaces; empty for a computed value. It is not part of the value: equal
+    quantities may be written differently.
     """
 
     base_value: float
@@ -44,9 +44,9 @@ class Quantity:
     written: str = field(default="", compare=False, repr=False)
 
     def to(self, unit: str) -> float:
-        """The number in `unit`, as a person would write it.
+        """Number in `unit`, without rounding residue of the conversion.
 
-        QuantityError when the dimensions differ, and when no number in `unit` is large enough.
+        Raises QuantityError if the dimensions differ, or if the number overflows in `unit`.
         """
         target = parse_unit(unit)
         if target.dimension != self.dimension:
@@ -124,14 +124,14 @@ class Quantity:
 
 
 def finite(base_value: float, dimension: Dimension) -> Quantity:
-    """A quantity; QuantityError when the number is infinite or not a number."""
+    """Return the quantity; QuantityError if the number is infinite or not a number."""
     if not math.isfinite(base_value):
         raise QuantityError("is not a finite number")
     return Quantity(base_value, dimension)
 
 
 def as_quantity(value: object) -> Quantity:
-    """A quantity as it is, or a bare number as a ratio; anything else is refused."""
+    """Convert a bare number to a ratio; a quantity is returned unchanged, anything else is rejected."""
     if isinstance(value, Quantity):
         return value
     if isinstance(value, (int, float)) and not isinstance(value, bool):
@@ -162,7 +162,7 @@ _LONG_TIME = re.compile(
 
 
 def parse(text: str) -> Quantity:
-    """The quantity that `text` spells; QuantityError says what is wrong with it.
+    """Parse `text`; QuantityError with the problem.
 
     Accepts a number with a unit product, days to seconds (`1 h 30 min`), and degrees with minutes and seconds of arc
     (`54°44'08"`). A bare number is a ratio.
@@ -196,7 +196,7 @@ def _parsed(text: str) -> Quantity:
 
 
 def _hint(text: str) -> str:
-    """What was likely meant by a text that is no quantity, as the tail of a message."""
+    """Suggestion for a text that is no quantity, as the tail of a message."""
     if (letters := _LETTERS.match(text)) is not None:
         digits = letters[0].translate(_DIGITS_LIKE)
         return f"; a letter is used for a digit: write {digits}{text[letters.end() :]}"
@@ -218,7 +218,7 @@ def _hint(text: str) -> str:
 
 
 def _duration(first: str, second: str, third: str | None) -> str:
-    """What a clock's time was likely meant for; of two numbers nobody knows whether they begin with hours."""
+    """Suggestion for a time in clock format; for two numbers it is open whether the first is hours or minutes."""
     if third is None:
         return f"{_told((first, second), ('h', 'min'))} or {_told((first, second), ('min', 's'))}"
     return _told((first, second, third), ("h", "min", "s"))
@@ -237,7 +237,7 @@ def _sexagesimal(sign: str, degrees: str, minutes: str, seconds: str) -> Quantit
 
 
 def _rounded(exactly: Fraction, dimension: Dimension) -> Quantity:
-    """The nearest quantity; rounding once, at the end, makes equal quantities equal however they are written."""
+    """Round to the nearest float, once, at the end, so that equal quantities are equal however they are written."""
     try:
         return Quantity(float(exactly), dimension)
     except OverflowError:
@@ -245,9 +245,9 @@ def _rounded(exactly: Fraction, dimension: Dimension) -> Quantity:
 
 
 def spell(quantity: Quantity) -> str:
-    """The quantity in its customary unit, like "20 °C" or "1 °C/min"; in base units where there is none.
+    """Format in the customary unit, like "20 °C" or "1 °C/min"; in base units if there is none.
 
-    Also in base units is a number too large for the customary one.
+    A number that overflows in the customary unit is also in base units.
     """
     unit = customary_unit(quantity.dimension)
     try:
@@ -258,6 +258,6 @@ def spell(quantity: Quantity) -> str:
 
 
 def _plain(value: Fraction) -> float:
-    """As a person would write it: without the last bits that a conversion leaves, and without the sign of a zero."""
+    """Format a number without rounding residue of a conversion, and without the sign of a zero."""
     rounded = float(f"{float(value):.15g}") + 0.0
     return rounded if math.isfinite(rounded) else float(value)  # the largest numbers cannot be rounded up

@@ -1,8 +1,8 @@
 """Units of measure: "°C/min", "pulse/s/(m/s²)", "2 µg/Hz^0.5" without its number.
 
-A unit is an exact factor and the exponents of nine base units. Degrees Celsius are a base unit: a temperature and a
-difference are written alike, which is why kelvin and fahrenheit are refused. `g` is local gravity, a base unit too,
-since only a site can turn it into m/s².
+A unit is an exact factor and the exponents of nine base units. Degrees Celsius are a base unit: temperatures and
+temperature differences have the same unit, so kelvin and fahrenheit are rejected. `g` is local gravity, a base unit
+too, because its value in m/s² depends on the site.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _EXPONENT_DECIMALS = 4
 
 
 class QuantityError(ValueError):
-    """Text that is not a quantity, or quantities whose units do not go together."""
+    """Text that is not a quantity, or quantities with incompatible units."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Unit:
 
 
 def dimension_of(powers: Iterable[float]) -> Dimension:
-    """The dimension with these exponents of `BASES`; QuantityError for exponents that cannot be written in a unit."""
+    """Dimension with these exponents of `BASES`; QuantityError for exponents that cannot be written in a unit."""
     exact = tuple(powers)
     rounded = tuple(round(power, _EXPONENT_DECIMALS) for power in exact)
     if any(abs(power) > _EXPONENT_LIMIT for power in rounded):
@@ -119,11 +119,11 @@ _REFUSED = {
     "'": "write arcmin for minutes of arc",
 }
 
-_WITH_MEGA = ("Hz", "Ω", "ohm", "pulse", "Pa")  # others come in thousands of thousands by a slip for milli alone
+_WITH_MEGA = ("Hz", "Ω", "ohm", "pulse", "Pa")  # for others a prefix of a million is a typing error for milli
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _SUPERSCRIPT_RUN = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+")
-_SAME = (("º", "°"), ("˚", "°"))  # before NFKC, which would take them apart
+_SAME = (("º", "°"), ("˚", "°"))  # before NFKC, which would decompose them
 _ALIKE = (("−", "-"), ("′′", '"'), ("′", "'"), ("μ", "µ"), ("⋅", "·"))
 _TOKEN = re.compile(r"\s*(?:(1(?!\d))|([^\s\d·*/^()+.,-]+)|([·*/()]))", re.ASCII)
 _EXPONENT = re.compile(r"\^\(-?\d+(?:\.\d+)?\)|\^?-?\d+(?:\.\d+)?", re.ASCII)
@@ -134,15 +134,15 @@ _SHOWN.maxstring = 60
 
 
 def quoted(text: object) -> str:
-    """Text for a message: in quotes, on one line, without its middle where it is long."""
+    """Quote text for a message, on one line, shortened in the middle if long."""
     return _SHOWN.repr(str(text))
 
 
 def normalise(text: str) -> str:
-    """One spelling for the many that keyboards and word processors make: NFKC, ASCII minus, `^2` for ².
+    """Unify the spellings of keyboards and word processors: NFKC, ASCII minus, `^2` for ².
 
-    Raises QuantityError for digits in circles, below the line and in fractions, which NFKC would run together with
-    their neighbours, and for text far longer than any quantity.
+    Raises QuantityError for circled digits, subscripts and fractions, which NFKC would merge with neighbouring digits,
+    and for text far longer than any quantity.
     """
     if len(text) > _LENGTH_LIMIT:
         raise QuantityError(f"{quoted(text)} is too long for a quantity")
@@ -160,7 +160,7 @@ def normalise(text: str) -> str:
 
 @lru_cache(maxsize=512)
 def parse_unit(text: str) -> Unit:
-    """The unit that `text` spells, "" for a ratio; a `/` divides by the one factor or parenthesis after it."""
+    """Parse a unit, "" for a ratio; a `/` divides by the one factor or parenthesis after it."""
     clean = normalise(text)
     if not clean:
         return _ONE
@@ -172,7 +172,7 @@ def parse_unit(text: str) -> Unit:
 
 
 def _product(rest: str, text: str) -> tuple[Unit, str]:
-    """Reads factors up to the end or a closing parenthesis; returns what is left after them."""
+    """Parse factors up to the end or a closing parenthesis; return the rest."""
     unit, operator = _ONE, "·"
     while True:
         factor, rest = _factor(rest, text)
@@ -228,7 +228,7 @@ def _symbol(symbol: str, text: str) -> Unit:
 
 
 def _meant(symbol: str) -> str:
-    """The unit of a name spelled out, or of a symbol in other capitals, milli before mega; empty where none is near."""
+    """Unit likely meant by a full name, or by a symbol in other case, milli before mega; empty if none is near."""
     name = symbol.casefold()
     for candidate in (name, name.removesuffix("s")):
         if candidate in _SPELLED_OUT:
@@ -240,7 +240,7 @@ def _meant(symbol: str) -> str:
     )
 
 
-# What people write a dimension in; the first that fits.
+# Customary unit of a dimension; the first that fits.
 _CUSTOMARY = (
     "", "s", "°C", "°", "A", "V", "m", "g", "pulse", "code", "°C/min", "°/s", "°/s²", "Hz", "m/s²", "pulse/s", "Ω", "W",
     "Pa", "N",
@@ -248,7 +248,7 @@ _CUSTOMARY = (
 
 
 def customary_unit(dimension: Dimension) -> str:
-    """What people write a dimension in: "°C/min", "" for a ratio; `base_unit` where there is no custom."""
+    """Customary unit of a dimension: "°C/min", "" for a ratio; `base_unit` if there is none."""
     for unit in _CUSTOMARY:
         if parse_unit(unit).dimension == dimension:
             return unit
@@ -256,7 +256,7 @@ def customary_unit(dimension: Dimension) -> str:
 
 
 def base_unit(dimension: Dimension) -> str:
-    """A dimension as a product of base units."""
+    """Format a dimension as a product of base units."""
     powers = list(zip(BASES, dimension, strict=True))
     above = "·".join(_power(base, power) for base, power in powers if power > 0) or "1"
     return above + "".join("/" + _power(base, -power) for base, power in powers if power < 0)
@@ -267,12 +267,12 @@ def _power(base: str, power: float) -> str:
 
 
 def describe(dimension: Dimension) -> str:
-    """A dimension in words for a message: "°C/min", or "a bare number"."""
+    """Describe a dimension for a message: "°C/min", or "a bare number"."""
     return customary_unit(dimension) or "a bare number"
 
 
 def taken_for_angle(found: Dimension, expected: Dimension) -> bool:
-    """Whether two dimensions are alike but for degrees of angle in the one where the other has °C."""
+    """Return whether two dimensions differ only in degrees of angle instead of °C."""
     angle, temperature = BASES.index("°"), BASES.index("°C")
     powers = list(found)
     powers[angle], powers[temperature] = powers[temperature], powers[angle]
@@ -280,5 +280,5 @@ def taken_for_angle(found: Dimension, expected: Dimension) -> bool:
 
 
 def in_unit(unit: str) -> str:
-    """What a value in `unit` is called in a message."""
+    """Name of a value in `unit` for a message."""
     return f"a quantity in {unit}" if unit not in ("", "1") else "a number without a unit"

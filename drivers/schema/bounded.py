@@ -1,4 +1,4 @@
-"""Files that others wrote, read only when they are files and of a size that this program expects."""
+"""Reading of external files, only if they are regular files of an expected size."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 class UnfitFileError(ValueError):
-    """A file that is not read, with why, but without its name; `size_bytes` where it is too large, else 0."""
+    """A file that is not read, with the reason but without its name; `size_bytes` if it is too large, else 0."""
 
     def __init__(self, problem: str, size_bytes: int = 0) -> None:
         super().__init__(problem)
@@ -16,20 +16,20 @@ class UnfitFileError(ValueError):
 
 
 def read_bounded(path: Path, limit_bytes: int) -> bytes:
-    """The bytes of a regular file; UnfitFileError before any is read where it is none, or larger than `limit_bytes`."""
+    """Read a regular file; UnfitFileError before reading if it is none, or larger than `limit_bytes`."""
     try:
         with open(path, "rb", opener=_not_waiting) as file:
             _expect_bounded(os.fstat(file.fileno()), limit_bytes)
             data = file.read(limit_bytes + 1)
     except (OSError, ValueError) as problem:
         raise _in_words(problem) from None
-    if len(data) > limit_bytes:  # it has grown meanwhile
+    if len(data) > limit_bytes:  # the file has grown meanwhile
         raise UnfitFileError("grows while it is read", len(data))
     return data
 
 
 def expect_bounded(path: Path, limit_bytes: int) -> None:
-    """Raise UnfitFileError where there is no regular file, or a larger one than `limit_bytes`; for other readers."""
+    """Raise UnfitFileError unless there is a regular file of at most `limit_bytes`; for other readers."""
     try:
         _expect_bounded(path.stat(), limit_bytes)
     except (OSError, ValueError) as problem:
@@ -37,7 +37,7 @@ def expect_bounded(path: Path, limit_bytes: int) -> None:
 
 
 def _not_waiting(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK)  # for somebody who writes to a pipe
+    return os.open(path, flags | os.O_NONBLOCK)  # waiting for the writer of a pipe
 
 
 def _expect_bounded(found: os.stat_result, limit_bytes: int) -> None:

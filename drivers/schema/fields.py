@@ -38,8 +38,8 @@ from drivers.schema.wording import expected, in_plain_words, in_words, telling
 ContentT = TypeVar("ContentT", bound=BaseModel)
 
 DEFERRED = {"deferred": True}
-UNKNOWN = Quantity(math.nan)  # what an expression has whose value is not known yet
-UNIT_KEYWORD = "x-unit"  # of a JSON Schema: the unit of a quantity
+UNKNOWN = Quantity(math.nan)  # value of an expression that is not evaluated yet
+UNIT_KEYWORD = "x-unit"  # extension of JSON Schema: the unit of a quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class InUnit:
         return core_schema.with_info_plain_validator_function(self._validate)
 
     def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Text that names the unit; how to write it is for the reader, not for the validator of an editor."""
+        """Schema of a text that names the unit; the format is explained to the author, not checked by an editor."""
         is_ratio = parse_unit(self.unit).dimension == NO_DIMENSION
         allowed = (
             number for number in (1, self.at_least, self.at_most) if number is not None and not self._refusal(number)
@@ -83,7 +83,7 @@ class InUnit:
         return value
 
     def _refusal(self, value: float) -> str:
-        """The bound that a number does not keep, in words; empty when it keeps them all."""
+        """Text of the violated bound of a number; empty if it keeps them all."""
         for bad, words, bound in (
             (self.at_least is not None and value < self.at_least, "at least", self.at_least),
             (self.above is not None and value <= self.above, "more than", self.above),
@@ -97,7 +97,7 @@ class InUnit:
         return f"{number:.12g} {self.unit}".rstrip()
 
     def _quantity(self, raw: object) -> Quantity:
-        """A quantity, which `to` then finds to be in the right dimension or not."""
+        """Parse a quantity, whose dimension `to` checks."""
         is_ratio = parse_unit(self.unit).dimension == NO_DIMENSION
         if isinstance(raw, Quantity):
             return raw
@@ -119,7 +119,7 @@ class InUnit:
 
 
 def is_deferred(context: object) -> bool:
-    """Whether a validation accepts unevaluated expressions."""
+    """Return whether a validation accepts unevaluated expressions."""
     return isinstance(context, Mapping) and bool(context.get("deferred"))
 
 
@@ -153,7 +153,7 @@ def _any_quantity(raw: object, info: core_schema.ValidationInfo) -> Quantity:
         raise telling(str(problem)) from None
 
 
-# A quantity whose unit is that of what it is compared with.
+# Unit of a quantity equals that of the limit it is compared with.
 AnyQuantity = Annotated[
     Quantity, PlainValidator(_any_quantity), WithJsonSchema({"type": ["number", "string"], "minLength": 1})
 ]
@@ -161,7 +161,7 @@ AnyQuantity = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class _NotEmpty:
-    """Validates that a list or a mapping has something in it; min_length would count only what is valid inside."""
+    """Validates that a list or a mapping is not empty; min_length would count only its valid entries."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self._validate, handler(source))
@@ -185,7 +185,7 @@ Flag = Annotated[bool, Strict()]
 
 @dataclass(frozen=True, slots=True)
 class TextLike:
-    """Validates text that fully matches `pattern`; `what` describes it in messages."""
+    """Validates text that completely matches `pattern`; `what` describes it in messages."""
 
     pattern: str
     what: str
@@ -197,7 +197,7 @@ class TextLike:
         return {**handler(schema), "pattern": f"^(?:{self.pattern})$", "description": self.what}
 
     def validate(self, text: object) -> str:
-        """The text; raises an error with the message."""
+        """Return the text; raises an error with the message."""
         if not isinstance(text, str):
             raise expected("text", text)
         if re.fullmatch(self.pattern, text) is None:
@@ -210,7 +210,7 @@ Name = Annotated[str, NAME]
 
 
 def _as_written(raw: object) -> object:
-    """A serial number of digits only is a number to YAML; one with a point has lost what was written."""
+    """Text of a serial number that YAML has parsed as an integer; one with a decimal point cannot be restored."""
     if isinstance(raw, float):
         raise telling("put it in quotes, so that it is kept as it is written")
     return str(raw) if isinstance(raw, int) and not isinstance(raw, bool) else raw
@@ -249,10 +249,10 @@ Instant = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class FileBeside:
-    """Validates the name of a file into the path of an existing one in the folder of the document, or below it.
+    """Validates a file name into the path of an existing file in the folder of the document, or below it.
 
-    With `files_needed: False` in the context it need not exist: a bench file kept in a run names more than was kept.
-    One that is larger than `limit_bytes` is refused before it is read.
+    With `files_needed: False` in the context it need not exist: a run does not store all files that its stored bench
+    file names. A file larger than `limit_bytes` is rejected before it is read.
     """
 
     limit_bytes: int | None = None
@@ -264,18 +264,18 @@ class FileBeside:
         return {"type": "string", "minLength": 1, "description": "the name of a file beside this one, or below it"}
 
     def path(self, raw: object, info: core_schema.ValidationInfo) -> Path:
-        """The file; raises an error with the message."""
+        """Return the file; raises an error with the message."""
         context = info.context or {}
         folder = context.get("folder")
         if not isinstance(raw, str) or not raw or not isinstance(folder, Path):
             raise expected("the name of a file beside this one", raw)
         try:
-            exists = _is_file(folder / raw)  # first: of a link to itself no place is known
+            exists = _is_file(folder / raw)  # first: a link to itself has no location
             path = (folder / raw).resolve()
             inside = path.is_relative_to(folder.resolve())
         except OSError as problem:
             raise telling(f"{quoted(raw)} cannot be read ({problem.strerror})") from None
-        except ValueError:  # a zero byte, half a character
+        except ValueError:  # a zero byte, an incomplete character
             raise telling(f"{quoted(raw)} cannot be read (no file can have this name)") from None
         if not inside:
             raise telling(f"{quoted(raw)} leaves the folder of this file")
@@ -288,15 +288,15 @@ class FileBeside:
 
 
 def note_named(name: str, context: Mapping[str, Any]) -> None:
-    """Adds the name of a file to those that the document names, where the validation's context asks for them."""
+    """Record the name of a file that the document uses, if the validation context collects them."""
     if isinstance(named := context.get("named"), set) and not Path(name).is_absolute():
         named.add(name)
 
 
 def _is_file(path: Path) -> bool:
-    """Whether there is a regular file; OSError when that cannot be known, as for a link to itself.
+    """Return whether there is a regular file; OSError if that is undecidable, as for a link to itself.
 
-    `Path.is_file` and `Path.resolve` answer that in other ways from one Python to the next.
+    `Path.is_file` and `Path.resolve` behave differently in different versions of Python.
     """
     try:
         return stat.S_ISREG(path.stat().st_mode)
@@ -306,7 +306,7 @@ def _is_file(path: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class DocumentFile(Generic[ContentT]):
-    """A file beside a document and the model in it; `content` is None where only a run keeps the document."""
+    """A file beside a document and the model in it; `content` is None if only a run stores the document."""
 
     path: Path
     content: ContentT | None
@@ -314,9 +314,9 @@ class DocumentFile(Generic[ContentT]):
 
 @dataclass(frozen=True, slots=True)
 class ModelBeside:
-    """Validates the name of a file beside the document into the `model` of the document in it, or takes a DocumentFile.
+    """Validates the name of a file beside the document into the `model` that it contains; accepts a DocumentFile as is.
 
-    The validation's context says by `load` how such files are read; what it raises about them is not caught.
+    The validation context provides `load` to read such files; its errors are not caught.
     """
 
     model: type[BaseModel]
@@ -336,7 +336,7 @@ class ModelBeside:
 
 
 class StrictModel(BaseModel):
-    """Frozen, closed: an unknown key is an error that suggests the right one."""
+    """Frozen model that rejects unknown keys and suggests the right one."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True, defer_build=True)
 
@@ -350,7 +350,7 @@ class StrictModel(BaseModel):
 
 
 class Range(StrictModel):
-    """From `min` to `max`, which its heirs declare in their unit."""
+    """From `min` to `max`, declared by subclasses in their unit."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -361,12 +361,12 @@ class Range(StrictModel):
 
 
 def keys_of(model: type[BaseModel]) -> list[str]:
-    """The keys a document may use for the fields of `model`."""
+    """Keys that a document may use for the fields of `model`."""
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
 def inner_errors(error: ValidationError, place: tuple[str | int, ...] = ()) -> list[InitErrorDetails]:
-    """The errors of a part, in plain words, to be raised again by the model that contains it at `place`."""
+    """Errors of a part in plain text, to be raised again by the model that contains it at `place`."""
     return [
         InitErrorDetails(type=telling(in_plain_words(item)), loc=(*place, *item["loc"]), input=item["input"])
         for item in error.errors(include_url=False)
@@ -374,10 +374,10 @@ def inner_errors(error: ValidationError, place: tuple[str | int, ...] = ()) -> l
 
 
 def _with_suggestions(error: ValidationError, model: type[BaseModel]) -> ValidationError:
-    """The same errors in plain words; an unknown key of `model` itself says which key is meant.
+    """The same errors in plain text; for an unknown key of `model` itself the likely key is suggested.
 
-    The key that is meant is not told to be missing as well: one mistake is one problem. Nor has the whole part of a
-    number with a decimal comma, which YAML parts between braces, a problem of its own.
+    The suggested key is not also reported as missing: one mistake is one problem. Nor is the integer part of a number
+    with a decimal comma, which YAML splits between braces.
     """
     found = error.errors(include_url=False)
     keys = keys_of(model)

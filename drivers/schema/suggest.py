@@ -1,4 +1,4 @@
-"""Did you mean: the nearest known name for a misspelt one."""
+"""Suggestion of the nearest known name for a misspelt one."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Iterable
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that is likely meant; capitals do not count, so that `k0` means K0."""
+    """Nearest known name; case is ignored, so that `k0` matches K0."""
     return _nearest(name, tuple(known))
 
 
-_LOOKS_LIKE = str.maketrans("oil", "011")  # letters that are taken for digits, such as KO for K0
+_LOOKS_LIKE = str.maketrans("oil", "011")  # letters mistaken for digits, such as KO for K0
 
 
 @functools.lru_cache(maxsize=1024)
@@ -26,7 +26,7 @@ def _nearest(name: str, known: tuple[str, ...]) -> str | None:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A tail for an error message: "; did you mean 'x'?", or the list of what is known."""
+    """Tail of an error message: "; did you mean 'x'?", or the list of known names."""
     names = list(dict.fromkeys(known))
     if close := nearest(name, names):
         return f"; did you mean '{close}'?"

@@ -1,4 +1,4 @@
-"""Pydantic's errors for the operator: the value found, and what was expected."""
+"""Pydantic's errors in plain text: the value found, and the expected one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from drivers.quantity.units import quoted
 
-# What was expected, by the type of a finding; the braces hold what pydantic knows of it.
+# Expected values, by pydantic's error type; placeholders are its context.
 _EXPECTED: Mapping[str, str] = {
     "string_type": "text",
     "string_too_short": "text",
@@ -36,22 +36,22 @@ _EXPECTED: Mapping[str, str] = {
 
 
 def telling(problem: str) -> PydanticCustomError:
-    """The error for a validator to raise with exactly this message."""
+    """Error with exactly this message, to be raised by a validator."""
     return PydanticCustomError("told", "{problem}", {"problem": problem})
 
 
 def problem_at(place: tuple[str | int, ...], problem: str) -> InitErrorDetails:
-    """The error of a part, for a validator of the whole to raise among others."""
+    """Error of a part, to be raised among others by a validator of the whole."""
     return InitErrorDetails(type=telling(problem), loc=place, input=None)
 
 
 def expected(what: str, found: object) -> PydanticCustomError:
-    """The error for a validator to raise where something else was expected."""
+    """Error for an unexpected value, to be raised by a validator."""
     return telling(f"is {in_words(found)}, expected {what}")
 
 
 def in_plain_words(error: ErrorDetails) -> str:
-    """What a technician reads of one of pydantic's errors."""
+    """Plain text of one of pydantic's errors."""
     kind, known = error["type"], error.get("ctx", {})
     if kind == "missing":
         return "is missing"
@@ -65,7 +65,7 @@ def in_plain_words(error: ErrorDetails) -> str:
 
 
 def in_words(value: object) -> str:
-    """A value of a document for a message: `'text'`, `5`, `true`, "a list", "a mapping", "empty"."""
+    """Format a value of a document for a message: `'text'`, `5`, `true`, "a list", "a mapping", "empty"."""
     if value is None or value == "":
         return "empty"
     if isinstance(value, bool):

@@ -1,8 +1,7 @@
-"""Limits on the time in which this program ran: time in which it was suspended does not count as silence.
+"""Time limits that count only the running time of this program; a suspension is no silence of an instrument.
 
-A computer that swaps, a machine that is suspended and a process that is stopped let time pass in which nothing is
-heard, and answers lie in the buffers meanwhile. A loop that knows of such times tells them (`stalled_since`); of one
-that does not, all time counts. A thread that waits does it in slices.
+While the computer swaps or is suspended, or the process is stopped, answers stay in buffers. An event loop that detects
+this reports it by `stalled_since`; with any other loop all time counts. Threads wait in slices.
 """
 
 from __future__ import annotations
@@ -12,12 +11,12 @@ import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
-ROUNDING_S = 1e-9  # of times of a loop, which are sums
+ROUNDING_S = 1e-9  # rounding error of loop times, which are sums
 SLICE_S = 0.25
 
 
 def came_true(wait: Callable[[float], bool], limit_s: float) -> bool:
-    """Whether `wait`, which waits for at most the given time, has succeeded within the limit; for threads.
+    """Return whether `wait`, which waits for at most the given time, has succeeded within the limit; for threads.
 
     Each slice counts as its nominal length, however long it took.
     """
@@ -25,41 +24,41 @@ def came_true(wait: Callable[[float], bool], limit_s: float) -> bool:
 
 
 def stalled_s(since_s: float) -> float:
-    """Time in which the running loop was suspended since an instant on its clock."""
+    """Time for which the running loop was suspended since an instant on its clock."""
     stalled_since: Callable[[float], float] | None = getattr(asyncio.get_running_loop(), "stalled_since", None)
     return stalled_since(since_s) if stalled_since is not None else 0.0
 
 
 def awake_s(since_s: float) -> float:
-    """For how long the running loop has run since an instant on its clock."""
+    """Time for which the running loop was not suspended since an instant on its clock."""
     return asyncio.get_running_loop().time() - since_s - stalled_s(since_s)
 
 
 class Deadline:
-    """A limit that begins now."""
+    """A time limit that begins now."""
 
     def __init__(self, limit_s: float) -> None:
         self._limit_s, self._since_s = limit_s, asyncio.get_running_loop().time()
 
     @property
     def passed(self) -> bool:
-        """Whether the loop has run for as long."""
+        """True if the loop has run for the time limit."""
         return self.left_s <= ROUNDING_S
 
     @property
     def left_s(self) -> float:
-        """For how long it may still run."""
+        """Remaining running time."""
         return self._limit_s - awake_s(self._since_s)
 
 
 @asynccontextmanager
 async def patience(limit_s: float) -> AsyncIterator[asyncio.Timeout]:
-    """As asyncio.timeout; what has arrived by the end of the time is taken in before it ends."""
+    """As asyncio.timeout, but data that have arrived by the time limit are processed before it expires."""
     loop, deadline = asyncio.get_running_loop(), Deadline(limit_s)
     timer: asyncio.Handle
 
     def look() -> None:
-        """The time is over: give data that have arrived one more iteration, which also shows a suspension."""
+        """Give data that have arrived by the time limit one more iteration, which also reveals a suspension."""
         nonlocal timer
         timer = loop.call_later(deadline.left_s, look) if not deadline.passed else loop.call_soon(end)
 

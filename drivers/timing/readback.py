@@ -1,7 +1,8 @@
-"""Reading back until an instrument tells what it was told.
+"""Repeated reading back until an instrument reports the value that was set.
 
-Many acknowledge a setting before they tell it: a chamber whose display task takes over what its network task took in, a
-relay on its way, a gateway that answers out of a table. One look right after the command would take that for a refusal.
+Many instruments acknowledge a setting before they report it: a chamber whose display task copies values from its
+network task, a switching relay, a gateway with cached values. A single read-back right after the command would mistake
+that for a refusal.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class ReadBack:
-    """For how long an instrument is asked, and how often, until it tells what it was told; a driver states its own."""
+    """Time limit and interval of reading back; a driver states its own."""
 
     within_s: float = 2.0
     every_s: float = 0.2
 
     async def until(self, ask: Callable[[], Awaitable[T]], agrees: Callable[[T], object]) -> T:
-        """The first answer that agrees, or what is still told when the time is over: the caller judges that."""
+        """First answer that agrees, or the last one at the time limit, for the caller to judge."""
         now_s = asyncio.get_running_loop().time
         over_s = now_s() + self.within_s
         found = await ask()

@@ -1,1 +1,1 @@
-"""Wires: serial lines, TCP, Modbus, CAN, and their in-process twins. Nothing here knows an instrument."""
+"""Connections: serial lines, TCP, Modbus, CAN, and in-process equivalents; independent of instruments."""

@@ -1,10 +1,11 @@
-"""Where an instrument is: `tcp://host:port`, `serial:///dev/ttyUSB0?baud=9600`, `slcan:///dev/ttyACM0?bitrate=500000`.
+"""Addresses of instruments.
 
-`socket://host:port` is a serial line behind a TCP serial server, `socketcand://host:port/can0` a CAN bus behind one,
-`log:bus.blf` the frames that a file has recorded; its path is from the folder of the bench file. `person:operator` is
-no wire, but somebody who is asked.
+`tcp://host:port` is a TCP connection, `serial:///dev/ttyUSB0?baud=9600` a serial line, and
+`slcan:///dev/ttyACM0?bitrate=500000` a CAN adapter on one. `socket://host:port` is a serial line behind a TCP serial
+server, `socketcand://host:port/can0` a CAN bus behind one, `log:bus.blf` the frames recorded in a file; its path is
+relative to the bench file. `person:operator` is the operator, who is prompted.
 
-`sim+` before an address puts the simulator at its other end, inside the same process.
+`sim+` before an address connects to the simulator, inside the same process.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _SERIAL_OPTIONS: Mapping[str, tuple[str, ...]] = {
 
 
 class Scheme(NamedTuple):
-    """How addresses of one kind are written: `form` is what follows the colon; options without values are numbers."""
+    """Format of addresses of one kind: `form` follows the colon; options without listed values are numbers."""
 
     form: re.Pattern[str]
     options: Mapping[str, tuple[str, ...]]
@@ -73,7 +74,7 @@ class Address:
 
     @classmethod
     def parse(cls, text: str) -> Address:
-        """The address that `text` spells; AddressError states the problem."""
+        """Parse `text`; AddressError states the problem."""
         scheme, colon, rest = text.removeprefix(_SIMULATED).partition(":")
         if not colon or scheme not in SCHEMES:
             examples = " or ".join(SCHEMES[known].example for known in ("tcp", "serial"))
@@ -95,7 +96,7 @@ class Address:
         )
 
     def option(self, name: str, default: int) -> int:
-        """A whole-number option; AddressError when it is something else."""
+        """Integer option; AddressError if it is no integer."""
         if name not in self.options:
             return default
         text = self.options[name]
@@ -105,26 +106,26 @@ class Address:
 
     @property
     def is_person(self) -> bool:
-        """Whether the connection is a person."""
+        """True if the connection is a person."""
         return self.scheme == "person"
 
     @property
     def is_serial_line(self) -> bool:
-        """Whether bytes go over a serial line, at this machine or behind a TCP serial server."""
+        """True for a serial line, on this machine or behind a TCP serial server."""
         return self.scheme in ("serial", "socket")
 
     def as_simulated(self) -> Address:
-        """The same place with the simulator at its other end."""
+        """The same address with the simulator at its other end."""
         return replace(self, simulated=True)
 
     @property
     def is_recording(self) -> bool:
-        """Whether what comes was recorded earlier: it has no time of its own."""
+        """True for recorded frames: they have no time of their own."""
         return self.scheme == "log"
 
     @property
     def is_local(self) -> bool:
-        """Whether this machine itself could be the other end: loopback, or a file that is not in /dev."""
+        """True if this machine itself could be the other end: loopback, or a file that is not in /dev."""
         if self.is_recording:
             return False
         is_file = self.path.startswith("/")

@@ -1,4 +1,4 @@
-"""Connections on which a console may send between the exchanges of a driver."""
+"""Connections on which a console can send between the exchanges of a driver."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ P = TypeVar("P", bound=asyncio.Protocol)
 
 
 class SharedLine(Tap):
-    """A driver's connection; while the console uses it, received data are the console's."""
+    """A driver's connection; while the console uses it, the console receives the data."""
 
     def __init__(self, inner: asyncio.Protocol) -> None:
         super().__init__(inner)
@@ -25,7 +25,7 @@ class SharedLine(Tap):
         self._listener: Listener | None = None
 
     async def speak(self, data: bytes, answer_s: float) -> bytes:
-        """Sends bytes as they are; all that comes back until the line is quiet."""
+        """Send bytes unchanged; return the answer up to a silence of the line."""
         self._listener = Listener()
         try:
             self.line.write(data)
@@ -34,14 +34,14 @@ class SharedLine(Tap):
             self._listener = None
 
     def received(self, data: bytes) -> None:
-        """Bytes for the present user."""
+        """Pass bytes to the present user."""
         if self._listener is not None:
             self._listener.data_received(data)
         else:
             super().received(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection is closed."""
+        """Pass on that the connection is closed."""
         self.lost = True
         if self._listener is not None:
             self._listener.connection_lost(exc)
@@ -49,21 +49,21 @@ class SharedLine(Tap):
 
 
 class SharedWires:
-    """Wires that remember the connections of one device."""
+    """Wires that keep the connections of one device."""
 
     def __init__(self, wires: Wires) -> None:
         self._wires = wires
         self._lines: list[SharedLine] = []
 
     def line(self, device: str) -> SharedLine:
-        """The oldest connection that is open: of several it is the one for questions. Raises LinkLost."""
+        """Oldest open connection: among several it is the one for queries. Raises LinkLost."""
         for line in self._lines:
             if not line.lost:
                 return line
         raise LinkLost(device, "is not connected")
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
-        """Joins `factory()` to the other end, so that its connection can be shared."""
+        """Connect `factory()` with the other end, so that its connection can be shared."""
         made: list[P] = []
 
         def shared() -> SharedLine:
@@ -75,5 +75,5 @@ class SharedWires:
         return made[-1]
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """An open CAN channel; nothing is sent on it."""
+        """Open a CAN channel, on which nothing is sent."""
         return await self._wires.frames(device, address)

@@ -1,4 +1,4 @@
-"""CAN adapters and logs as frame links: our own reader for slcan, python-can for every other and for files."""
+"""CAN adapters and logs as frame links: slcan by our own reader, all others and files by python-can."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from drivers.transport.text_frames import TextFrames
 
 P = TypeVar("P", bound=asyncio.Protocol)
 LOG_LIMIT_BYTES = 2**30
-COLLECT_LIMIT_FRAMES = 2_000_000  # a minute of a full bus, if frames are not taken
+COLLECT_LIMIT_FRAMES = 2_000_000  # one minute of a fully loaded bus, if frames are not taken
 _ANSWER_S = 1.0
 
 
 async def open_can(device: str, address: Address) -> FrameLink:
-    """Opens the adapter, or the log, at `address`; raises CannotConnect."""
+    """Open the adapter, or the log, at `address`; raises CannotConnect."""
     if address.scheme == "slcan":
         return await open_slcan(device, address, lambda factory: open_serial(device, address, factory))
     if address.is_recording:
@@ -42,13 +42,13 @@ async def open_can(device: str, address: Address) -> FrameLink:
 async def open_slcan(
     device: str, address: Address, join: Callable[[Callable[[], Slcan]], Awaitable[Slcan]]
 ) -> FrameLink:
-    """Opens a serial-line adapter: closes its channel, sets the bit rate, opens it; raises CannotConnect, LinkLost."""
+    """Open a serial-line adapter: close its channel, set the bit rate, reopen it; raises CannotConnect, LinkLost."""
     bitrate = address.option("bitrate", 500_000)
     if bitrate not in slcan.BITRATES:
         raise CannotConnect(device, f"{address}: slcan knows the bit rates {', '.join(map(str, slcan.BITRATES))}")
     link = await join(lambda: Slcan(device))
     try:
-        await link.command(slcan.CLOSE, may_refuse=True)  # refused when it was closed already
+        await link.command(slcan.CLOSE, may_refuse=True)  # refused if it was closed already
         await link.command(slcan.BITRATES[bitrate])
         await link.command(slcan.OPEN)
     except BaseException:
@@ -64,7 +64,7 @@ class Slcan(TextFrames):
         super().__init__(device, slcan.parse, "the CAN adapter", slcan.CLOSE + slcan.END)
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the adapter; while a command waits for its answer, nothing else is of interest."""
+        """Receive bytes of the adapter; while a command waits for its answer, everything else is ignored."""
         if self._answer is not None and not self._answer.done():
             agreed, self._rest = slcan.answer(self._rest + data)
             if agreed is not None:
@@ -73,7 +73,7 @@ class Slcan(TextFrames):
         super().data_received(data)
 
     async def command(self, text: bytes, *, may_refuse: bool = False) -> None:
-        """Sends a command to the adapter itself; raises CannotConnect unless it agrees in time."""
+        """Send a command to the adapter itself; raises CannotConnect unless it acknowledges in time."""
         if self._transport is None:
             raise LinkLost(self._device, self._lost)
         self._answer = asyncio.get_running_loop().create_future()
@@ -90,7 +90,7 @@ class Slcan(TextFrames):
 
 
 def frame_of(message: can.Message) -> tuple[int, int, bytes] | None:
-    """Identifier, length and data of a message of python-can as a FrameBlock has them; None where it has no data."""
+    """Identifier, length and data of a message of python-can for a FrameBlock; None if it has no data."""
     if message.is_remote_frame or message.is_fd:
         return None
     if message.is_error_frame:
@@ -102,7 +102,7 @@ def frame_of(message: can.Message) -> tuple[int, int, bytes] | None:
 
 
 def read_log(device: str, path: Path) -> FrameBlock:
-    """The frames of a log, ASC, BLF, candump's or any other that python-can reads; raises CannotConnect.
+    """Read the frames of a log, ASC, BLF, candump's or any other that python-can reads; raises CannotConnect.
 
     Their times are those of the file, in seconds.
     """
@@ -110,11 +110,10 @@ def read_log(device: str, path: Path) -> FrameBlock:
         expect_bounded(path, LOG_LIMIT_BYTES)
         with can.LogReader(path) as reader:
             kept = [(message.timestamp, *frame) for message in reader if (frame := frame_of(message)) is not None]
-    except Exception as problem:  # the readers let errors of many kinds out
+    except Exception as problem:  # the readers raise errors of many kinds
         raise CannotConnect(
             device, f"cannot read the log {path}: {str(problem) or type(problem).__name__}",
-            remedy="Check its path, which is from the folder of the bench file, and that its file extension names "
-            "its format.",
+            remedy="Check its path, which is relative to the bench file, and that its file extension fits its format.",
         ) from problem  # fmt: skip
     if not kept:
         raise CannotConnect(device, f"the log {path} has no frame", remedy="Record it again.")
@@ -122,7 +121,7 @@ def read_log(device: str, path: Path) -> FrameBlock:
 
 
 def block_of(frames: Sequence[tuple[float, int, int, bytes]]) -> FrameBlock:
-    """Times, identifiers, lengths and data as a block."""
+    """Build a block from times, identifiers, lengths and data."""
     data = b"".join(payload.ljust(8, b"\0") for _, _, _, payload in frames)
     return FrameBlock(
         np.array([frame[1] for frame in frames], np.uint32), np.array([frame[0] for frame in frames], np.float64),
@@ -133,8 +132,8 @@ def block_of(frames: Sequence[tuple[float, int, int, bytes]]) -> FrameBlock:
 class PythonCan:
     """Any adapter that python-can knows (`can:socketcan/can0?bitrate=500000`) as a frame link.
 
-    With a file descriptor the running loop reads it; an adapter without one gets a reader thread, which is why such a
-    link belongs to real time only.
+    An adapter with a file descriptor is read by the running loop; one without gets a reader thread, so it works in real
+    time only.
     """
 
     block_s = DURABLE_BLOCK_S
@@ -165,16 +164,16 @@ class PythonCan:
             self._thread.start()
 
     def take(self) -> FrameBlock:
-        """Every frame since the last call; LinkLost when there is none and none can come any more."""
+        """Frames since the last call; LinkLost if there is none and none can follow."""
         count = len(self._frames)
         if self._failure and not count:
             raise LinkLost(self._device, self._failure, remedy="Check the bus, its termination and the adapter.")
         if count == COLLECT_LIMIT_FRAMES:
-            raise InstrumentFault(self._device, "frames arrived faster than anybody took them, and some are lost")
+            raise InstrumentFault(self._device, "frames arrived faster than they were read, and some are lost")
         return block_of([self._frames.popleft() for _ in range(count)])
 
     def close(self) -> None:
-        """Closes the adapter; closing twice is harmless."""
+        """Close the adapter; closing twice is harmless."""
         if self._closing.is_set():
             return
         self._closing.set()
@@ -197,7 +196,7 @@ class PythonCan:
         try:
             return self._bus.recv(wait_s)
         except (can.CanError, OSError) as problem:
-            with contextlib.suppress(RuntimeError):  # the loop may be closed by now
+            with contextlib.suppress(RuntimeError):  # the loop may be closed already
                 self._loop.call_soon_threadsafe(self._fail, str(problem))
             self._failure = str(problem)
             return None

@@ -1,4 +1,4 @@
-"""The line to one instrument over its life: opened and proved, opened again after the wire was lost."""
+"""Connection to one instrument over its life: opened and verified, and reopened after a loss."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from drivers.transport.wires import Wires
 T = TypeVar("T")
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0  # between attempts to connect again
-SERIAL_GAP_S = 0.02  # some twenty bytes at 9600 baud
+SERIAL_GAP_S = 0.02  # about twenty bytes at 9600 baud
 
 
 async def once_more(ask: Callable[[], Awaitable[T]], note: Callable[[str], object]) -> T:
@@ -40,32 +40,31 @@ async def once_more(ask: Callable[[], Awaitable[T]], note: Callable[[str], objec
 
 
 class Pauses:
-    """Between attempts to connect again: 1, 2, 4 … 30 s; the first is at once."""
+    """Pauses between attempts to reconnect: 1, 2, 4 … 30 s; the first attempt is immediate."""
 
     def __init__(self) -> None:
         self._failures, self._next_attempt_s = 0, -math.inf
 
     def failed(self) -> None:
-        """An attempt has failed now."""
+        """Count a failed attempt."""
         pause_s = min(FIRST_PAUSE_S * 2**self._failures, LONGEST_PAUSE_S)
         self._failures += 1
         self._next_attempt_s = asyncio.get_running_loop().time() + pause_s
 
     def left_s(self) -> float:
-        """How long it still is to the next attempt; none is to wait for from 0 down."""
+        """Time until the next attempt; 0 or negative if it is due."""
         return self._next_attempt_s - asyncio.get_running_loop().time()
 
 
 class Dialogue:
-    """One line after the other to the same instrument.
+    """Successive lines to the same instrument.
 
-    What only reads is asked once more when it has no answer, and connects again when the wire was lost: at once, then
-    after longer and longer pauses. A command does neither: what the instrument does by then is to be read first.
-    `greet` is what must be said on every new line; `note` is told what was asked again, and that the wire was lost and
-    is there again.
+    A query is repeated once without an answer, and reconnects after a loss: at once, then after increasing pauses. A
+    command does neither: the state of the instrument must be read first. `greet` is sent on every new line; `note`
+    receives repeated queries, and the loss and return of the connection.
 
-    `takes` are of what enters a result. TCP sees to it that what arrives is what was sent; a serial line does not, nor
-    does one behind a serial server.
+    `takes` confirms readings that enter a result. TCP protects data by a checksum; a serial line does not, even behind
+    a serial server.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost.
     """
@@ -89,21 +88,21 @@ class Dialogue:
 
     @property
     def line(self) -> LineExchange:
-        """The line that is open, or was; raises LinkLost when none ever was."""
+        """The open line, or the last one; raises LinkLost before the first."""
         if self._line is None:
             raise LinkLost(self._device, "is not connected")
         return self._line
 
     @property
     def is_open(self) -> bool:
-        """Whether the wire is open."""
+        """True if the connection is open."""
         return self._line is not None and not self._line.lost
 
     async def open(self) -> None:
-        """Connects, asks for the proof, and greets; raises CannotConnect, and what the proof raises.
+        """Connect, send the proof query, and greet; raises CannotConnect, and errors of the proof.
 
-        All of it once more when there is no answer. A serial line is drained first: it may hold what an earlier program
-        asked for.
+        Retried once without an answer. A serial line is drained first, because it may hold answers to an earlier
+        program.
         """
         await once_more(self._open, self._note)
 
@@ -126,16 +125,16 @@ class Dialogue:
         self._pauses = Pauses()
 
     async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """One question, on a new line if the wire was lost; see LineExchange.ask, and `open`.
+        """Send a query, on a new line if the connection was lost; see LineExchange.ask, and `open`.
 
-        It changes nothing at the instrument, so that it is asked once more when it has no answer. Raises LinkLost at
-        once while the next attempt to connect is still to come, and when it is not open.
+        It must change nothing in the instrument, because it is repeated once without an answer. Raises LinkLost at once
+        during a pause between attempts to connect, and if it is not open.
         """
         await self._be_open()
         return await once_more(lambda: self.line.ask(question, read, answer_s=answer_s), self._note)
 
     async def ask_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """As `ask`, and never sent twice: for what an instrument answers only once, or does when it is asked."""
+        """As `ask`, but never sent twice: for queries that an instrument answers only once, or that have an effect."""
         await self._be_open()
         return await self.line.ask(question, read, answer_s=answer_s)
 
@@ -152,12 +151,12 @@ class Dialogue:
         await self.reopen()
 
     async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
-        """Sends a command that moves or energises, once; see LineExchange.order."""
+        """Send, once, a command that moves or energises; see LineExchange.order."""
         self.takes.ordered()
         return await self.line.order(command, read, answer_s=answer_s)
 
     async def reopen(self) -> bool:
-        """Connects again if the wire was lost; whether it was."""
+        """Reconnect if the connection was lost; return whether it was."""
         if self._line is not None and not self._line.lost:
             return False
         why = self._line.why_lost if self._line is not None else ""
@@ -167,7 +166,7 @@ class Dialogue:
         return True
 
     def close(self) -> None:
-        """Closes the wire for good; closing twice is harmless."""
+        """Close the connection for good; closing twice is harmless."""
         self._in_use = False
         self._drop()
 
@@ -189,7 +188,7 @@ class Dialogue:
 
 @asynccontextmanager
 async def safe_in_time(device: str, within_s: float = DIALOGUE_S) -> AsyncIterator[None]:
-    """Bounds what makes an instrument safe: NoAnswer after `within_s`."""
+    """Limit the time of making an instrument safe: NoAnswer after `within_s`."""
     try:
         async with patience(within_s) as limit:
             yield

@@ -1,4 +1,4 @@
-"""Readings that enter a result are taken twice if the connection has no checksum."""
+"""Double reading of values that enter a result, if the connection has no checksum."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ T = TypeVar("T")
 
 
 class Takes:
-    """Takes of the same reading over the way to one instrument; `note` is told when they disagree.
+    """Double reads over the connection to one instrument; `note` is called if they disagree.
 
-    With `checked` one is enough: the way has a checksum, so that an altered answer does not arrive as an answer.
+    With `checked` one read is enough: the connection has a checksum, so that a corrupted answer is discarded.
     """
 
     def __init__(self, device: str, note: Callable[[str], object], *, checked: bool) -> None:
@@ -22,18 +22,18 @@ class Takes:
         self._orders = 0
 
     def ordered(self) -> None:
-        """A command was sent, which may change the readings."""
+        """Note that a command was sent, which may change the readings."""
         self._orders += 1
 
     async def agreed(
         self, what: str, take: Callable[[], Awaitable[T]], *, alike: Callable[[T, T], object] = operator.eq,
         again: Callable[[], Awaitable[T]] | None = None, spell: Callable[[T], object] = str,
     ) -> T:  # fmt: skip
-        """One take where one is enough, else the last of two that are `alike`; of two that are not, a third decides.
+        """Confirmed reading: one read if that is enough, else two that are `alike`; otherwise a third decides.
 
-        `alike` says by how much two takes of what changes may differ. `again` takes the same reading once more, where
-        the instrument still has it. `what` is its name for a person, and `spell` writes its value. Raises BadAnswer
-        when the third is like neither; where a command has gone out meanwhile, all are taken anew.
+        `alike` returns whether two reads of a changing value agree. `again` repeats the same reading, if the instrument
+        has stored it. `what` is its name in messages, and `spell` formats its value. Raises BadAnswer if the third
+        agrees with neither; after a command in between, all reads are repeated.
         """
         again = again or take
         while True:

@@ -1,12 +1,12 @@
-"""Question and answer over a line of text: one at a time, with a deadline, and resynchronised after an error.
+"""Query and answer over a line of text: one at a time, with a time limit, and resynchronised after an error.
 
-A timeout is a data-integrity event: a late answer would be taken for the answer to the next question. After a timeout,
-an answer that is not understood, bytes that nobody asked for, or a broken exchange, the channel is not trusted: it is
-drained until it has been quiet for longer than a late answer takes, the instrument is asked a question whose answer
-cannot be mistaken for another, and only then does the next exchange go out.
+A timeout is a data-integrity event: a late answer would be taken for the answer to the next query. After a timeout, an
+undecodable answer, unsolicited bytes or a cancelled exchange the channel is out of sync: it is drained until it has
+been silent for longer than a late answer takes, a query with an unmistakable answer (the proof) is sent, and only then
+the next exchange.
 
-What no client of a protocol without numbered answers can see is a copy of an answer that comes while the next question
-is already under way; on a serial line, where bytes trickle in, a question therefore waits for a short silence.
+Without numbered answers no client can detect a duplicated answer that arrives during the next query; on a serial line,
+where bytes arrive slowly, a query therefore waits for a short silence.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ ANSWER_LIMIT_BYTES = 65_536
 DRAIN_LIMIT_S = 10.0
 
 Framing = Callable[[bytearray], tuple[int, int] | None]
-"""Finds the first whole answer in what was received: its length without and with its end; None until it is there."""
+"""Finds the first complete answer in received bytes: its length without and with its end; None until it is complete."""
 
 Wrap = Callable[[bytes], bytes]
-"""What goes over the wire for a command."""
+"""Encodes a command as bytes for the wire."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How long things take on a line.
+    """Time limits of a line.
 
-    An answer may take `answer_s`; after a silence of `quiet_s` a late one is no longer expected; a question goes out
-    when the line has been silent for `gap_s`.
+    An answer may take `answer_s`; after a silence of `quiet_s` a late one is no longer expected; a query is sent after
+    a silence of `gap_s`.
     """
 
     answer_s: float = 2.0
@@ -48,14 +48,14 @@ class Pace:
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """A question that changes nothing, and what raises unless its answer comes from the right instrument."""
+    """A query without effect, and a check that raises unless its answer comes from the right instrument."""
 
     question: bytes
     check: Callable[[bytes], object]
 
 
 def lines_ending(end: bytes) -> Framing:
-    """Answers that end with `end`."""
+    """Framing of answers that end with `end`."""
 
     def first_line(received: bytearray) -> tuple[int, int] | None:
         cut = received.find(end)
@@ -67,11 +67,11 @@ def lines_ending(end: bytes) -> Framing:
 class LineExchange(asyncio.Protocol):
     """A line-terminated dialogue with one instrument; give it to a transport, then `ask`.
 
-    `framing` is for instruments whose answers are no lines: it finds them. `wrap` is for commands that are no lines.
-    With `gives_up` a wire on which even the proof has no answer is closed, so that its owner opens another: a network
-    connection may be open at one end only.
+    `framing` finds answers that are not lines. `wrap` encodes commands that are not lines. With `gives_up` a connection
+    without an answer even to the proof is closed, so that its owner opens another: a network connection may be open at
+    one end only.
 
-    Concurrency: callers queue for the line. Cancelling an exchange leaves the channel untrusted, as a timeout does.
+    Concurrency: callers queue for the line. Cancelling an exchange leaves the channel out of sync, as a timeout does.
     """
 
     def __init__(
@@ -91,34 +91,33 @@ class LineExchange(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
         self._lost = "not connected"
         self._cut_ins = 0
-        self._doubts = 0  # surprises since the channel was last proved; trusted at 0
+        self._doubts = 0  # communication errors since the last proof; in sync at 0
 
     @property
     def lost(self) -> bool:
-        """Whether the wire is closed; it stays closed."""
+        """True if the connection is closed; it stays closed."""
         return bool(self._lost)
 
     @property
     def why_lost(self) -> str:
-        """Why the wire is closed, "" while it is not."""
+        """Reason why the connection is closed, "" while it is open."""
         return self._lost
 
     async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """Sends `question` and a terminator; what `read` makes of the answer, given without its terminator.
+        """Send `question` and a terminator; decode the answer, without its terminator, with `read`.
 
-        Raises NoAnswer after `answer_s` (the pace's by default), BadAnswer when `read` raises ValueError, when more
-        than one line came back, or when something was said before the question, Refused when something cut in, and
-        LinkLost.
+        Raises NoAnswer after `answer_s` (the pace's by default), BadAnswer if `read` raises ValueError, for more than
+        one line, or for bytes received before the query, Refused if preempted, and LinkLost.
         """
         async with self._turn:
             await self._make_ready()
             return await self._exchange(question, read, answer_s)
 
     async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
-        """Sends a command, once, that moves or energises; as `ask`, but None when its answer is missing or garbled.
+        """Send, once, a command that moves or energises; as `ask`, but None if its answer is missing or garbled.
 
-        Nobody knows then whether it was carried out: read back, and decide. NoAnswer and BadAnswer are raised only
-        when the command was not sent.
+        It is then unknown whether it was executed: read back, and decide. NoAnswer and BadAnswer are raised only if the
+        command was not sent.
         """
         cut_ins = self._cut_ins
         async with self._turn:
@@ -131,23 +130,23 @@ class LineExchange(asyncio.Protocol):
                 return None
 
     def cut_in(self, command: bytes) -> None:
-        """Sends `command` at once: for what makes an instrument safe.
+        """Send `command`, which makes an instrument safe, at once.
 
-        The exchange under way ends with Refused, and orders that wait for their turn are not sent any more. What the
-        command answers is drained before the next exchange. Raises LinkLost.
+        The running exchange ends with Refused, and queued commands are not sent any more. The answer to the command is
+        drained before the next exchange. Raises LinkLost.
         """
         self._cut_ins += 1
         self._doubts += 1
         self._send(command)
         if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_exception(Refused(self.device, "cut short, the instrument is being made safe"))
+            self._waiter.set_exception(Refused(self.device, "aborted, the instrument is being made safe"))
 
     def distrust(self) -> None:
-        """Fences the channel: the next exchange goes out after draining and proof."""
+        """Mark the channel as out of sync: it is drained and verified before the next exchange."""
         self._doubts += 1
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
         self._lost = self._lost or "the connection was closed by this program"
         if self._transport is not None:
             self._transport.close()
@@ -161,22 +160,22 @@ class LineExchange(asyncio.Protocol):
     async def _exchange(self, question: bytes, read: Callable[[bytes], T], answer_s: float | None = None) -> T:
         deadline_s = self._pace.answer_s if answer_s is None else answer_s
         until_s = asyncio.get_running_loop().time() + deadline_s
-        self._doubts += 1  # until the whole answer is here and understood
+        self._doubts += 1  # until the answer is complete and decoded
         self._send(question)
         while (line := self._taken()) is None and let_arrive(self._transport, until_s):
-            pass  # what a simulator in this process answers, without a timer
+            pass  # answer of a simulator in this process, without a timer
         if line is None:
             line = await self._line_until(until_s, deadline_s, question)
         if self._received:
             raise BadAnswer(
-                self.device, "more than one line came back", sent=printable(question),
+                self.device, "more than one line was received", sent=printable(question),
                 received=f"{printable(line)} then {self._leftover()}",
             )  # fmt: skip
         try:
             value = read(line)
         except ValueError as problem:
             raise BadAnswer(
-                self.device, f"an answer that is not understood: {problem}", sent=printable(question),
+                self.device, f"an invalid answer: {problem}", sent=printable(question),
                 received=printable(line), remedy="Check the line settings and that nobody else uses this port.",
             ) from problem  # fmt: skip
         self._doubts -= 1
@@ -191,14 +190,14 @@ class LineExchange(asyncio.Protocol):
         if self._received:
             self._doubts += 1
             raise BadAnswer(
-                self.device, "said something unasked", received=self._leftover(),
+                self.device, "sent unsolicited data", received=self._leftover(),
                 remedy="Nothing was sent. Check that nobody else uses this port, and the terminator in the bench file.",
             )  # fmt: skip
 
     async def _prove(self) -> None:
         """Drain the channel and verify that queries and answers match again.
 
-        Without an answer the wire is closed, if it `gives_up`: nobody may be at its other end any more.
+        Without an answer the connection is closed, if it `gives_up`: its other end may be gone.
         """
         doubts = self._doubts
         await self._drain()
@@ -212,7 +211,7 @@ class LineExchange(asyncio.Protocol):
         self._doubts -= doubts
 
     async def _drain(self) -> None:
-        """Throws away what comes until the line has been quiet for long enough."""
+        """Discard received bytes until the line has been silent for long enough."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + DRAIN_LIMIT_S
         while True:
@@ -224,7 +223,7 @@ class LineExchange(asyncio.Protocol):
                 return
             if loop.time() > deadline_s:
                 raise BadAnswer(
-                    self.device, f"does not stop talking within {DRAIN_LIMIT_S:g} s", received=self._leftover(),
+                    self.device, f"is not silent within {DRAIN_LIMIT_S:g} s", received=self._leftover(),
                     remedy="Check the line settings, and that the instrument is not in a talk-only mode.",
                 )  # fmt: skip
 
@@ -234,7 +233,7 @@ class LineExchange(asyncio.Protocol):
         self._transport.write(self._wrap(command))
 
     async def _line_until(self, until_s: float, deadline_s: float, question: bytes) -> bytes:
-        """The answer to a question; raises NoAnswer, BadAnswer for one without an end, and LinkLost."""
+        """Receive the answer to a query; raises NoAnswer, BadAnswer for one without an end, and LinkLost."""
         try:
             async with patience(until_s - asyncio.get_running_loop().time()):
                 while (line := self._taken()) is None:
@@ -249,7 +248,7 @@ class LineExchange(asyncio.Protocol):
             ) from None  # fmt: skip
 
     def _taken(self) -> bytes | None:
-        """The first line of what has come, taken out of it; None while it is not whole."""
+        """Take the first line out of the received bytes; None while it is incomplete."""
         found = self._framing(self._received)
         if found is None:
             return None
@@ -259,7 +258,7 @@ class LineExchange(asyncio.Protocol):
         return line
 
     async def _more(self) -> None:
-        """Waits for the next bytes; raises LinkLost."""
+        """Wait for the next bytes; raises LinkLost."""
         if self._lost:
             raise LinkLost(self.device, self._lost)
         self._waiter = asyncio.get_running_loop().create_future()
@@ -274,31 +273,31 @@ class LineExchange(asyncio.Protocol):
     # asyncio.Protocol
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The wire is open."""
+        """Store the transport."""
         if not isinstance(transport, asyncio.Transport):
             raise TypeError("a stream transport is needed")
         self._transport, self._lost = transport, ""
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the instrument."""
+        """Receive bytes of the instrument."""
         self._received += data
         self._heard_at_s = asyncio.get_running_loop().time()
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection is closed; notify waiting tasks."""
+        """Notify waiting tasks that the connection is closed."""
         self._lost = self._lost or f"the connection was closed ({exc or 'by the other end'})"
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_exception(LinkLost(self.device, self._lost))
 
 
 def printable(data: bytes) -> str:
-    """Bytes as a technician can read them; long ones cut."""
+    """Format bytes as readable text; long ones cut."""
     text = repr(data[:80])[1:]
     return text if len(data) <= 80 else f"{text}… ({len(data)} bytes)"
 
 
 def printable_hex(data: bytes | bytearray) -> str:
-    """Bytes of a binary protocol as its documents write them; long ones cut."""
+    """Format bytes in hexadecimal; long ones cut."""
     return data[:40].hex(" ") + (f" … ({len(data)} bytes)" if len(data) > 40 else "")

@@ -1,4 +1,4 @@
-"""CAN as blocks of frames: the contract of a channel, whatever carries it."""
+"""Interface of a CAN channel that delivers blocks of frames."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Protocol
 
 from drivers.can.frame_block import FrameBlock
 
-DURABLE_BLOCK_S = 1.0  # what is not with the run store yet when the power fails
+DURABLE_BLOCK_S = 1.0  # data not yet in the run store are lost in a power failure
 
 
 class FrameLink(Protocol):
@@ -14,10 +14,10 @@ class FrameLink(Protocol):
 
     @property
     def block_s(self) -> float:
-        """How long frames that are recorded may be left with it; a power cut costs them."""
+        """Maximum time for which recorded frames may stay in the link; a power cut loses them."""
 
     def take(self) -> FrameBlock:
-        """Every frame that has arrived since the last call, in order; LinkLost when the channel is gone."""
+        """Frames that have arrived since the last call, in order; LinkLost if the channel is gone."""
 
     def close(self) -> None:
-        """Closes the channel; closing twice is harmless."""
+        """Close the channel; closing twice is harmless."""

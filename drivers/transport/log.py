@@ -1,4 +1,4 @@
-"""A log of a CAN bus as a frame link: its frames come again, as far apart as they were recorded."""
+"""A CAN log as a frame link, which plays frames at their recorded intervals."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from drivers.can.frame_block import FrameBlock
 from drivers.errors import NoAnswer
 
-LOG_BLOCK_S = 10.0  # what is recorded already may be left together
+LOG_BLOCK_S = 10.0  # recorded frames may stay buffered
 ENDED_AFTER_S = 1.0
 
 
 class LoggedFrames:
-    """Frames of a log (N,) whose first comes now."""
+    """Plays the frames of a log (N,), starting now."""
 
     block_s = LOG_BLOCK_S
 
@@ -27,7 +27,7 @@ class LoggedFrames:
         self._next = 0
 
     def take(self) -> FrameBlock:
-        """Every frame since the last call; NoAnswer when the log has ended."""
+        """Frames since the last call; NoAnswer after the end of the log."""
         at_s, now_s = self._frames.at_s, asyncio.get_running_loop().time()
         begin, end = self._next, int(np.searchsorted(at_s, now_s, side="right"))
         if begin == len(at_s) and now_s > at_s[-1] + ENDED_AFTER_S:
@@ -40,4 +40,4 @@ class LoggedFrames:
         return FrameBlock(self._frames.ids[rows], at_s[rows], self._frames.dlc[rows], self._frames.payloads(rows))
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""

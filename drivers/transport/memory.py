@@ -1,4 +1,4 @@
-"""A pair of joined transports inside one event loop: the in-process twin of a TCP connection or a serial line.
+"""A pair of connected transports inside one event loop: the in-process equivalent of a TCP connection or a serial line.
 
 Bytes arrive in order and, with a baud rate, no faster than the line would carry them. Everything runs on the loop's
 timers, so it is exact in virtual time.
@@ -19,7 +19,7 @@ BITS_PER_BYTE = 10  # start, eight data bits, stop
 class Line:
     """Delays of a connection: round trip, and time to send each byte.
 
-    All of the latency is put on the way back, which nobody can tell from a question that travels as long as its answer.
+    All latency is applied to the answer, which is indistinguishable from a latency split between query and answer.
     """
 
     latency_s: float = 0.0
@@ -27,22 +27,22 @@ class Line:
 
     @classmethod
     def serial(cls, baud: int, latency_s: float = 0.0) -> Line:
-        """A line that carries `baud` bits a second, ten for each byte."""
+        """Line with `baud` bit/s and ten bits for each byte."""
         return cls(latency_s, BITS_PER_BYTE / baud)
 
 
 @runtime_checkable
 class VirtualLoop(Protocol):
-    """An event loop whose time need not pass."""
+    """An event loop with virtual time."""
 
     def run_now(self, timer: asyncio.TimerHandle) -> bool:
-        """Moves time to a timer and runs it at once, if nothing at all is to happen before; whether it has."""
+        """Advance time to a timer and run it, if it is the next event; return whether it was."""
 
 
 class MemoryTransport(asyncio.Transport):
     """One end of a joined pair; the asyncio contract of a stream transport.
 
-    Lifetime: made in pairs by `join`; closing one end closes the other after what was written has arrived.
+    Lifetime: made in pairs by `join`; closing one end closes the other after written data have arrived.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, line: Line, name: object, peer_name: object) -> None:
@@ -50,8 +50,8 @@ class MemoryTransport(asyncio.Transport):
         self._loop = loop
         self._run_now = loop.run_now if isinstance(loop, VirtualLoop) else _never
         self._line = line
-        self._free_at = 0.0  # when the line has sent what was written before
-        self._under_way: deque[asyncio.TimerHandle] = deque()  # what was sent and has not arrived
+        self._free_at = 0.0  # when the line has sent all earlier data
+        self._under_way: deque[asyncio.TimerHandle] = deque()  # data in transit
         self._waiting: deque[bytes | None] = deque()
         self._paused = False
         self._closing = False
@@ -59,11 +59,11 @@ class MemoryTransport(asyncio.Transport):
         self._peer: MemoryTransport
 
     def attach(self, protocol: asyncio.Protocol, peer: MemoryTransport) -> None:
-        """Gives this end its protocol and its other end; part of `join`."""
+        """Set the protocol and the other end; called by `join`."""
         self._protocol, self._peer = protocol, peer
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
-        """Sends `data` on its way; dropped when this end is closing, as a socket would."""
+        """Send `data`; dropped if this end is closing, as by a socket."""
         if not self._closing and data:
             self._send(bytes(data))
 
@@ -85,18 +85,18 @@ class MemoryTransport(asyncio.Transport):
         self._peer.receive(data)
 
     def let_arrive(self, before_s: float) -> bool:
-        """Lets what is under way to the other end or from there arrive now, if it is the next to happen; whether so.
+        """Deliver data in transit in either direction now, if that is the next event; return whether it was.
 
-        For who waits until then for an answer and for nothing else: it goes on without a timer and a turn of the loop.
+        For a task that waits only for this answer: it continues without a timer and an iteration of the loop.
         """
         return self.hand_over(before_s) or self._peer.hand_over(before_s)
 
     def hand_over(self, before_s: float) -> bool:
-        """Lets the first of what this end has sent arrive now, if it is the next to happen; whether it has."""
+        """Deliver the first data sent by this end now, if that is the next event; return whether it was."""
         return bool(self._under_way) and self._under_way[0].when() < before_s and self._run_now(self._under_way[0])
 
     def receive(self, data: bytes | None) -> None:
-        """Bytes that arrived from the other end; None is its end of file."""
+        """Receive bytes from the other end; None is its end of file."""
         if self._closing:
             return
         if self._paused or self._waiting:
@@ -107,11 +107,11 @@ class MemoryTransport(asyncio.Transport):
             self.close()
 
     def pause_reading(self) -> None:
-        """Keeps what arrives until `resume_reading`."""
+        """Buffer received data until `resume_reading`."""
         self._paused = True
 
     def resume_reading(self) -> None:
-        """Delivers what was kept, in order."""
+        """Deliver buffered data, in order."""
         self._paused = False
         self._loop.call_soon(self._deliver_waiting)
 
@@ -121,11 +121,11 @@ class MemoryTransport(asyncio.Transport):
             self.receive(data)
 
     def is_reading(self) -> bool:
-        """Whether what arrives is delivered at once."""
+        """Return whether received data are delivered at once."""
         return not self._paused and not self._closing
 
     def is_closing(self) -> bool:
-        """Whether this end is closed or about to be."""
+        """Return whether this end is closed or closing."""
         return self._closing
 
     def can_write_eof(self) -> bool:
@@ -133,28 +133,28 @@ class MemoryTransport(asyncio.Transport):
         return True
 
     def get_write_buffer_size(self) -> int:
-        """0: what is written has left."""
+        """0: written data leave at once."""
         return 0
 
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
-        """Nothing to limit."""
+        """Do nothing: there is no buffer."""
 
     def get_protocol(self) -> asyncio.BaseProtocol:
-        """The protocol that receives what arrives here."""
+        """Protocol that receives the data of this end."""
         return self._protocol
 
     def set_protocol(self, protocol: asyncio.BaseProtocol) -> None:
-        """Hands the connection to another protocol."""
+        """Set another protocol for the connection."""
         if not isinstance(protocol, asyncio.Protocol):
             raise TypeError("a stream needs an asyncio.Protocol")
         self._protocol = protocol
 
     def abort(self) -> None:
-        """Closes at once."""
+        """Close at once."""
         self.close()
 
     def close(self) -> None:
-        """Closes this end now and the other when what is under way has arrived; closing twice is harmless."""
+        """Close this end now and the other when data in transit have arrived; closing twice is harmless."""
         if self._closing:
             return
         self._closing = True
@@ -168,12 +168,12 @@ def _never(_timer: asyncio.TimerHandle) -> bool:
 
 
 def let_arrive(transport: asyncio.Transport | None, before_s: float) -> bool:
-    """As MemoryTransport.let_arrive; False for a wire that leaves this process."""
+    """As MemoryTransport.let_arrive; False for a connection that leaves this process."""
     return isinstance(transport, MemoryTransport) and transport.let_arrive(before_s)
 
 
 def join(client: asyncio.Protocol, server: asyncio.Protocol, line: Line, address: object) -> MemoryTransport:
-    """Joins two protocols; returns the client's transport. Both have had `connection_made` when it returns."""
+    """Connect two protocols; return the client's transport after both have had `connection_made`."""
     loop = asyncio.get_running_loop()
     near = MemoryTransport(loop, Line(0.0, line.byte_s), ("memory", "client"), address)
     far = MemoryTransport(loop, line, address, ("memory", "client"))
@@ -187,7 +187,7 @@ def join(client: asyncio.Protocol, server: asyncio.Protocol, line: Line, address
 def open_memory_stream(
     server: Callable[[], asyncio.Protocol], line: Line, address: object
 ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-    """A reader and a writer whose other end is `server()`, as `asyncio.open_connection` gives for a socket."""
+    """Reader and writer connected to `server()`, as `asyncio.open_connection` returns for a socket."""
     loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader(loop=loop)
     protocol = asyncio.StreamReaderProtocol(reader, loop=loop)

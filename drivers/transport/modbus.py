@@ -13,10 +13,10 @@ from drivers.transport.exchange import printable_hex
 from drivers.transport.memory import let_arrive
 from drivers.transport.wires import Wires
 
-GAP_S = 0.03  # what a controller on a serial line needs between an answer and the next request
+GAP_S = 0.03  # silence that a controller on a serial line needs between an answer and the next request
 QUIET_S = 0.5  # after such a silence of a serial line a late answer is no longer expected
-DRAINS = 10  # such silences are waited for so often
-_EXCEPTIONS = {  # code: (what it means, what to do)
+DRAINS = 10  # number of such silences to wait for
+_EXCEPTIONS = {  # code: (meaning, remedy)
     1: ("illegal function", "Check that the driver fits the instrument."),
     2: ("no such register", "Check that the driver, and its options in the bench file, fit the instrument."),
     3: ("illegal value", "Check the limits and locks that are set at the instrument."),
@@ -29,13 +29,13 @@ _EXCEPTIONS = {  # code: (what it means, what to do)
 
 
 class ModbusLink:
-    """Registers of one unit behind one connection.
+    """Registers of one unit on one connection.
 
-    Every request is sent once. A timeout, an answer that does not fit and a cancelled request end the trust in the
-    connection: it is closed, and its owner opens it again and asks who is there before anything else. Over TCP answers
-    are numbered, and a late one is dropped; a serial line is drained when it is opened.
+    Every request is sent once. After a timeout, an answer that does not fit or a cancelled request the connection is
+    closed; its owner reopens it and first verifies the identity. Over TCP answers are numbered, and a late one is
+    dropped; a serial line is drained when it is opened.
 
-    Concurrency: one request at a time; callers take turns.
+    Concurrency: one request at a time; callers queue.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class ModbusLink:
         self._frames: Frames = frames_of(self.framing, unit_id)
 
     async def open(self) -> None:
-        """Connect or reconnect; raises CannotConnect, and BadAnswer for a line that is never quiet."""
+        """Connect or reconnect; raises CannotConnect, and BadAnswer for a line that is never silent."""
         self.close()
         try:
             async with patience(self._answer_s) as limit:
@@ -60,7 +60,7 @@ class ModbusLink:
             if not limit.expired():
                 raise
             raise CannotConnect(
-                self.device, f"nobody answers at {self.address}",
+                self.device, f"no connection to {self.address}",
                 remedy="Check that the controller is on, its network address, and the port in the bench file.",
             ) from problem  # fmt: skip
         self._frames = frames_of(self.framing, self._unit_id)
@@ -70,11 +70,11 @@ class ModbusLink:
 
     @property
     def is_open(self) -> bool:
-        """Whether it was opened and not closed since; a connection that the other end dropped is noticed when asked."""
+        """True from opening to closing; a connection closed by the other end is noticed at the next request."""
         return self._stream is not None
 
     async def read(self, address: int, count: int, *, function: ReadFunction = 3) -> tuple[int, ...]:
-        """`count` holding registers, or input registers by function 4, from the wire address `address`.
+        """Read `count` holding registers, or input registers by function 4, from the wire address `address`.
 
         Raises NoAnswer after the time for an answer, Refused for a Modbus exception, BadAnswer, LinkLost.
         """
@@ -85,10 +85,10 @@ class ModbusLink:
         return tuple(answer.registers)
 
     async def write(self, address: int, words: Sequence[int], *, many: bool = False) -> None:
-        """Writes registers from the wire address `address` in one request; raises as `read`.
+        """Write registers from the wire address `address` in one request; raises as `read`.
 
-        One register goes by function 6, or by 16 with `many`. After NoAnswer and LinkLost nobody knows whether it was
-        carried out: read back, then decide.
+        One register goes by function 6, or by 16 with `many`. After NoAnswer and LinkLost it is unknown whether it was
+        executed: read back, then decide.
         """
         sent = f"write {' '.join(f'{word:04x}' for word in words)} at {address}"
         request = write_request(address, words, many=many)
@@ -98,13 +98,13 @@ class ModbusLink:
             raise self._misfit(str(answer), sent)
 
     def close(self) -> None:
-        """Closes the connection; closing twice is harmless."""
+        """Close the connection; closing twice is harmless."""
         if self._stream is not None:
             self._stream.close()
             self._stream = None
 
     async def _answer(self, request: Pdu, sent: str) -> Pdu:
-        """The answer to a request, when it is one and no refusal."""
+        """Answer to a request; raises for an exception or an invalid answer."""
         async with self._turn:
             stream = self._open_stream(sent)
             try:
@@ -122,13 +122,13 @@ class ModbusLink:
         if stream.silent_s < self._gap_s:
             await asyncio.sleep(self._gap_s - stream.silent_s)
         if stream.received and self.framing == "rtu":
-            raise self._misfit(f"{printable_hex(stream.received)} before anything was asked", sent)
+            raise self._misfit(f"{printable_hex(stream.received)} before the request", sent)
         until_s = asyncio.get_running_loop().time() + self._answer_s
         stream.write(self._frames.request(request))
         try:
             while (answer := self._frames.answer(stream.received)) is None and stream.let_arrive(until_s):
                 pass
-            if answer is not None:  # of a simulator in this process, which saves a timer
+            if answer is not None:  # for a simulator in this process, which saves a timer
                 return answer
             async with patience(until_s - asyncio.get_running_loop().time()):
                 while (answer := self._frames.answer(stream.received)) is None:
@@ -137,7 +137,7 @@ class ModbusLink:
             raise NoAnswer(
                 self.device, f"no answer within {self._answer_s:g} s from {self.address}", sent=sent,
                 received=printable_hex(stream.received),
-                remedy="Check that the controller is on and that nobody pulled the cable.",
+                remedy="Check that the controller is on and that its cable is connected.",
             ) from None  # fmt: skip
         except ConnectionError as problem:
             raise self._lost("was closed", sent) from problem
@@ -156,7 +156,7 @@ class ModbusLink:
         raise BadAnswer(
             self.device, f"the line at {self.address} is not silent within {DRAINS * QUIET_S:g} s",
             received=printable_hex(stream.received),
-            remedy="Check that no other program or display asks on this line, and the line settings.",
+            remedy="Check that no other program or display polls on this line, and the line settings.",
         )  # fmt: skip
 
     def _open_stream(self, sent: str) -> _Stream:
@@ -180,7 +180,7 @@ class ModbusLink:
 
 
 class _Stream(asyncio.Protocol):
-    """What was received on a connection, and when."""
+    """Received bytes of a connection, and the time of the last."""
 
     def __init__(self) -> None:
         self.received = bytearray()
@@ -195,7 +195,7 @@ class _Stream(asyncio.Protocol):
         return asyncio.get_running_loop().time() - self._heard_at_s
 
     def write(self, data: bytes) -> None:
-        """Sends bytes."""
+        """Send bytes."""
         if self._transport is not None:
             self._transport.write(data)
 
@@ -204,7 +204,7 @@ class _Stream(asyncio.Protocol):
         return let_arrive(self._transport, before_s)
 
     async def more(self) -> None:
-        """Waits for the next bytes; raises ConnectionError when none will come."""
+        """Wait for the next bytes; raises ConnectionError if the connection closes."""
         if self.lost:
             raise ConnectionError("closed")
         self._waiter = asyncio.get_running_loop().create_future()
@@ -214,27 +214,27 @@ class _Stream(asyncio.Protocol):
             self._waiter = None
 
     def close(self) -> None:
-        """Closes the connection."""
+        """Close the connection."""
         if self._transport is not None:
             self._transport.close()
 
     # asyncio.Protocol
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The connection is open."""
+        """Store the transport."""
         if not isinstance(transport, asyncio.Transport):
             raise TypeError("a stream transport is needed")
         self._transport = transport
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the instrument."""
+        """Receive bytes of the instrument."""
         self.received += data
         self._heard_at_s = asyncio.get_running_loop().time()
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection is closed; who waits learns it now."""
+        """Notify waiting tasks that the connection is closed."""
         self.lost = True
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_exception(ConnectionError("closed"))

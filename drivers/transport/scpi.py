@@ -1,4 +1,4 @@
-"""The conversation with a SCPI instrument: identified, its error queue drained after each write, opened again."""
+"""Dialogue with a SCPI instrument: identified, its error queue drained after each write, reconnected after a loss."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ ERROR_QUERIES: Mapping[bytes, ReadError] = {
     b":SYST:ERR?": scpi.error_entry,  # SCPI-1999
     b":STAT:ERR?": scpi.error_entry,  # Yokogawa
     b"*ESR?": scpi.event_entry,  # IEEE 488.2, for an instrument without a queue
-}  # what an instrument is asked for its errors, in the order in which that is tried
+}  # queries of the errors, in the order in which they are tried
 ERRORS_AT_MOST = 32
 
 
 class ScpiLink:
     """The line to one SCPI instrument.
 
-    It is asked for its errors by the first of `error_queries` that it answers; `setup.note` is told which, unless it is
-    the first of all. `takes` are of what enters a result. Lifetime: `open`, then `close`; `reopen` when the wire was
-    lost. Concurrency: callers queue for the line.
+    Its errors are read by the first of `error_queries` that it answers; `setup.note` receives which, unless it is the
+    first of all. `takes` confirms readings that enter a result. Lifetime: `open`, then `close`; `reopen` when the wire
+    was lost. Concurrency: callers queue for the line.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class ScpiLink:
         self._device, self._who = setup.name, Recognised(setup.name, setup.identity)
         self._read_identity, self._note = read_identity, setup.note
         self._error_queries = error_queries
-        self._error_query = b""  # the one that it answers
+        self._error_query = b""  # the query that it answers
         proof = Proof(IDENTITY_QUERY, self._recognise)
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors, note=setup.note
@@ -49,33 +49,33 @@ class ScpiLink:
         self.takes = self._dialogue.takes
 
     async def open(self) -> None:
-        """Connects, identifies, and empties the error queue; raises CannotConnect or WrongIdentity."""
+        """Connect, identifies, and empties the error queue; raises CannotConnect or WrongIdentity."""
         await self._dialogue.open()
 
     async def reopen(self) -> None:
-        """Connects and identifies again if the wire was lost; else nothing."""
+        """Connect and identify again if the wire was lost; else nothing."""
         await self._dialogue.reopen()
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
         self._dialogue.close()
 
     async def identify(self) -> Identity:
-        """Who is there now; raises WrongIdentity when it is not who was there before."""
+        """Query the identity; raises WrongIdentity if it has changed."""
         return await self.ask(IDENTITY_QUERY, self._recognise)
 
     async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """One question that may be asked again; see Dialogue.ask."""
+        """Send a query that may be repeated; see Dialogue.ask."""
         return await self._dialogue.ask(question, read, answer_s=answer_s)
 
     async def ask_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """One question that the instrument acts on or answers only once; see Dialogue.ask_once."""
+        """Send a query that the instrument answers only once, or that has an effect; see Dialogue.ask_once."""
         return await self._dialogue.ask_once(question, read, answer_s=answer_s)
 
     async def write(self, commands: str) -> None:
-        """Sends commands in one message, once; raises Refused with every error that they left in the queue.
+        """Send commands in one message, once; raises Refused with every error that they left in the queue.
 
-        Returns as well when the answer is missing or garbled: what the caller reads back decides.
+        Also returns if the answer is missing or garbled: the caller decides by reading back.
         """
         message = commands.encode() + b";" + self._error_query
         entry = await self._dialogue.order(message, self._error_queries[self._error_query])
@@ -86,30 +86,29 @@ class ScpiLink:
             )  # fmt: skip
 
     def cut_in(self, commands: str) -> None:
-        """Sends commands at once, before anything else; see LineExchange.cut_in."""
+        """Send commands at once, ahead of everything queued; see LineExchange.cut_in."""
         self._dialogue.line.cut_in(commands.encode())
 
     async def _forget_errors(self) -> None:
-        """Empties the error queue of what others left there."""
+        """Empty the error queue of errors of earlier sessions."""
         await self._errors_from(await (self._next_error() if self._error_query else self._first_error()))
 
     async def _first_error(self) -> scpi.ErrorEntry:
-        """An entry of the error queue, by the first question that has an answer; raises NoAnswer when none has.
+        """First entry of the error queue, by the first query that is answered; raises NoAnswer if none is.
 
-        An instrument says nothing to a question that it does not know, however often, and keeps that as an error, which
-        is forgotten here.
+        An instrument does not answer an unknown query, and queues an error for it, which is discarded here.
         """
         first, *others = self._error_queries
         for query in (first, *others):
             try:
                 entry = await self.ask(query, self._error_queries[query])
             except NoAnswer as silent:
-                await self.ask_once(IDENTITY_QUERY, self._recognise)  # raises when it is silent altogether
+                await self.ask_once(IDENTITY_QUERY, self._recognise)  # raises if it does not answer at all
                 problem = silent
             else:
                 self._error_query = query
                 if query != first:
-                    self._note(f"it does not answer {first.decode()}; it is asked for its errors by {query.decode()}")
+                    self._note(f"it does not answer {first.decode()}; its errors are queried by {query.decode()}")
                 return entry
         raise problem
 
@@ -117,7 +116,7 @@ class ScpiLink:
         return await self.ask(self._error_query, self._error_queries[self._error_query])
 
     async def _errors_from(self, entry: scpi.ErrorEntry) -> list[str]:
-        """Every entry of the error queue, from `entry` on; the queue is empty after it."""
+        """All entries of the error queue, from `entry` on; the queue is empty after it."""
         errors: list[str] = []
         while entry.code != scpi.NO_ERROR:
             errors.append(str(entry))
@@ -127,5 +126,5 @@ class ScpiLink:
         return errors
 
     def _recognise(self, line: bytes) -> Identity:
-        """Reads an identity and compares it with the bench file and with who was there before."""
+        """Decode an identity and compare it with the bench file and with that of earlier connections."""
         return self._who.check(self._read_identity(line), line.decode("ascii"))

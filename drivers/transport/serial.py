@@ -1,4 +1,4 @@
-"""Serial lines: pyserial sets the port up, asyncio moves the bytes."""
+"""Serial lines: pyserial configures the port, asyncio transfers the bytes."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ STABLE_NAMES = Path("/dev/serial/by-id")
 _REFUSED = {
     errno.EACCES: "no permission; ask the administrator of this computer to add you to its group, mostly dialout",
     errno.EPERM: "no permission; ask the administrator of this computer to add you to its group, mostly dialout",
-    errno.EAGAIN: "another program has it",
-    errno.EBUSY: "another program has it",
-    errno.ENOENT: "there is no such port",
+    errno.EAGAIN: "another program uses it",
+    errno.EBUSY: "another program uses it",
+    errno.ENOENT: "no such port",
 }
 
 
@@ -34,31 +34,31 @@ class CharacterDevice(Protocol):
     """An open serial port or one end of a pseudo-terminal."""
 
     def fileno(self) -> int:
-        """Its descriptor."""
+        """File descriptor."""
 
     def close(self) -> None:
-        """Closes it."""
+        """Close the device."""
 
 
 class SerialPort(NamedTuple):
-    """A port of this machine: its path, by a name that stays with its adapter where there is one, and what it is."""
+    """A port of this machine: its path, by a name that stays with its adapter if there is one, and its description."""
 
     path: str
     title: str
 
 
 def serial_ports(stable_names: Path = STABLE_NAMES) -> list[SerialPort]:
-    """The ports that there are, by path."""
+    """Available ports, by path."""
     links = {os.path.realpath(link): str(link) for link in sorted(stable_names.glob("*"))}
     ports = list_ports.comports()
     return sorted(SerialPort(links.get(os.path.realpath(port.device), port.device), port.description) for port in ports)
 
 
 async def open_serial(device: str, address: Address, factory: Callable[[], P]) -> P:
-    """Opens the port for this process alone and joins `factory()` to it; raises CannotConnect.
+    """Open the port exclusively and connect `factory()` to it; raises CannotConnect.
 
-    Options: baud (9600), bytesize (8), parity (N), stopbits (1), flow (none, rtscts or xonxoff). On RS-485 one end
-    speaks at a time: most adapters turn the line round by themselves (rs485: adapter), others want RTS for it (rts).
+    Options: baud (9600), bytesize (8), parity (N), stopbits (1), flow (none, rtscts or xonxoff). RS-485 is half-duplex:
+    most adapters switch direction by themselves (rs485: adapter), others need RTS for it (rts).
     """
     flow = address.options.get("flow", "none")
     await asyncio.sleep(0)  # a port just closed releases its lock in the next iteration of the loop
@@ -88,25 +88,25 @@ async def open_serial(device: str, address: Address, factory: Callable[[], P]) -
 
 
 def _keep_others_out(port: serial.Serial, address: Address) -> None:
-    """No program but those of the administrator can open the port any more until it is closed, whatever it locks.
+    """Keep other programs, except those of the administrator, from opening the port until it is closed.
 
-    A pseudo-terminal would stay closed to all when this program is killed, since its other end keeps it alive.
+    Not for a pseudo-terminal: it would stay locked after a kill of this program, because its other end keeps it alive.
     """
     if not _is_pseudo_terminal(address):
         ioctl(port.fileno(), termios.TIOCEXCL)
 
 
 def _turn_round_by_rts(port: serial.Serial) -> None:
-    """The port holds RTS while it sends; ValueError, and the port is closed, where its driver cannot do that."""
+    """Let the port hold RTS while it sends; if its driver cannot do that, close it and raise ValueError."""
     try:
         port.rs485_mode = RS485Settings()
     except ValueError as problem:
         port.close()
-        raise ValueError(f"this port does not turn an RS-485 line round by RTS ({problem})") from problem
+        raise ValueError(f"this port cannot switch the RS-485 direction by RTS ({problem})") from problem
 
 
 def _parity(address: Address) -> str:
-    """As the address has it; a pseudo-terminal carries whole bytes, and cannot be opened with a parity."""
+    """Parity of the address; none for a pseudo-terminal, which carries whole bytes and does not open with a parity."""
     return "N" if _is_pseudo_terminal(address) else address.options.get("parity", "N")
 
 
@@ -115,9 +115,9 @@ def _is_pseudo_terminal(address: Address) -> bool:
 
 
 async def join_device(device: CharacterDevice, protocol: asyncio.Protocol) -> DeviceTransport:
-    """Joins an open device to `protocol` by asyncio's own pipe transports, one for each direction.
+    """Connect an open device to `protocol` by asyncio's own pipe transports, one for each direction.
 
-    The transport owns the device from now on, and closes it when it cannot be joined.
+    The transport owns the device from now on, and closes it if connecting fails.
     """
     loop = asyncio.get_running_loop()
     transport = DeviceTransport(protocol)
@@ -146,7 +146,7 @@ class _Half(asyncio.Protocol):
 
 
 class DeviceTransport(asyncio.Transport):
-    """Both directions of a character device as one transport; when one is gone, so is the other."""
+    """Both directions of a character device as one transport; if one is lost, the other is closed."""
 
     def __init__(self, protocol: asyncio.Protocol) -> None:
         super().__init__()
@@ -161,28 +161,28 @@ class DeviceTransport(asyncio.Transport):
         self.protocol.connection_made(self)
 
     def end(self, exc: Exception | None) -> None:
-        """One direction is lost: close the other, and notify the protocol once."""
+        """Close the other direction after the loss of one, and notify the protocol once."""
         self.close()
         if not self._ended:
             self._ended = True
             self.protocol.connection_lost(exc)
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
-        """Sends `data`."""
+        """Send `data`."""
         if self._writer is not None:
             self._writer.write(data)
 
     def get_write_buffer_size(self) -> int:
-        """Bytes that the kernel has not taken yet."""
+        """Number of bytes not yet taken by the kernel."""
         return 0 if self._writer is None else self._writer.get_write_buffer_size()
 
     def is_closing(self) -> bool:
-        """Whether the device is closed or about to be."""
+        """Return whether the device is closed or closing."""
         return self._reader is None or self._reader.is_closing()
 
     def close(self) -> None:
-        """Closes the device; what the kernel has not taken yet is dropped. Closing twice is harmless."""
-        # asyncio's pipe transports do not take it well when they are closed twice.
+        """Close the device; bytes not yet taken by the kernel are dropped. Closing twice is harmless."""
+        # asyncio's pipe transports must not be closed twice.
         if self._writer is not None and not self._writer.is_closing():
             self._writer.abort()
         if self._reader is not None and not self._reader.is_closing():

@@ -1,6 +1,6 @@
 r"""The serial-line CAN protocol of LAWICEL adapters (`t1008112233…\r`), a block at a time, both directions.
 
-Hexadecimal is turned by tables over whole blocks of equally long lines, never frame by frame.
+Hexadecimal is converted by tables for whole blocks of equally long lines, never frame by frame.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ for _index, _digit in enumerate(b"0123456789ABCDEF"):
 for _index, _digit in enumerate(b"abcdef", start=10):
     _NIBBLES[_digit] = _index
 _DIGITS = np.frombuffer(b"0123456789ABCDEF", np.uint8)
-_IDENTIFIERS = {ord("t"): (3, 8), ord("T"): (8, 2)}  # how many digits, and what the first is below: 11 and 29 bits
+_IDENTIFIERS = {ord("t"): (3, 8), ord("T"): (8, 2)}  # number of digits, and limit of the first one: 11 and 29 bits
 
 
 def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
-    """The frames in `data`, what is left of an unfinished line, and how many lines were not frames.
+    """Parse the frames in `data`; also return the rest of an incomplete line, and the number of invalid lines.
 
     All frames get the arrival time `at_s`. Acknowledgements (BEL, empty lines, `z`, `Z`) are neither frames nor errors.
     """
@@ -59,16 +59,16 @@ def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
 
 
 def answer(data: bytes) -> tuple[bool | None, bytes]:
-    """The answer of an adapter to a command, among the frames that it may be sending, and the rest of a line.
+    """Find the adapter's answer to a command among frames; also return the rest of an incomplete line.
 
-    True is an empty line, it agrees; False is BEL, it refuses; None is nothing yet.
+    True is an acknowledgement (empty line), False a refusal (BEL), None means no answer yet.
     """
     *lines, rest = data.replace(REFUSED, END).split(END)
     return (False if REFUSED in data else True if b"" in lines else None), rest
 
 
 def _frames(lines: NDArray[np.uint8], kind: int, at_s: float) -> tuple[NDArray[np.bool_], FrameBlock]:
-    """Which of equally long lines are frames of one kind, and those frames."""
+    """Select the frames of one kind from equally long lines; return their mask and the frames."""
     id_digits, first_below = _IDENTIFIERS[kind]
     digits = lines.shape[1] - 2 - id_digits
     if digits < 0 or digits > 16 or digits % 2:
@@ -89,7 +89,7 @@ def _frames(lines: NDArray[np.uint8], kind: int, at_s: float) -> tuple[NDArray[n
 
 
 def render(block: FrameBlock) -> bytes:
-    """Lines as an adapter sends them, in the order of the block."""
+    """Encode lines as an adapter sends them, in the order of the block."""
     lines: list[bytes] = [b""] * len(block)
     for extended in (False, True):
         for length in range(9):

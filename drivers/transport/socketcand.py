@@ -1,8 +1,8 @@
-"""CAN over TCP as socketcand serves it: texts like `< frame 123 1690000000.000100 0A0B >`, both directions.
+"""CAN over TCP in the format of socketcand: texts like `< frame 123 1690000000.000100 0A0B >`, both directions.
 
-The server greets with `< hi >`; `< open can0 >` and `< rawmode >` are each answered by `< ok >`; then frames come as
-they are on the bus. Texts may be cut anywhere, and several may come together. What a server stamps is the time of its
-own clock; frames have that of their arrival.
+The server greets with `< hi >`; `< open can0 >` and `< rawmode >` are each answered by `< ok >`; then frames follow as
+on the bus. Texts may be split anywhere, and several may arrive together. The server's timestamps are of its own clock;
+frames get their time of arrival.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from drivers.transport.text_frames import TextFrames
 
 HI, OK, RAW_MODE = b"< hi >", b"< ok >", b"< rawmode >"
 ANSWER_S = 3.0
-TEXT_LIMIT_BYTES = 4096  # of one that has no end
+TEXT_LIMIT_BYTES = 4096  # limit for a text without an end
 
 _TEXT = re.compile(rb"<[^<>]*>")
 _FRAME = re.compile(rb"< frame ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) \d+\.\d+ +((?:[0-9A-Fa-f]{2} ?){0,8})>")
@@ -33,12 +33,12 @@ Rows = list[tuple[int, bytes]]
 
 
 def open_text(bus: str) -> bytes:
-    """Asks for a bus."""
+    """Request to open a bus."""
     return b"< open %s >" % bus.encode("ascii")
 
 
 def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
-    """The frames in `data`, what is left of an unfinished text, and how many texts were of no known kind.
+    """Parse the frames in `data`; also return the rest of an incomplete text, and the number of unknown texts.
 
     All frames get the arrival time `at_s`. Error frames have no data.
     """
@@ -58,7 +58,7 @@ def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
 
 
 def block_of(rows: Rows, at_s: float) -> FrameBlock:
-    """Identifiers and data as frames of one time."""
+    """Build frames of one time from identifiers and data."""
     data = b"".join(payload.ljust(8, b"\0") for _, payload in rows)
     return FrameBlock(
         np.array([frame_id for frame_id, _ in rows], np.uint32), np.full(len(rows), at_s),
@@ -67,7 +67,7 @@ def block_of(rows: Rows, at_s: float) -> FrameBlock:
 
 
 def render(block: FrameBlock, since_s: float = 0.0) -> bytes:
-    """Texts as a server sends them; `since_s` is what its clock shows at time 0."""
+    """Encode texts as a server sends them; `since_s` is the time of its clock at time 0."""
     texts = []
     for frame_id, at_s, dlc, data in zip(
         block.ids.tolist(), block.at_s.tolist(), block.dlc.tolist(), block.data, strict=True
@@ -83,7 +83,7 @@ def render(block: FrameBlock, since_s: float = 0.0) -> bytes:
 async def open_socketcand(
     device: str, address: Address, join: Callable[[Callable[[], Socketcand]], Awaitable[Socketcand]]
 ) -> Socketcand:
-    """Opens a bus of a server; raises CannotConnect."""
+    """Open a bus of a server; raises CannotConnect."""
     link = await join(lambda: Socketcand(device))
     try:
         await link.open(address.path)
@@ -102,7 +102,7 @@ class Socketcand(TextFrames):
         self._is_open = False
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the server; until the bus is open, the first whole text is the answer that is waited for."""
+        """Receive bytes of the server; until the bus is open, the first complete text is the awaited answer."""
         if self._is_open:
             super().data_received(data)
             return
@@ -110,14 +110,14 @@ class Socketcand(TextFrames):
         self._find_answer()
 
     async def open(self, bus: str) -> None:
-        """Asks for a bus, and for all that comes on it; raises CannotConnect."""
+        """Request a bus and all its frames; raises CannotConnect."""
         await self.answered(b"", HI)
         await self.answered(open_text(bus), OK)
         await self.answered(RAW_MODE, OK)
         self._is_open = True
 
     async def answered(self, request: bytes, wanted: bytes) -> None:
-        """Sends a request; raises CannotConnect unless the next text is the one wanted, and in time."""
+        """Send a request; raises CannotConnect unless the next text is the expected one, and in time."""
         if self._transport is None or self._lost:
             raise LinkLost(self._device, self._lost)
         self._answer, self._wanted = asyncio.get_running_loop().create_future(), wanted
@@ -141,7 +141,7 @@ class Socketcand(TextFrames):
             self._rest = self._rest[text.end() :]
             self._answer.set_result(True)
         else:
-            self._answer.set_exception(self._refused("it does not agree", b"", text[0]))
+            self._answer.set_exception(self._refused("the request was refused", b"", text[0]))
 
     def _refused(self, problem: str, request: bytes, said: bytes) -> CannotConnect:
         return CannotConnect(

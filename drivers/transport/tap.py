@@ -7,9 +7,9 @@ from typing import Any
 
 
 class Tap(asyncio.Protocol):
-    """Passes everything on, both ways, to the protocol `inner` and to the connection.
+    """Passes all data on, both ways, to the protocol `inner` and to the connection.
 
-    Heirs override `sent` and `received` to see or to change what passes; the connection is `line`.
+    Subclasses override `sent` and `received` to record or change data; the connection is `line`.
     """
 
     def __init__(self, inner: asyncio.Protocol) -> None:
@@ -17,65 +17,65 @@ class Tap(asyncio.Protocol):
         self.line: asyncio.Transport
 
     def sent(self, data: bytes) -> None:
-        """`inner` has written bytes."""
+        """Handle bytes written by `inner`."""
         self.line.write(data)
 
     def received(self, data: bytes) -> None:
-        """Bytes have arrived for `inner`."""
+        """Handle bytes that have arrived for `inner`."""
         self.inner.data_received(data)
 
     # asyncio.Protocol
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The connection is open."""
+        """Store the connection."""
         if not isinstance(transport, asyncio.Transport):
             raise TypeError("a stream transport is needed")
         self.line = transport
         self.inner.connection_made(TappedTransport(self))
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the other end."""
+        """Pass on bytes from the other end."""
         self.received(data)
 
     def eof_received(self) -> bool | None:
-        """The other end writes no more."""
+        """Pass on the end of data."""
         return self.inner.eof_received()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection is closed."""
+        """Pass on that the connection is closed."""
         self.inner.connection_lost(exc)
 
 
 class TappedTransport(asyncio.Transport):
-    """The connection as the inner protocol of a tap sees it."""
+    """The connection as seen by the inner protocol of a tap."""
 
     def __init__(self, tap: Tap) -> None:
         super().__init__()
         self._tap = tap
 
     def write(self, data: bytes | bytearray | memoryview) -> None:
-        """Hands bytes to the tap."""
+        """Pass bytes to the tap."""
         if not self._tap.line.is_closing():
             self._tap.sent(bytes(data))
 
     def close(self) -> None:
-        """Closes the connection."""
+        """Close the connection."""
         self._tap.line.close()
 
     def abort(self) -> None:
-        """Closes the connection at once."""
+        """Close the connection at once."""
         self._tap.line.abort()
 
     def is_closing(self) -> bool:
-        """Whether it is closed or about to be."""
+        """Return whether the connection is closed or closing."""
         return self._tap.line.is_closing()
 
     def get_extra_info(self, name: str, default: Any = None) -> Any:
-        """What the connection knows of itself."""
+        """Information on the connection."""
         return self._tap.line.get_extra_info(name, default)
 
     def get_write_buffer_size(self) -> int:
-        """Bytes that have not left yet."""
+        """Number of bytes not yet sent."""
         return self._tap.line.get_write_buffer_size()
 
     def pause_reading(self) -> None:

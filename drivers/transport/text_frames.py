@@ -1,4 +1,4 @@
-"""Frames that come as text over a connection: kept as bytes until they are taken, and parsed in one go then."""
+"""Frames received as text: buffered as bytes until they are taken, and then parsed in one go."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from drivers.errors import LinkLost
 from drivers.transport.frame_link import DURABLE_BLOCK_S
 
 Parse = Callable[[bytes, float], tuple[FrameBlock, bytes, int]]
-"""Gives the frames in bytes that arrived at a time, what is left of an unfinished one, and how many were none."""
+"""Parses bytes received at a time: frames, rest of an incomplete one, and number of invalid ones."""
 
 
 class TextFrames(asyncio.Protocol):
-    """A connection as a frame link; `adapter` is what is at its other end, `farewell` is sent before it is closed."""
+    """A connection as a frame link; `adapter` names its other end, `farewell` is sent before it is closed."""
 
     block_s = DURABLE_BLOCK_S
 
@@ -23,27 +23,31 @@ class TextFrames(asyncio.Protocol):
         self._chunks: list[tuple[float, bytes]] = []
         self._rest = b""
         self._lost = "not connected"
-        self._answer: asyncio.Future[bool] | None = None  # to what was asked before frames come
+        self._answer: asyncio.Future[bool] | None = None  # answers to commands before the first frame
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The connection is open."""
+        """Store the transport."""
         if not isinstance(transport, asyncio.Transport):
             raise TypeError("a stream transport is needed")
         self._transport, self._lost = transport, ""
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the adapter, stamped with their arrival."""
+        """Buffer bytes of the adapter, with their time of arrival."""
         self._chunks.append((asyncio.get_running_loop().time(), data))
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection is gone."""
-        self._lost = f"{self._adapter} is gone ({exc})" if exc else f"{self._adapter} is gone"
+        """Note the loss of the connection."""
+        self._lost = (
+            f"{self._adapter} has closed the connection ({exc})"
+            if exc
+            else f"{self._adapter} has closed the connection"
+        )
         if self._answer is not None and not self._answer.done():
             self._answer.set_exception(LinkLost(self._device, self._lost))
 
     def take(self) -> FrameBlock:
-        """Every frame since the last call; LinkLost when there is none and the connection is gone."""
+        """Frames since the last call; LinkLost if there is none and the connection is lost."""
         chunks, self._chunks = self._chunks, []
         blocks = []
         for at_s, data in chunks:
@@ -54,7 +58,7 @@ class TextFrames(asyncio.Protocol):
         return FrameBlock.joined(blocks)
 
     def close(self) -> None:
-        """Closes the connection; closing twice is harmless."""
+        """Close the connection; closing twice is harmless."""
         if self._transport is not None and not self._transport.is_closing():
             if self._farewell:
                 self._transport.write(self._farewell)

@@ -8,9 +8,9 @@
     0.006000 supply > "*IDN?"
     9.500000 chamber -
 
-Seconds of bench time, as in the journal of the run; the device; `+` the connection is open, `-` it is closed, `>`
-sent to the instrument, `<` received from it. Bytes that are text stand as text, with the escapes of JSON, all others
-in hexadecimal; CAN frames as `candump` writes them, `101#0000C8420100`. Only the trace of a run names one.
+Seconds of bench time, as in the journal of the run; the device; `+` the connection is open, `-` it is closed, `>` sent
+to the instrument, `<` received from it. Printable bytes are written as text, with the escapes of JSON, all others in
+hexadecimal; CAN frames as `candump` writes them, `101#0000C8420100`. Only the trace of a run names one.
 """
 
 from __future__ import annotations
@@ -46,35 +46,35 @@ class Passed:
     text: str = ""
 
     def line(self) -> str:
-        """As it is written."""
+        """Format the line."""
         return f"{self.at_s:.6f} {self.device} {self.sign} {self.text}".rstrip()
 
     @property
     def data(self) -> bytes:
-        """The bytes that passed; ValueError for a line that has none."""
+        """Bytes that passed; ValueError for a line that has none."""
         if self.text.startswith('"'):
             return str(json.loads(self.text)).encode("ascii")
         return bytes.fromhex(self.text)
 
 
 def spelled(data: bytes) -> str:
-    """Bytes for a line of a trace."""
+    """Format bytes for a line of a trace."""
     return json.dumps(data.decode("ascii")) if _TEXT.fullmatch(data) else data.hex(" ")
 
 
 def head_of(run: str | None) -> str:
-    """The first lines of a trace, of a run or of none."""
+    """First lines of a trace, of a run or of none."""
     return f"{HEAD}\n" if run is None else f"{HEAD}\n{_OF_RUN}{run}\n"
 
 
 def run_of(lines: Iterable[str]) -> str:
-    """The run that a trace names in its head; empty for a trace of no run, and for any other file."""
+    """Run named in the head of a trace; empty for a trace of no run, and for any other file."""
     head = [line.rstrip() for line in islice(lines, 2)]
     return head[1].removeprefix(_OF_RUN) if len(head) == 2 and head[0] == HEAD and head[1].startswith(_OF_RUN) else ""
 
 
 def read_trace(lines: Iterable[str]) -> Iterator[Passed]:
-    """The lines of a trace, in order; ValueError with the number of an invalid one."""
+    """Read the lines of a trace, in order; ValueError with the number of an invalid one."""
     for number, line in enumerate(lines, 1):
         if number == 1 and line.strip() != HEAD:
             raise ValueError(f"line 1 is {line.strip()[:40]!r}, a trace begins with {HEAD!r}")
@@ -98,12 +98,12 @@ class TracedWires:
         self._wires, self._keep = wires, keep
 
     def note(self, device: str, sign: str, text: str = "", at_s: float | None = None) -> None:
-        """Keeps a line, of now unless another loop time is given."""
+        """Record a line, with the present loop time unless another is given."""
         at_s = asyncio.get_running_loop().time() if at_s is None else at_s
         self._keep(Passed(at_s, device, sign, text))
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
-        """Joins `factory()` to the other end, with a recorder in between."""
+        """Connect `factory()` to the other end, with a recorder in between."""
         made: list[P] = []
 
         def tapped() -> _Recorder:
@@ -114,7 +114,7 @@ class TracedWires:
         return made[-1]
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """An open CAN channel whose frames are recorded when they are taken."""
+        """Open a CAN channel whose frames are recorded when they are taken."""
         link = await self._wires.frames(device, address)
         self.note(device, OPENED, str(address))
         return _RecordedFrames(link, self, device)

@@ -1,4 +1,4 @@
-"""The ways to reach an instrument, and the real ones."""
+"""Interface to open connections to instruments, and its implementation for real ones."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ P = TypeVar("P", bound=asyncio.Protocol)
 
 
 class Wires(Protocol):
-    """Opens connections for drivers; what is at their other end is decided where a Wires is made."""
+    """Opens connections for drivers; its implementation decides what they lead to."""
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
-        """Joins `factory()` to a TCP connection or a serial line; raises CannotConnect."""
+        """Connect `factory()` to a TCP connection or a serial line; raises CannotConnect."""
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """An open CAN channel; raises CannotConnect."""
+        """Open a CAN channel; raises CannotConnect."""
 
 
 class RealWires:
     """Sockets, serial ports and CAN adapters of this machine."""
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
-        """Joins `factory()` to the other end of `address`."""
+        """Connect `factory()` to the other end of `address`."""
         if address.scheme == "serial":
             from drivers.transport.serial import open_serial
 
@@ -39,13 +39,13 @@ class RealWires:
                 _, protocol = await loop.create_connection(factory, address.host, address.port)
         except (OSError, TimeoutError) as problem:
             raise CannotConnect(
-                device, f"nobody answers at {address} ({str(problem) or 'no answer within 10 s'})",
+                device, f"no connection to {address} ({str(problem) or 'no answer within 10 s'})",
                 remedy="Check that the instrument is on, its network address, and the port in the bench file.",
             ) from problem  # fmt: skip
         return protocol
 
     async def frames(self, device: str, address: Address) -> FrameLink:
-        """Opens the CAN adapter at `address`, joins its server, or plays its log."""
+        """Open the CAN adapter at `address`, a bus of its server, or its log."""
         if address.scheme == "socketcand":
             from drivers.transport.socketcand import Socketcand, open_socketcand
 

@@ -1,6 +1,6 @@
-"""A bad bus between who sends CAN frames and who takes them: frames that do not come, come twice, late or altered.
+"""Faults of a CAN bus: frames that are lost, duplicated, late or altered.
 
-What suffers follows from the draws it is given, so that every failure can be played again.
+The affected frames follow from the random numbers given, so that every failure is reproducible.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.can.frame_block import EXTENDED, FrameBlock
 
-FURTHEST_ROWS = 12  # that a frame comes late
+FURTHEST_ROWS = 12  # a frame arrives late
 MEAN_BURST_ROWS = 20
 FOREIGN_IDS = 1 << 11
 
@@ -22,22 +22,22 @@ Rows = NDArray[np.intp]
 
 
 class FrameFault(StrEnum):
-    """What happens to frames on their way."""
+    """Kinds of frame faults."""
 
-    LOST = "lost_frames"  # now and then one does not come
-    BURST = "lost_bursts"  # no frames for a while
+    LOST = "lost_frames"  # single frames are lost
+    BURST = "lost_bursts"  # no frames for some time
     DOUBLED = "doubled_frames"  # a frame arrives twice
     LATE = "late_frames"  # a frame arrives after later ones
     FOREIGN = "foreign_frames"  # another node sends on this bus
-    SHORT = "short_frames"  # one has another length
-    SWAPPED = "swapped_frames"  # two neighbours have each other's identifiers
+    SHORT = "short_frames"  # a frame has another length
+    SWAPPED = "swapped_frames"  # two neighbours have swapped identifiers
 
 
 @dataclass(frozen=True, slots=True)
 class Carried:
-    """What has come of frames: which of those sent each is, -1 for one that nobody of them sent.
+    """Frames after a fault, with the index of each among the sent ones; -1 for one that was not sent.
 
-    `altered` are those that are not as they were sent.
+    `altered` marks those that differ from the sent ones.
     """
 
     block: FrameBlock
@@ -78,14 +78,14 @@ def carry(
 
 
 def _kept(block: FrameBlock, rows: Rows) -> Carried:
-    """Frames in another order, or not all; what comes late comes with what was sent just before that."""
+    """Indices of reordered or lost frames; a late frame arrives together with the one before it."""
     at_s = np.maximum.accumulate(block.at_s[rows]) if len(rows) else block.at_s[rows]
     moved = FrameBlock(block.ids[rows], at_s, block.dlc[rows], block.payloads(rows))
     return Carried(moved, rows, np.zeros(len(rows), dtype=bool))
 
 
 def _in_bursts(begins: NDArray[np.bool_], draws: np.random.Generator) -> NDArray[np.bool_]:
-    """Which rows are in a burst; as many as begin one would be lost alone."""
+    """Mask of rows in bursts; a burst begins as often as a single loss would."""
     lost = np.zeros(len(begins), dtype=bool)
     for row in np.flatnonzero(begins & (draws.random(len(begins)) < 1 / MEAN_BURST_ROWS)):
         lost[row : row + int(draws.geometric(1 / MEAN_BURST_ROWS))] = True
@@ -93,14 +93,14 @@ def _in_bursts(begins: NDArray[np.bool_], draws: np.random.Generator) -> NDArray
 
 
 def _moved(rows: Rows, in_place: int, draws: np.random.Generator) -> Rows:
-    """Rows of which those from `in_place` on come some places later than they were sent."""
+    """Rows in an order in which those outside `in_place` arrive some places later than they were sent."""
     places = rows.astype(float)
     places[in_place:] += 0.5 + draws.integers(0, FURTHEST_ROWS, len(rows) - in_place)
     return rows[np.argsort(places, kind="stable")]
 
 
 def _among_foreign(block: FrameBlock, after: Rows, draws: np.random.Generator) -> Carried:
-    """Frames with others after some of them, whose identifiers none of them has."""
+    """Insert frames after some rows, with identifiers that none of the frames has."""
     free = np.setdiff1d(np.arange(FOREIGN_IDS, dtype=np.uint32), block.ids)
     ids = draws.choice(free, len(after)) | np.where(draws.random(len(after)) < 0.5, np.uint32(EXTENDED), np.uint32(0))
     lengths = draws.integers(0, 9, len(after)).astype(np.uint8)

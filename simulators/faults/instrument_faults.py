@@ -1,7 +1,7 @@
-"""Faults of simulated instruments: what breaks, from when on, and until when.
+"""Faults of simulated instruments, with their times.
 
-A simulator names what can happen to it in one way: the mapping MISHAPS of its class, kind → Mishap. What any line can
-do to an instrument is not in it: `silent`, `cut`, and the kinds in `LINE_FAULTS`.
+A simulator class lists its faults in the mapping MISHAPS, kind → Mishap. Faults of any line are not in it: `silent`,
+`cut`, and the kinds in `LINE_FAULTS`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, Literal, Protocol
 
 from simulators.faults.line_faults import LineFault
 
-OPEN_C = 320.0  # what an open thermometer reads
+OPEN_C = 320.0  # reading of an open thermometer
 FaultKind = Literal[
     "silent", "cut", "delay", "late", "duplicate", "garbage", "cut_short", "split", "flip", "echo", "half_open",
     "slow_close", "frozen", "stuck", "lag", "restart", "door_open", "emergency_stop", "front_panel", "program",
@@ -31,17 +31,17 @@ LINE_FAULTS: Mapping[FaultKind, LineFault] = {
     "half_open": LineFault.HALF_OPEN, "slow_close": LineFault.SLOW_CLOSE,
 }  # fmt: skip
 
-BROKEN_DRAWS = 3.0  # times its current
-LAG_S = 0.7  # between what an instrument acknowledges and what it does, where it lags
+BROKEN_DRAWS = 3.0  # factor of its current
+LAG_S = 0.7  # delay from acknowledgement to execution with `lag`
 
 
 def nothing(_instrument: Any) -> None:
-    """No action: the simulator checks for the fault itself."""
+    """Do nothing: the simulator checks for the fault itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mishap:
-    """What happens to an instrument when a fault begins and when it ends; without an end it stays as it then is."""
+    """Actions at the begin and at the end of a fault; without an end the state remains."""
 
     begin: Callable[[Any], object] = nothing
     end: Callable[[Any], object] = nothing
@@ -50,11 +50,11 @@ class Mishap:
 LOOKED_FOR = Mishap()
 OBEYS: Mapping[FaultKind, Mishap] = {"stuck": LOOKED_FOR, "lag": LOOKED_FOR}
 MEASURES_AND_OBEYS: Mapping[FaultKind, Mishap] = {"frozen": LOOKED_FOR, **OBEYS}
-"""What can happen to most instruments: values that stand still, commands that are not carried out."""
+"""Faults of most instruments: frozen values, and commands that are not executed."""
 
 
 def mishaps_of(simulator: type) -> Mapping[FaultKind, Mishap]:
-    """What can happen to the instruments of a class; one that names nothing can only be on a bad line."""
+    """Faults of the instruments of a class; without MISHAPS only those of a line."""
     found: Mapping[FaultKind, Mishap] = getattr(simulator, "MISHAPS", {})
     return found
 
@@ -64,34 +64,34 @@ class Breakable(Protocol):
 
     @property
     def faults(self) -> FaultPlan:
-        """How it breaks."""
+        """Its faults."""
 
 
 def begin(victim: Breakable, kind: FaultKind) -> None:
-    """A fault happens to it from now on."""
+    """Begin a fault."""
     victim.faults.begin(kind)
     mishaps_of(type(victim)).get(kind, LOOKED_FOR).begin(victim)
 
 
 def end(victim: Breakable, kind: FaultKind) -> None:
-    """The fault is over."""
+    """End a fault."""
     victim.faults.end(kind)
     mishaps_of(type(victim)).get(kind, LOOKED_FOR).end(victim)
 
 
 class FaultPlan:
-    """The faults of one instrument, or of one unit: kind → seconds after the start from which it is active.
+    """Faults of one instrument or unit: kind → seconds after the start from which it is active.
 
-    `silent`: requests are carried out or not, but nothing is answered; frames stop. `cut`: the connection is closed.
-    `frozen`: measured values (for a counter: its clock, latch sequence and counts) stand still. `stuck`: commands are
-    accepted and not carried out. `lag`: they are accepted, and carried out LAG_S later. `restart`: once, an instrument
-    loses its power for a moment and begins anew. Of a unit `silent` stops the frames of its channel and `dead` its
-    pulses; `open_thermometer` opens that at it, and with `current` it draws more than it should; `detached_thermometer`
-    is one that lies in the room. The others are told in docs/how-to/rehearse_a_bad_night.md.
+    `silent`: requests may be executed, but are not answered; frames stop. `cut`: the connection is closed. `frozen`:
+    measured values (of a counter: its clock, latch sequence and counts) do not change. `stuck`: commands are accepted
+    and not executed. `lag`: they are accepted, and executed LAG_S later. `restart`: once, a short power failure. Of a
+    unit `silent` stops the frames of its channel and `dead` its pulses; `open_thermometer` opens its thermometer,
+    `current` makes it draw too much, and `detached_thermometer` puts its thermometer into the room. The others are
+    described in docs/how-to/rehearse_a_bad_night.md.
 
-    Of what sends frames the bus is bad as in `simulators.faults.frame_faults`, has `error_frames` now and then, or is
-    off: one error frame says so, and then nothing comes. Of a counter the first channel's counts stand
-    (`stuck_count`), or all counts are cleared, once, and nothing else (`cleared_count`).
+    A device that sends frames may have the bus faults of `simulators.faults.frame_faults`, occasional `error_frames`,
+    or a bus-off: one error frame reports it, and then no frame follows. The first channel of a counter may stop
+    counting (`stuck_count`), or all its counts are cleared once (`cleared_count`).
     """
 
     def __init__(self, starts_s: Mapping[str, float] | None = None, now_s: Callable[[], float] = lambda: 0.0) -> None:
@@ -100,30 +100,30 @@ class FaultPlan:
         self._late: deque[tuple[float, Callable[[], object], tuple[type[Exception], ...]]] = deque()
 
     def active(self, kind: FaultKind) -> bool:
-        """Whether a fault is there now."""
+        """Return whether a fault is active."""
         if kind not in self._spans_s:
             return False
         now_s = self._now_s()
         return any(start_s <= now_s < end_s for start_s, end_s in self._spans_s[kind])
 
     def spans_s(self, kind: FaultKind) -> list[tuple[float, float]]:
-        """When a fault was there so far, and will be: from, to; infinite for no end."""
+        """Past and future intervals of a fault: from, to; infinite without an end."""
         return self._spans_s.get(kind, [])
 
     def since_s(self, kind: FaultKind) -> float:
-        """When a fault has begun, or will, the last time; infinite for never."""
+        """Time of the last begin of a fault, also a future one; infinite for never."""
         return max((start_s for start_s, _ in self.spans_s(kind)), default=math.inf)
 
     def times(self, kind: FaultKind) -> int:
-        """How often a fault has begun."""
+        """Number of times a fault has begun."""
         return sum(start_s <= self._now_s() for start_s, _ in self.spans_s(kind))
 
     def begin(self, kind: FaultKind) -> None:
-        """From now on."""
+        """Begin a fault now."""
         self._spans_s.setdefault(kind, []).append((self._now_s(), math.inf))
 
     def end(self, kind: FaultKind) -> None:
-        """Until now, that one of the kind which has lasted longest."""
+        """End a fault now: the longest active one of its kind."""
         spans_s = self.spans_s(kind)
         index = next((i for i, (_, end_s) in enumerate(spans_s) if end_s == math.inf), None)
         if index is not None:
@@ -138,19 +138,19 @@ class FaultPlan:
             self.do(setting, *refusals)
 
     def do(self, setting: Callable[[], object], *refusals: type[Exception]) -> None:
-        """The same of what is never stuck."""
+        """The same for a command that is never stuck."""
         if self.active("lag"):
             self._late.append((self._now_s() + LAG_S, setting, refusals))
         else:
             setting()
 
     def catch_up(self) -> None:
-        """Does what was to be done by now; an instrument is looked at after it."""
+        """Execute commands that are due; called before every access to an instrument."""
         while self._late and self._late[0][0] <= self._now_s():
             _, setting, refusals = self._late.popleft()
             with suppress(*refusals):
                 setting()
 
     def on_the_line(self) -> LineFault | None:
-        """What happens to the answers now."""
+        """Present fault of the answers."""
         return next((fault for kind, fault in LINE_FAULTS.items() if self.active(kind)), None)

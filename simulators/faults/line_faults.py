@@ -1,7 +1,7 @@
-"""A bad line between an instrument and its client: answers that are lost, late, doubled, truncated or altered.
+"""A bad line between an instrument and its client: answers that are lost, late, duplicated, truncated or altered.
 
-It stands where a server has its instrument, in the same process or in front of a real address
-(`simulators.serving.proxy`). Which answer suffers what follows from a seed, so that every failure can be played again.
+It takes the place of an instrument at a server, in the same process or in front of a real address
+(`simulators.serving.proxy`). Faults follow from a seed, so that every failure is reproducible.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from drivers.transport.tap import Tap
 
 
 class LineFault(StrEnum):
-    """What happens to one answer."""
+    """Fault of one answer."""
 
     SILENCE = "silence"  # it is lost
     DELAY = "delay"  # it is delayed, within the timeout
     LATE = "late"  # it arrives after the timeout
     DUPLICATE = "duplicate"  # it arrives twice
-    GARBAGE = "garbage"  # other bytes come before it
+    GARBAGE = "garbage"  # other bytes arrive before it
     CUT = "cut"  # it is truncated
     SPLIT = "split"  # it arrives byte by byte
-    FLIP = "flip"  # one bit is turned
+    FLIP = "flip"  # one bit is inverted
     ECHO = "echo"  # the query is echoed before it
-    RESET = "reset"  # the connection is cut in its place
+    RESET = "reset"  # the connection is cut instead
     HALF_OPEN = "half_open"  # no more data on this connection, which stays open
-    SLOW_CLOSE = "slow_close"  # it does not come, and the connection is closed a while later
+    SLOW_CLOSE = "slow_close"  # it is lost, and the connection is closed some time later
 
 
 Chooser = Callable[[int], LineFault | None]
-"""The fault of an answer, by its number from 0."""
+"""Selects the fault of an answer, by its number from 0."""
 
 HARMLESS = frozenset({LineFault.DELAY, LineFault.SPLIT})
-"""What a client must bear without an error."""
+"""Faults that a client must tolerate without an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +55,8 @@ class Injected:
 class BadLine:
     """Applies faults to the answers on a line, and records them.
 
-    `patience_s` is how long the client waits for an answer. `heard` holds its data as received. One object may
-    stand in front of several connections, one after the other: numbers go on.
+    `patience_s` is the timeout of the client. `heard` holds the client's data as received. One object may serve several
+    connections in succession: numbering continues.
     """
 
     seed: int
@@ -67,11 +67,11 @@ class BadLine:
     heard: list[bytes] = field(default_factory=list)
 
     def in_front_of(self, factory: Callable[[], asyncio.Protocol]) -> Callable[[], asyncio.Protocol]:
-        """The same server behind this line."""
+        """Server whose connections go over this line."""
         return lambda: _BadEnd(factory(), self)
 
     def next(self, answer: bytes, question: bytes) -> tuple[LineFault | None, bytes]:
-        """What happens to an answer, and what is left of it."""
+        """Fault of the next answer, and the answer after it."""
         number, self.answers = self.answers, self.answers + 1
         fault = self.choose(number)
         if fault is None:
@@ -82,12 +82,12 @@ class BadLine:
 
 
 def in_turn(faults: Sequence[LineFault | None]) -> Chooser:
-    """These faults for the first answers, then none."""
+    """Inject these faults into the first answers, then none."""
     return lambda number: faults[number] if number < len(faults) else None
 
 
 def now_and_then(seed: int, share: float, kinds: Sequence[LineFault]) -> Chooser:
-    """A fault for this share of the answers, drawn from `kinds`."""
+    """Inject a fault into this share of the answers, drawn from `kinds`."""
 
     def choose(number: int) -> LineFault | None:
         draw = np.random.default_rng([seed, 1, number])
@@ -97,7 +97,7 @@ def now_and_then(seed: int, share: float, kinds: Sequence[LineFault]) -> Chooser
 
 
 class _BadEnd(Tap):
-    """The server's end of a bad line: `inner` is the instrument, what it writes are answers."""
+    """The server's end of a bad line: `inner` is the instrument, whose written data are answers."""
 
     def __init__(self, inner: asyncio.Protocol, bad: BadLine) -> None:
         super().__init__(inner)

@@ -1,4 +1,4 @@
-"""The server side of Modbus: requests out of a stream of bytes, answers of registers or exceptions.
+"""Modbus server: requests from a stream of bytes, answers of registers or exceptions.
 
 Frames are those of the Modbus application protocol. Over TCP: transaction (2 bytes), protocol 0 (2), length of the rest
 (2), unit (1), function (1), data. On a serial line: unit (1), function (1), data, checksum (2, low byte first).
@@ -27,7 +27,7 @@ READ, READ_INPUT, WRITE_ONE, WRITE_MANY = 3, 4, 6, 16
 
 
 class ExceptionCode(IntEnum):
-    """Why a request is refused."""
+    """Exception codes of refused requests."""
 
     ILLEGAL_FUNCTION = 1
     ILLEGAL_ADDRESS = 2
@@ -44,20 +44,20 @@ class RegisterError(Exception):
 
 
 class Registers(Protocol):
-    """What is behind the server."""
+    """Interface of the registers of a server."""
 
     def read(self, address: int, count: int) -> Sequence[int]:
-        """`count` words from `address`; raises RegisterError."""
+        """Read `count` words from `address`; raises RegisterError."""
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Takes words from `address` on, all or none; raises RegisterError."""
+        """Write words from `address` on, all or none; raises RegisterError."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModbusServer:
-    """Registers behind a unit number; `functions` are those that it serves.
+    """Registers of a unit number; `functions` are the supported ones.
 
-    Input registers are those of `inputs`, and the same as the others without.
+    Input registers are those of `inputs`; without it they equal the holding registers.
     """
 
     registers: Registers
@@ -66,7 +66,7 @@ class ModbusServer:
     inputs: Registers | None = None
 
     def answer(self, request: bytes) -> bytes:
-        """The answer to function and data: function and data, or a refusal."""
+        """Answer to a request, both as function and data; may be an exception."""
         function, data = request[0], request[1:]
         try:
             if function not in self.functions:
@@ -106,13 +106,13 @@ class ModbusTcpSession:
         self._received = bytearray()
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers to the requests that are whole now."""
+        """Receive bytes in any portions; return the answers to completed requests."""
         self._received += data
         answers = bytearray()
         while len(self._received) >= _HEADER.size:
             transaction, protocol, length, unit = _HEADER.unpack_from(self._received)
             if protocol != 0 or not 2 <= length <= _LONGEST:
-                self._received.clear()  # where the next request would begin is unknown
+                self._received.clear()  # the start of the next request is unknown
                 break
             end = _HEADER.size - 1 + length
             if len(self._received) < end:
@@ -128,8 +128,8 @@ class ModbusTcpSession:
 class ModbusRtuSession:
     """A serial line to a server, or one behind a TCP serial server.
 
-    It does not answer a frame with a wrong checksum or for another unit; what stands still for a twentieth of a second
-    is no longer part of a frame.
+    It does not answer a frame with a wrong checksum or for another unit; an incomplete frame is dropped after 0.05 s of
+    silence.
     """
 
     def __init__(self, server: ModbusServer, now_s: Callable[[], float], *, answer_after_s: float = 0.0) -> None:
@@ -143,7 +143,7 @@ class ModbusRtuSession:
         self._later = later
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answer to a request that is whole now."""
+        """Receive bytes in any portions; return the answer to a completed request."""
         if self._now_s() - self._heard_at_s > _FRAME_END_S:
             self._received.clear()
         self._heard_at_s = self._now_s()
@@ -163,7 +163,7 @@ class ModbusRtuSession:
 
 
 def crc16(data: bytes) -> int:
-    """The checksum of a serial frame: polynomial A001 reflected, from FFFF; 0 over a frame that ends with its own."""
+    """Checksum of a serial frame: polynomial A001 reflected, from FFFF; 0 over a frame including its checksum."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte
@@ -173,7 +173,7 @@ def crc16(data: bytes) -> int:
 
 
 def _request_bytes(received: bytes | bytearray) -> int:
-    """How long the frame is that begins like this, as far as that is known."""
+    """Length of the frame with this beginning, as far as known."""
     if len(received) < 2 or received[1] != WRITE_MANY:
         return 8
     return 9 + received[6] if len(received) > 6 else 9

@@ -1,7 +1,7 @@
 """A Prologix GPIB-ETHERNET gateway in front of one instrument: its own commands, on lines that begin with `++`.
 
-After its user manual (version 1.6.6): settings are told when they are asked without a value, commands are answered by
-nothing, and what it does not know by `Unrecognized command`.
+Source: its user manual (version 1.6.6). A setting without a value is a query, commands have no answer, and unknown ones
+are answered by `Unrecognized command`.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ _DONE = ("clr", "ifc", "llo", "loc", "rst", "trg", "savecfg", "read")
 
 
 class Gateway:
-    """Its settings: as our page on the meter has them saved, reading an answer after every line."""
+    """Its settings: as our page on the meter has them saved, with an automatic read after every line."""
 
     def __init__(self) -> None:
         self._settings = dict.fromkeys(_MOST, 0) | _KEPT
 
     @property
     def reads_by_itself(self) -> bool:
-        """Whether answers of the instrument are passed on without `++read`."""
+        """True if answers of the instrument are passed on without `++read`."""
         return self._settings["auto"] == 1
 
     @property
     def reaches_the_instrument(self) -> bool:
-        """Whether data go to the instrument, and not to another address or nowhere."""
+        """True if data go to the instrument, and not to another address."""
         return self._settings["mode"] == 1 and self._settings["addr"] == ADDRESS
 
     def execute(self, line: str, status: str) -> str:
-        """What the gateway itself answers to a line; `status` is the status byte of the instrument."""
+        """Answer of the gateway itself to a line; `status` is the status byte of the instrument."""
         name, *arguments = line.removeprefix("++").lower().split()
         if name == "ver":
             return VERSION

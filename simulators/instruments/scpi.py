@@ -1,4 +1,4 @@
-"""What simulated SCPI instruments have in common: line splitting, a command table, status and the error queue."""
+"""Common part of simulated SCPI instruments: line splitting, command table, status and error queue."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ LINE_LIMIT_BYTES = 4096
 SCPI_VERSION = "1997.0"
 _EVENT_BITS = ((range(-199, -99), 5), (range(-299, -199), 4), (range(-399, -299), 3), (range(-499, -399), 2))
 POWER_ON = 1 << 7
-ERROR_AVAILABLE, EVENT_SUMMARY, MASTER_SUMMARY = 1 << 2, 1 << 5, 1 << 6  # of the status byte
+ERROR_AVAILABLE, EVENT_SUMMARY, MASTER_SUMMARY = 1 << 2, 1 << 5, 1 << 6  # bit of the status byte
 _REGISTER_MOST = 255
 
 
 class Refusal(Exception):
-    """A command that an instrument does not carry out, with the entry that it leaves in the error queue."""
+    """A rejected command, with its entry for the error queue."""
 
     def __init__(self, entry: ErrorEntry) -> None:
         super().__init__(str(entry))
@@ -39,13 +39,12 @@ class Refusal(Exception):
 
 
 class Interpreter:
-    """Reads messages and carries out their commands by a table.
+    """Parses messages and executes their commands by a table.
 
-    `commands` has, for each header as manuals spell it, what carries it out: it is given the argument, answers a
-    query with text, and raises Refusal. Common commands, the status byte and the error queue are here. `signed` has
-    codes of the queue with their sign, also 0 (`+0,"No error"`), as instruments of one maker tell them.
-    `error_queries` take entries out of the queue. `summary` has the bits of the status byte that sum registers of the
-    instrument itself up.
+    `commands` maps headers in the notation of manuals to handlers: a handler gets the argument, returns the text of an
+    answer, and raises Refusal. Common commands, status byte and error queue are part of this class. `signed` formats
+    all error codes with a sign (`+0,"No error"`), as one maker does. `error_queries` are the queries of the error
+    queue. `summary` returns the summary bits of the instrument's own registers in the status byte.
     """
 
     def __init__(
@@ -78,12 +77,12 @@ class Interpreter:
         self._found: dict[str, Handler] = {}
 
     def execute(self, message: str) -> str:
-        """Carries a message out; the answers to its queries, joined, or "" without any."""
+        """Execute a message; return the answers to its queries, joined, or "" without any."""
         answers = (self.carry_out(command) for command in scpi.commands(message))
         return self.joined([answer for answer in answers if answer is not None])
 
     def carry_out(self, command: Command) -> str | None:
-        """Carries one command out; the answer of a query. What it refuses is in the queue."""
+        """Execute one command; return the answer to a query. A rejection is queued as an error."""
         try:
             return self._handler(command.header)(command.argument)
         except Refusal as refusal:
@@ -91,11 +90,11 @@ class Interpreter:
             return None
 
     def joined(self, answers: Sequence[str]) -> str:
-        """The answers to the queries of one message."""
+        """Join the answers to the queries of one message."""
         return self._separator.join(answers)
 
     def note(self, entry: ErrorEntry) -> None:
-        """Puts an error into the queue and sets its event bit."""
+        """Queue an error and set its event bit."""
         for codes, bit in _EVENT_BITS:
             if entry.code in codes:
                 self._events |= 1 << bit
@@ -105,7 +104,7 @@ class Interpreter:
             self._errors[-1] = QUEUE_OVERFLOW
 
     def forget_errors(self) -> None:
-        """Empties the error queue; the events stay."""
+        """Empty the error queue; the events stay."""
         self._errors.clear()
 
     def power_on(self) -> None:
@@ -161,7 +160,7 @@ class LineSession:
         self._rest = b""
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers to the lines that they complete."""
+        """Receive bytes in any portions; return the answers to completed lines."""
         *lines, self._rest = (self._rest + data).split(self._end)
         if len(self._rest) > LINE_LIMIT_BYTES:
             self._rest = b""
@@ -170,7 +169,7 @@ class LineSession:
 
 
 def setting(argument: str, low: float, high: float) -> float:
-    """A numeric argument from `low` to `high`, which MIN and MAX stand for; raises Refusal as an instrument would."""
+    """Parse a number from `low` to `high`, or MIN or MAX; raises Refusal as an instrument would."""
     if argument.upper() in _ENDS:
         return (low, high)[_ENDS[argument.upper()]]
     try:
@@ -187,7 +186,7 @@ _SWITCH = {"1": True, "ON": True, "0": False, "OFF": False}
 
 
 def switch(argument: str) -> bool:
-    """A switch argument: 1, 0, ON or OFF; raises Refusal."""
+    """Parse a switch argument: 1, 0, ON or OFF; raises Refusal."""
     value = _SWITCH.get(re.sub(r"\.0*$", "", argument.upper()))
     if value is None:
         raise Refusal(ILLEGAL_VALUE)

@@ -1,4 +1,4 @@
-"""Everything a simulated instrument is made from.
+"""Everything that a simulated instrument is constructed from.
 
 A driver's description names the class of its simulator, `module:Class`; the class has `of(setup)`.
 """
@@ -21,9 +21,9 @@ class NotSimulated(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class InstrumentSetup:
-    """One device of a bench file as its simulator sees it.
+    """One device of a bench file, as given to its simulator.
 
-    `options` is the driver's own model. `model` and `serial` are as the bench file states them, "" where it does not.
+    `options` is the driver's own model. `model` and `serial` are those stated in the bench file, "" if not stated.
     `axis` is the role if the device drives an axis of the table, else None.
     """
 
@@ -38,6 +38,6 @@ class InstrumentSetup:
 
 
 def make_instrument(target: str, setup: InstrumentSetup) -> Instrument:
-    """The simulator at `module:Class`; imports its module."""
+    """Create the simulator at `module:Class`; imports its module."""
     of: Callable[[InstrumentSetup], Instrument] = loaded(target).of
     return of(setup)

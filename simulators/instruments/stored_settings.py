@@ -27,7 +27,7 @@ def kept_switch(first: str) -> Kept:
 
 
 def kept_word(first: str, *words: str) -> Kept:
-    """One of some words as manuals spell them, `GUARd`; reported in short form."""
+    """One of some words in the notation of manuals, `GUARd`; reported in short form."""
     short = {word.upper(): "".join(letter for letter in word if not letter.islower()) for word in words}
     found = short | {word: word for word in short.values()}
 
@@ -40,7 +40,7 @@ def kept_word(first: str, *words: str) -> Kept:
 
 
 class KeptSettings:
-    """Settings by their headers, as last set."""
+    """Settings by header."""
 
     def __init__(self, settings: Mapping[str, Kept]) -> None:
         self._settings = settings
@@ -50,12 +50,12 @@ class KeptSettings:
         return self._told.get(header, self._settings[header].first)
 
     def commands(self) -> dict[str, Handler]:
-        """What sets them and what asks for them, by header."""
+        """Handlers of settings and queries, by header."""
         setters = {header: self._setter(header) for header in self._settings}
         return setters | {f"{header}?": self._teller(header) for header in self._settings}
 
     def reset(self) -> None:
-        """All are as out of the box."""
+        """Reset all settings to their defaults."""
         self._told.clear()
 
     def _setter(self, header: str) -> Handler:

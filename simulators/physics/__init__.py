@@ -1,1 +1,1 @@
-"""The world that all simulated instruments share: attitude, gravity, temperatures, motion."""
+"""The world shared by all simulated instruments: attitude, gravity, temperatures, motion."""

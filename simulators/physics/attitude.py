@@ -1,8 +1,8 @@
-"""How a unit lies: from the axes of the table, the fixture and the mount to directions in the unit (equations 8.1).
+"""Attitude of a unit: from the axes of the table, the fixture and the mount to directions in the unit (equations 8.1).
 
 Frames: level (east, north, up); fixture, whose x, y, z turn with the table; unit, where x is the input axis, y the
-output axis and z the pendulous axis. A rotation is a matrix (n, 3, 3) that turns components in one frame into those in
-the next.
+output axis and z the pendulous axis. A rotation is a matrix (n, 3, 3) that transforms components in one frame into
+those in the next.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ SOUTH: Vector = (0.0, -1.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Fixture:
-    """The table and what is bolted to it while all its angles are 0.
+    """Axes of the table and of its fixture at zero angles.
 
-    `axes` are where the positive ends of its axes point, outer first; `x` and `z` are where those of the fixture do.
+    `axes` are the directions of the positive axes of the table, outer first; `x` and `z` those of the fixture.
     """
 
     axes: tuple[Vector, ...] = (SOUTH,)
@@ -36,7 +36,7 @@ class Fixture:
     def to_fixture(self, angles_deg: Sequence[Array], level_deg: Array | float = 0.0) -> Array:
         """Level frame to fixture, (n, 3, 3), for the angles (n,) of each axis.
 
-        `level_deg` is how far the base is tilted about south, one or (n,).
+        `level_deg` is the tilt of the base about south, one value or (n,).
         """
         turned = turn(SOUTH, np.atleast_1d(np.asarray(level_deg, np.float64)))
         for axis, angle_deg in zip(self.axes, angles_deg, strict=True):
@@ -44,7 +44,7 @@ class Fixture:
         return np.asarray(self._body() @ turned.transpose(0, 2, 1))
 
     def rate(self, angles_deg: Sequence[Array], rates_dps: Sequence[Array]) -> Array:
-        """How fast the fixture turns against the level frame, in the fixture's frame, °/s, (n, 3)."""
+        """Angular rate of the fixture relative to the level frame, in the fixture's frame, °/s, (n, 3)."""
         total = np.zeros((len(angles_deg[0]), 3))
         turned = np.broadcast_to(np.eye(3), (len(total), 3, 3))
         for axis, angle_deg, rate_dps in zip(self.axes, angles_deg, rates_dps, strict=True):
@@ -55,9 +55,9 @@ class Fixture:
     def turning(
         self, angles_deg: Sequence[Array], rates_dps: Sequence[Array], changes_dps2: Sequence[Array]
     ) -> tuple[Array, Array]:
-        """The fixture's angular velocity in rad/s and its rate of change in rad/s², in the fixture's frame, (n, 3).
+        """Angular velocity of the fixture in rad/s and its derivative in rad/s², in the fixture's frame, (n, 3).
 
-        An axis that others carry changes its direction while they turn.
+        An inner axis changes its direction while the outer ones turn.
         """
         velocity = np.zeros((len(angles_deg[0]), 3))
         change, turned = np.zeros_like(velocity), np.broadcast_to(np.eye(3), (len(velocity), 3, 3))
@@ -76,10 +76,10 @@ class Fixture:
 
 
 def tilted(fixture: Fixture, base_deg: Vector, apart_deg: Sequence[tuple[float, float]]) -> Fixture:
-    """The table as it was put up: all of it turned by small angles about east, north and up.
+    """The table as installed: rotated by small angles about east, north and up.
 
-    `apart_deg` are by how much each axis after the first is turned against the axis that carries it, about two
-    directions square to it: those of `square_to`.
+    `apart_deg` are the non-orthogonalities of each axis after the first to its outer axis, about the two directions of
+    `square_to`.
     """
     outer, *inner = (np.array(axis) for axis in fixture.axes)
     moved = [outer]
@@ -92,7 +92,7 @@ def tilted(fixture: Fixture, base_deg: Vector, apart_deg: Sequence[tuple[float, 
 
 
 def square_to(axis: Array) -> tuple[Array, Array]:
-    """Two directions square to a unit vector and to each other; with it they are right-handed."""
+    """Two directions perpendicular to a unit vector and to each other, in a right-handed set."""
     least = np.eye(3)[int(np.argmin(np.abs(axis)))]
     first = np.cross(axis, least) / np.linalg.norm(np.cross(axis, least))
     return np.cross(first, axis), first
@@ -108,9 +108,10 @@ def _unit(vector: Array) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """How units are fixed by hand, in degrees.
+    """Mounting angles of units, in degrees.
 
-    Raised about the output axis by `angle_deg`, then rolled about the input axis, then clocked about the pendulous one.
+    Rotation about the output axis by `angle_deg`, then about the input axis (roll), then about the pendulous axis
+    (clock).
     """
 
     angle_deg: float = 0.0
@@ -120,12 +121,12 @@ class Mount:
 
 @lru_cache(maxsize=64)
 def to_unit(mount: Mount, own_deg: float) -> Array:
-    """Fixture to unit, (3, 3); `own_deg` is by how much the unit is raised in its place of the fixture."""
+    """Fixture to unit, (3, 3); `own_deg` is the additional mounting angle of the unit in its place."""
     return raised(own_deg) @ _clocked(mount.clock_deg) @ _rolled(mount.roll_deg) @ raised(mount.angle_deg)
 
 
 def turn(axis: Vector, angle_deg: Array) -> Array:
-    """What turns a vector about a unit vector by angles (n,), (n, 3, 3), after Rodrigues."""
+    """Rotation matrices about a unit vector by angles (n,), (n, 3, 3), by Rodrigues' formula."""
     sine, cosine = np.sin(np.radians(angle_deg)), np.cos(np.radians(angle_deg))
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -137,7 +138,7 @@ def turn(axis: Vector, angle_deg: Array) -> Array:
 
 
 def raised(angle_deg: float) -> Array:
-    """Into a frame whose x is raised towards z."""
+    """Rotation into a frame whose x is raised towards z."""
     sine, cosine = _sine_and_cosine(angle_deg)
     return np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
 

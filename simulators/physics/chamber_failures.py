@@ -1,4 +1,4 @@
-"""How chambers fail: where their air is drawn then, whatever the set point of their controller is."""
+"""Failures of chambers: course of the air temperature independent of the set point."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 Failure = Literal["heater_dead", "cooling_dead", "runaway", "detached_sensor", "slow"]
-HOTTEST_C, COLDEST_C = 180.0, -90.0  # where all its power takes the air at last
+HOTTEST_C, COLDEST_C = 180.0, -90.0  # final air temperature at full power
 FULL_POWER_C_PER_S = 5 / 60
-BY_ITSELF_C_PER_S = 1 / 60  # what the air of a chamber that does nothing loses to the room
+BY_ITSELF_C_PER_S = 1 / 60  # heat loss of an idle chamber to the room
 SLOW_C_PER_S = 0.02 / 60
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A set point that goes straight from where it was at a true time to its target, and stays there."""
+    """A value that changes linearly from a true time on to its target, and stays there."""
 
     start_c: float
     began_s: float
@@ -23,7 +23,7 @@ class Line:
     rate_c_per_s: float
 
     def at(self, now_s: float) -> float:
-        """The set point in force."""
+        """Value at a true time."""
         way_c = self.target_c - self.start_c
         passed_s = now_s - self.began_s
         done_c = abs(way_c) if math.isinf(self.rate_c_per_s) else passed_s * self.rate_c_per_s
@@ -31,10 +31,10 @@ class Line:
 
 
 def drawn(failure: Failure, set_point: Line, drawn_to_c: float, room_c: float) -> tuple[float, float]:
-    """Where the air is drawn from now on, °C, and how fast, °C/s, when it was drawn to `drawn_to_c` until now.
+    """Target of the air from now on, °C, and rate, °C/s, given its target `drawn_to_c` so far.
 
-    Without a heater it is nowhere warmer than the room, without cooling nowhere colder. In a runaway the heater stays
-    on. A controller whose sensor lies in the room heats for ever, or cools. A slow chamber hardly has any power left.
+    Without a heater it cannot exceed the room temperature, without cooling not fall below it. In a runaway the heater
+    stays on. With the sensor in the room the controller heats, or cools, for ever. A slow chamber has almost no power.
     """
     target_c = set_point.target_c
     match failure:

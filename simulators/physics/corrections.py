@@ -1,6 +1,6 @@
-"""What instruments read that need the corrections of their certificates.
+"""Readings of instruments that need the corrections of their certificates.
 
-A table holds readings and what must be added to each to be right; beyond its ends the end values hold.
+A table holds readings and the corrections to be added to them; beyond its ends the end values apply.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ TURN_DEG = 360.0
 
 
 def read_of(right: Array, table: Table) -> Array:
-    """What an instrument reads that is right once the table has been added; without a table it is right."""
+    """Reading that is right after the correction of the table has been added; without a table the true value."""
     if not table[0]:
         return right
     readings, to_add = (np.array(column) for column in table)
@@ -22,12 +22,12 @@ def read_of(right: Array, table: Table) -> Array:
 
 
 def lacking_deg(angle_deg: Array, table: Table) -> Array:
-    """What an encoder that reads these angles lacks, by a table of one turn."""
+    """Correction of encoder angles by a table of one turn."""
     readings, to_add = table
     return np.interp(readings[0] + (angle_deg - readings[0]) % TURN_DEG, readings, to_add)
 
 
 def given_by(told: float, table: Table) -> float:
-    """True current of a source that reports this much; without a table they are equal."""
+    """True current of a source with this indicated current; equal without a table."""
     told_at, to_add = table
     return told + float(np.interp(told, told_at, to_add)) if told_at else told

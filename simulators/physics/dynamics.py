@@ -1,11 +1,11 @@
-"""How a sensor follows what it senses: a low pass of second order and a pure delay, exact from latch to latch.
+"""Dynamic response of a sensor: a second-order low-pass filter and a pure delay, exact from latch to latch.
 
     H(s) = w² exp(-s delay) / (s² + 2 z w s + w²)
 
-The low pass is one complex mode: m' = p m + u with p = w (-z + i sqrt(1 - z²)), and the output is Im(g m). Over an
-interval the mode is a decay and an integral over the input, which Gauss's rule takes from a few points in the interval;
-for what a table does within a millisecond that is right to 1e-7. The mean output follows without another integral,
-since m is known at both ends.
+The filter is one complex mode: m' = p m + u with p = w (-z + i sqrt(1 - z²)), and the output is Im(g m). Over an
+interval the mode decays, plus an integral of the input, computed by Gauss quadrature from a few points; for the motion
+of a table within a millisecond its error is below 1e-7. The mean output needs no further integral, because m is known
+at both ends.
 """
 
 from __future__ import annotations
@@ -21,15 +21,17 @@ Phasors = NDArray[np.complex128]
 
 _POINTS, _WEIGHTS = (np.asarray(values) / 2 for values in np.polynomial.legendre.leggauss(4))
 POINTS: Array = _POINTS + 0.5
-"""Where in an interval, as parts of it, the input is looked at."""
-SETTLED = 4.0  # |p| times the interval: a longer one is many times the sensor's memory, and averages what it senses
-SAME_S = 1e-9  # intervals that differ by less are alike
-SPAN = 200.0  # of the logarithms that one cumulative sum goes over, far from the ends of what a number can be
+"""Quadrature points of an interval, as fractions of it."""
+SETTLED = (
+    4.0  # limit of |p| times the interval: a longer one is many time constants of the sensor and averages its input
+)
+SAME_S = 1e-9  # intervals that differ by less count as equal
+SPAN = 200.0  # range of logarithms of one cumulative sum, far from the limits of a float
 
 
 @dataclass(frozen=True, slots=True)
 class Dynamics:
-    """A low pass whose gain has fallen to 1/√2 at `bandwidth_hz`, with a damping between 0 and 1, and a delay."""
+    """A low-pass filter with its -3 dB frequency `bandwidth_hz`, a damping between 0 and 1, and a delay."""
 
     bandwidth_hz: float
     damping: float
@@ -37,13 +39,13 @@ class Dynamics:
 
     @property
     def natural_hz(self) -> float:
-        """Of the oscillation without damping, w/2π."""
+        """Undamped natural frequency, w/2π."""
         bend = 1 - 2 * self.damping**2
         return self.bandwidth_hz / math.sqrt(bend + math.sqrt(1 + bend**2))
 
     @property
     def pole_per_s(self) -> complex:
-        """The p of the mode."""
+        """Pole p of the mode."""
         return 2 * math.pi * self.natural_hz * complex(-self.damping, math.sqrt(1 - self.damping**2))
 
     def response(self, frequency_hz: Array) -> Phasors:
@@ -54,18 +56,18 @@ class Dynamics:
 
 
 def look_at_s(edges_s: Array, delay_s: float = 0.0) -> Array:
-    """The times (n, points) at which the input of the intervals between the edges (n + 1,) is looked at."""
+    """Quadrature times (n, points) for the intervals between the edges (n + 1,)."""
     begin_s, interval_s = edges_s[:-1, np.newaxis], np.diff(edges_s)[:, np.newaxis]
     return np.asarray(begin_s + interval_s * POINTS - delay_s)
 
 
 def mean_input(inputs: Array) -> Array:
-    """The mean of the input over each interval, (n,), from what it is at its points (n, points)."""
+    """Mean input over each interval, (n,), from its values at the points (n, points)."""
     return np.asarray(inputs @ _WEIGHTS)
 
 
 class Follower:
-    """The low pass of one sensor; begins settled on the first thing that it senses."""
+    """Filter state of one sensor; starts settled at the first input."""
 
     def __init__(self, dynamics: Dynamics) -> None:
         self._pole = dynamics.pole_per_s
@@ -73,7 +75,7 @@ class Follower:
         self._mode: complex | None = None
 
     def mean(self, inputs: Array, interval_s: Array) -> Array:
-        """The mean output over each of consecutive intervals (n,), whose input at their points is (n, points)."""
+        """Mean output over consecutive intervals (n,), for inputs at their points (n, points)."""
         mean = np.empty(len(interval_s))
         changes = np.flatnonzero(np.abs(np.diff(interval_s)) > SAME_S) + 1
         for rows in np.split(np.arange(len(interval_s)), changes):
@@ -81,7 +83,7 @@ class Follower:
         return mean
 
     def _alike(self, inputs: Array, interval_s: float) -> Array:
-        """Over intervals of one length."""
+        """The same for intervals of equal length."""
         if self._mode is None:
             self._mode = -complex(inputs[0, 0]) / self._pole
         step, averaged = self._pole * interval_s, mean_input(inputs)
@@ -96,7 +98,7 @@ class Follower:
 
 
 def _decayed(driven: Phasors, step: complex, mode: complex) -> Phasors:
-    """The modes m[k] = exp(step) m[k-1] + driven[k], from the one before."""
+    """Modes m[k] = exp(step) m[k-1] + driven[k], from the previous one."""
     modes = np.empty_like(driven)
     size = max(1, int(SPAN / -step.real))
     for first in range(0, len(driven), size):

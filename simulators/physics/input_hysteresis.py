@@ -35,10 +35,10 @@ class Play:
 
 
 class InputHysteresis:
-    """The bias (g) that a unit has by the history of its input; times are true seconds.
+    """Bias (g) of a unit from the history of its input; times are true seconds.
 
     `sensed_g` gives the specific force along the input axis at times (n,); `moves_until_s` the time, not after the
-    second argument, at which what moves at the first comes to rest. The force is looked at every `look_s` on the way.
+    second argument, at which motions of the first come to rest. The force is sampled every `look_s` until then.
     """
 
     def __init__(
@@ -48,11 +48,11 @@ class InputHysteresis:
         self._play, self._sensed_g, self._moves_until_s, self._look_s = play, sensed_g, moves_until_s, look_s
         self._times_s: list[Array] = [np.zeros(1)]
         self._bias_g: list[Array] = [np.zeros(1)]
-        self._last_change = 0  # the number of the first block after it
-        self._still = False  # whether the last block is of one force
+        self._last_change = 0  # number of the first block after it
+        self._still = False  # True if the last block has a constant force
 
     def follow(self, now_s: float) -> None:
-        """Follows the input up to now; nothing has changed that since the last time."""
+        """Follow the input up to now; the stimulus has not changed since the last call."""
         last_s = float(self._times_s[-1][-1])
         rest_s = self._moves_until_s(last_s, now_s)
         looks = int(np.ceil((rest_s - last_s) / self._look_s))
@@ -72,5 +72,5 @@ class InputHysteresis:
         self._last_change, self._still = len(self._times_s), False
 
     def bias_g(self, at_s: Array) -> Array:
-        """What it adds to the bias at times (n,), none of them before the change before the last."""
+        """Contribution to the bias at times (n,), none before the last change but one."""
         return np.interp(at_s, np.concatenate(self._times_s), np.concatenate(self._bias_g))

@@ -11,9 +11,9 @@ TURNS_OF_EXTREME = 8
 
 
 class Integrator:
-    """Signed charge integrators with a + and a - threshold; fractions of a pulse are carried exactly.
+    """Signed charge integrators with + and - thresholds; fractions of a pulse are carried exactly.
 
-    One, whose increments of charge are (n,), or several beside each other, (c, n), which begin with columns (c, 1).
+    One integrator with increments of charge (n,), or several with (c, n), whose initial values are columns (c, 1).
     """
 
     def __init__(self, residue: Array | float, positive: Counts | int, negative: Counts | int) -> None:
@@ -38,9 +38,9 @@ class Integrator:
         return positive, negative
 
     def count_through_turns(self, pulses: Array) -> tuple[Counts, Counts]:
-        """The same of increments (n,) in equal times between which the charge may turn round.
+        """The same for increments (n,) over equal times between which the charge may reverse.
 
-        It goes to its extreme first: to where the quartic through five latches has it.
+        It first goes to its extreme, found by the quartic through five latches.
         """
         into, first = _extremes(pulses)
         single = np.flatnonzero(np.diff(into, prepend=-1) > 0)
@@ -53,10 +53,10 @@ class Integrator:
 
 
 def _extremes(pulses: Array) -> tuple[Counts, Array]:
-    """The increments, of (n,), in which the charge turns round, and how far it goes in each before it does.
+    """Increments, of (n,), with a reversal of the charge, and the extreme reached in each.
 
-    From the quartic through the five latches about each turn: a parabola through three takes 4 parts in 10 000 off a
-    sine of ten latches a period. Beyond both ends the increments are taken to go on evenly.
+    From the quartic through the five latches around each reversal: a parabola through three would have an error of 4e-4
+    for a sine of ten latches per period. Beyond both ends constant increments are assumed.
     """
     if len(pulses) < 2:
         return np.empty(0, np.int64), np.empty(0)
@@ -65,7 +65,7 @@ def _extremes(pulses: Array) -> tuple[Counts, Array]:
     one, two, three, four = (np.concatenate([ends[:1], pulses, ends[1:]])[turns + k] for k in range(4))
     slope, bend = (7 * (two + three) - one - four) / 12, (15 * (three - two) - (four - one)) / 24
     cubic, quartic = (one + four - two - three) / 12, (four - one - 3 * (three - two)) / 24
-    at = np.zeros_like(two)  # of the extreme, from the middle latch in intervals
+    at = np.zeros_like(two)  # position of the extreme, from the middle latch, in intervals
     for _ in range(TURNS_OF_EXTREME):
         speed = slope + at * (2 * bend + at * (3 * cubic + at * 4 * quartic))
         at = np.clip(at + speed / (two - three), -1.0, 1.0)
@@ -75,10 +75,10 @@ def _extremes(pulses: Array) -> tuple[Counts, Array]:
 
 
 def _fired(charge: Array) -> Array:
-    """Net counts after a charge (…, n), which may go to and fro; before it nothing has been fired.
+    """Net counts after a charge (…, n), which may reverse; initially no pulses.
 
-    A pulse is fired when the charge is a whole one away from what was fired: the net count is held between the whole
-    numbers below and above the charge. It changes where one of these passes it by, and is then that one.
+    A pulse is fired when charge and net count differ by a whole pulse: the net count is limited to the integers below
+    and above the charge, and changes when one of these limits passes it.
     """
     low, fired = np.floor(charge), np.ceil(charge)
     up, changes = low[..., 1:] > low[..., :-1], np.ones(charge.shape, np.bool_)

@@ -17,12 +17,12 @@ Angles = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class AxisErrors:
-    """What the encoder does not see, all in degrees.
+    """Errors of an axis that its encoder does not detect, in degrees.
 
-    `table` is what must be added to angles that are read, over one turn, which the other errors come on top of.
-    `cosines` and `sines` are the amplitudes of harmonics 1, 2, … of the error map; `backlash_deg` shows when an angle
-    is approached from above (the certificate holds for an approach from below); `repeatability_deg` is the standard
-    deviation of a fresh draw for each move.
+    `table` holds corrections of indicated angles over one turn, in addition to the other errors. `cosines` and `sines`
+    are the amplitudes of harmonics 1, 2, … of the error map; `backlash_deg` applies to an approach from above (the
+    certificate is for an approach from below); `repeatability_deg` is the standard deviation of a new draw for each
+    move.
     """
 
     zero_deg: float = 0.0
@@ -33,7 +33,7 @@ class AxisErrors:
     table: Table = ((), ())
 
     def with_map(self, error_deg: Angles, angle_deg: Angles) -> Angles:
-        """An error with what the error map and the table have at the angles beside it."""
+        """An error plus those of the error map and the table at the angles."""
         turn = np.radians(angle_deg)
         for order, (cosine, sine) in enumerate(zip(self.cosines, self.sines, strict=True), start=1):
             error_deg = error_deg + (cosine * np.cos(order * turn) + sine * np.sin(order * turn))
@@ -41,9 +41,9 @@ class AxisErrors:
 
 
 class Axis:
-    """An axis that moves, turns and swings; times are true seconds of the world.
+    """An axis that moves, rotates and oscillates; times are true seconds of the world.
 
-    Moves and swings begin from rest: one commanded during a motion starts from the present angle.
+    Moves and oscillations begin from rest: one commanded during a motion starts from the present angle.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Axis:
         self._rest_deg: float | None = None  # its true angle at rest, cached after the first query
 
     def start(self, at_s: float, target_deg: float, rate_dps: float, acceleration_dps2: float | None = None) -> None:
-        """Begins a move to `target_deg`; the world has caught up to `at_s` before."""
+        """Begin a move to `target_deg`; the world has caught up to `at_s` before."""
         origin = self._profile.angle_at(at_s)
         self._begin(Move(at_s, origin, target_deg - origin, rate_dps, acceleration_dps2 or self._acceleration))
         if target_deg != origin:
@@ -81,14 +81,14 @@ class Axis:
         self._scatter_deg = self._errors.repeatability_deg * float(self._draws.standard_normal())
 
     def turn(self, at_s: float, rate_dps: float, acceleration_dps2: float) -> None:
-        """Changes the rate to `rate_dps`, from what it is now."""
+        """Change the rate to `rate_dps` from the present one."""
         rate = Slew(self._profile.rate_at(at_s), rate_dps * (1 + self._rate_error), acceleration_dps2)
         self._begin(Turn(at_s, self._profile.angle_at(at_s), rate, self._ripple))
         if turning := rate.end or rate.begin:
             self._from_above = turning < 0
 
     def swing(self, at_s: float, amplitude_deg: Slew, frequency_hz: Slew, phase_deg: float) -> None:
-        """Begins to swing about where it is now."""
+        """Begin an oscillation about the present angle."""
         centre_deg = self._profile.angle_at(at_s)
         self._begin(Swing(at_s, centre_deg, amplitude_deg, frequency_hz, phase_deg, self._loop))
 
@@ -97,7 +97,7 @@ class Axis:
         self._begin(Move(at_s, self._profile.angle_at(at_s), 0.0, 1.0, self._acceleration))
 
     def done(self, at_s: float) -> bool:
-        """Whether the axis has completed its command."""
+        """Return whether the axis has completed its command."""
         return at_s >= self._profile.start_s + self._profile.duration_s
 
     def left_s(self, at_s: float) -> float:
@@ -105,31 +105,31 @@ class Axis:
         return max(0.0, self._profile.start_s + self._profile.duration_s - at_s)
 
     def rests_in_s(self, at_s: float) -> float:
-        """How long it moves yet; for ever while it swings or turns."""
+        """Remaining time until rest; infinite during an oscillation or rotation."""
         return math.inf if self._profile.endless else self.left_s(at_s)
 
     def moving(self, at_s: float) -> bool:
-        """Whether it is not at rest."""
+        """Return whether the axis moves."""
         return self._profile.endless or not self.done(at_s)
 
     def encoder_deg(self, at_s: float) -> float:
-        """What the axis reports."""
+        """Encoder angle."""
         return self._profile.angle_at(at_s)
 
     def encoder_angles_deg(self, at_s: Angles) -> Angles:
-        """What the encoder reads at the times `at_s`."""
+        """Encoder angles at the times `at_s`."""
         return self._profile.angle_deg(at_s)
 
     def rate_dps(self, at_s: float) -> float:
-        """How fast it turns."""
+        """Rate."""
         return self._profile.rate_at(at_s)
 
     def acceleration_dps2(self, at_s: float) -> float:
-        """How fast its rate changes."""
+        """Angular acceleration."""
         return float(self._profile.accelerations_dps2(np.array([at_s]))[0])
 
     def target_deg(self) -> float:
-        """Where the last command ends, if it does."""
+        """Final angle of the last command, if it has one."""
         return self._profile.angle_at(self._profile.start_s + self._profile.duration_s)
 
     def still_deg(self, at_s: float) -> float | None:
@@ -142,7 +142,7 @@ class Axis:
         return self._rest_deg
 
     def true_deg(self, at_s: Angles) -> Angles:
-        """Where the axis really is."""
+        """True angle of the axis."""
         still_deg = self.still_deg(float(at_s[0]))
         if still_deg is not None:
             return np.full_like(at_s, still_deg)
@@ -150,11 +150,11 @@ class Axis:
         return angle + self._error_deg(angle)
 
     def lasting_deg(self, angle_deg: Angles) -> Angles:
-        """The true angle for these reported angles when approached from below, without scatter."""
+        """True angles for these indicated angles when approached from below, without scatter."""
         return angle_deg + self._errors.with_map(np.full_like(angle_deg, self._errors.zero_deg), angle_deg)
 
     def true_rates(self, at_s: Angles) -> tuple[Angles, Angles]:
-        """How fast it really turns, °/s, and how fast that changes, °/s²."""
+        """True rate, °/s, and angular acceleration, °/s²."""
         if self.still_deg(float(at_s[0])) is not None:
             return np.zeros_like(at_s), np.zeros_like(at_s)
         rate_dps, change_dps2 = self._profile.rates_dps(at_s), self._profile.accelerations_dps2(at_s)

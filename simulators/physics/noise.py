@@ -1,4 +1,4 @@
-"""Noise of sensors: white noise, and a slow wander of the zero (equations 8.4)."""
+"""Noise of sensors: white noise, and slow bias drift (equations 8.4)."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-INSTABILITY_S = 10.0  # correlation time of the slow wander of the zero
-WANDER_STEP_S = 1.0  # how closely it is drawn, however long a block is
+INSTABILITY_S = 10.0  # correlation time of the bias drift
+WANDER_STEP_S = 1.0  # step of its draws, independent of the length of a block
 
 
 class Wander:
-    """A first-order Gauss-Markov process, drawn at least every second; in between it changes evenly."""
+    """A first-order Gauss-Markov process, drawn at least every second, with linear interpolation."""
 
     def __init__(self, sd: float, draws: Generator) -> None:
         self._sd, self._draws = sd, draws
         self._value = sd * float(draws.standard_normal())
 
     def passed(self, step_s: float, steps: int) -> list[float]:
-        """Its present value, and its values after each of a number of steps."""
+        """Present value, and values after each of a number of steps."""
         keep = math.exp(-step_s / INSTABILITY_S)
         spread, value = math.sqrt(1 - keep * keep) * self._sd, self._value
         found = [value]
@@ -35,7 +35,7 @@ class Wander:
 
 
 def at_ends(wanders: Sequence[Wander], interval_s: Array) -> Array:
-    """What each has come to at the end of each of the consecutive intervals, which are about equal, (c, n)."""
+    """Values at the end of each of consecutive intervals of about equal length, (c, n)."""
     over_s = float(interval_s.sum())
     steps = math.ceil(over_s / WANDER_STEP_S)
     drawn = np.array([wander.passed(over_s / steps, steps) for wander in wanders])
@@ -48,30 +48,30 @@ def at_ends(wanders: Sequence[Wander], interval_s: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def _even(intervals: int, steps: int) -> tuple[NDArray[np.intp], Array]:
-    """In which of the steps that share intervals out evenly each of these ends, and how far on in it."""
+    """For equal steps: index of the step in which each interval ends, and the fraction of it."""
     passed = np.arange(1, intervals + 1) * (steps / intervals)
     step: NDArray[np.intp] = np.minimum(passed.astype(np.intp), steps - 1)
     return step, np.asarray(passed - step, np.float64)
 
 
 class Noise:
-    """White noise and a slow wander of the zero, each from its own stream; the mean of 1 s has `white_1s` of white."""
+    """White noise and slow bias drift, each from its own stream; a mean over 1 s has the white noise `white_1s`."""
 
     def __init__(self, white_1s: float, wander: float, streams: tuple[Generator, Generator]) -> None:
         self.white_1s, self.white = white_1s, streams[0]
         self.wander = Wander(wander, streams[1])
 
     def mean(self, interval_s: Array) -> Array:
-        """The noise as the mean of each of the consecutive intervals."""
+        """Mean noise over each of the consecutive intervals."""
         return np.asarray(mean_noise([self], interval_s)[0])
 
     def pass_over(self, passed_s: float) -> None:
-        """Advance the time without a reading; the zero drifts meanwhile."""
+        """Advance the time without a reading; the bias drifts meanwhile."""
         self.wander.passed(passed_s, 1)
 
 
 def mean_noise(channels: Sequence[Noise], interval_s: Array) -> Array:
-    """The noise of several channels as the mean of each of the consecutive intervals, (c, n)."""
+    """Mean noise of several channels over each of the consecutive intervals, (c, n)."""
     white = np.empty((len(channels), len(interval_s)))
     for row, channel in zip(white, channels, strict=True):
         channel.white.standard_normal(out=row)

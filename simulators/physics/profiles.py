@@ -1,6 +1,6 @@
-"""Commands of an axis: move, turn, swing, each an exact function of time.
+"""Motion profiles of an axis: move, rotation, oscillation, each an exact function of time.
 
-A table follows imperfectly (`simulators/physics/servo.py`): it turns a little unevenly, and lags behind a sine.
+A table follows imperfectly (`simulators/physics/servo.py`): its rate has ripple, and it lags behind a sine.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ class Profile(Protocol):
 
     @property
     def duration_s(self) -> float:
-        """Until it is done: at rest, at its rate, or at the amplitude and frequency of its sine."""
+        """Duration until rest, the final rate, or the full amplitude and frequency of a sine."""
 
     @property
     def endless(self) -> bool:
-        """Whether it goes on when it is done."""
+        """True if the motion continues after that."""
 
     def angle_deg(self, at_s: Angles) -> Angles:
-        """The angle at the times `at_s`."""
+        """Angles at the times `at_s`."""
 
     def rates_dps(self, at_s: Angles) -> Angles:
-        """The rates at the times `at_s`."""
+        """Rates at the times `at_s`."""
 
     def accelerations_dps2(self, at_s: Angles) -> Angles:
-        """The angular accelerations at the times `at_s`."""
+        """Angular accelerations at the times `at_s`."""
 
     def angle_at(self, at_s: float) -> float:
-        """The angle at one time."""
+        """Angle at one time."""
 
     def rate_at(self, at_s: float) -> float:
-        """The rate at one time, °/s."""
+        """Rate at one time, °/s."""
 
 
 @dataclass(frozen=True)
 class Move:
-    """A trapezoid of rate from rest to rest, beginning at `start_s`."""
+    """A trapezoidal rate profile from rest to rest, beginning at `start_s`."""
 
     start_s: float
     origin_deg: float
@@ -68,14 +68,14 @@ class Move:
 
     @cached_property
     def duration_s(self) -> float:
-        """From start to rest."""
+        """Duration from start to rest."""
         if self.distance_deg == 0:
             return 0.0
         ramp = self._ramp_s
         return abs(self.distance_deg) / (ramp * self.acceleration_dps2) + ramp
 
     def angle_deg(self, at_s: Angles) -> Angles:
-        """The angle at the times `at_s`."""
+        """Angles at the times `at_s`."""
         total, ramp = self.duration_s, self._ramp_s
         if total == 0:
             return np.full_like(at_s, self.origin_deg)
@@ -88,26 +88,26 @@ class Move:
         return self.origin_deg + math.copysign(1.0, self.distance_deg) * (speeding + cruising + braking)
 
     def angle_at(self, at_s: float) -> float:
-        """The angle at one time."""
+        """Angle at one time."""
         if at_s >= self.start_s + self.duration_s:
             return self.origin_deg + self.distance_deg
         return float(self.angle_deg(np.array([at_s]))[0])
 
     def rates_dps(self, at_s: Angles) -> Angles:
-        """The rates at the times `at_s`."""
+        """Rates at the times `at_s`."""
         t = at_s - self.start_s
         ramping_s = np.clip(np.minimum(t, self.duration_s - t), 0.0, self._ramp_s)
         return np.copysign(ramping_s * self.acceleration_dps2, self.distance_deg)
 
     def accelerations_dps2(self, at_s: Angles) -> Angles:
-        """The angular accelerations at the times `at_s`."""
+        """Angular accelerations at the times `at_s`."""
         t, ramp = at_s - self.start_s, self._ramp_s
         left = self.duration_s - t
         speeding = ((t > 0) & (t < ramp)).astype(np.float64) - ((left > 0) & (left < ramp))
         return np.asarray(speeding * math.copysign(self.acceleration_dps2, self.distance_deg))
 
     def rate_at(self, at_s: float) -> float:
-        """The rate at one time, °/s."""
+        """Rate at one time, °/s."""
         total, t = self.duration_s, at_s - self.start_s
         ramping_s = max(0.0, min(t, total - t, self._ramp_s))
         return math.copysign(ramping_s * self.acceleration_dps2, self.distance_deg)
@@ -115,7 +115,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Slew:
-    """A quantity that goes from one value to another at a constant speed, and stays there."""
+    """A quantity that changes at constant speed from one value to another, and stays there."""
 
     begin: float
     end: float
@@ -123,19 +123,19 @@ class Slew:
 
     @property
     def duration_s(self) -> float:
-        """From one value to the other."""
+        """Duration of the change."""
         return abs(self.end - self.begin) / self.speed
 
     def value(self, t_s: Angles) -> Angles:
-        """The quantity `t_s` after it began."""
+        """Value at `t_s` after the start."""
         return self.begin + math.copysign(self.speed, self.end - self.begin) * np.minimum(t_s, self.duration_s)
 
     def slope(self, t_s: Angles) -> Angles:
-        """How fast it changes `t_s` after it began."""
+        """Rate of change at `t_s` after the start."""
         return np.where(t_s < self.duration_s, math.copysign(self.speed, self.end - self.begin), 0.0)
 
     def integral(self, t_s: Angles) -> Angles:
-        """Its integral over the first `t_s`."""
+        """Integral over the first `t_s`."""
         slewing_s = np.minimum(t_s, self.duration_s)
         slewed = (self.begin + 0.5 * math.copysign(self.speed, self.end - self.begin) * slewing_s) * slewing_s
         return slewed + self.end * (t_s - slewing_s)
@@ -143,7 +143,7 @@ class Slew:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """A change of rate at a constant acceleration, and then turning on; a change to rate zero ends at rest."""
+    """A change of rate at constant acceleration, followed by rotation; a change to rate zero ends at rest."""
 
     start_s: float
     origin_deg: float
@@ -152,26 +152,26 @@ class Turn:
 
     @property
     def duration_s(self) -> float:
-        """Until the rate is reached."""
+        """Duration until the rate is reached."""
         return self.rate_dps.duration_s
 
     @property
     def endless(self) -> bool:
-        """Whether it turns on."""
+        """True unless the final rate is zero."""
         return self.rate_dps.end != 0
 
     def angle_deg(self, at_s: Angles) -> Angles:
-        """The angle at the times `at_s`."""
+        """Angles at the times `at_s`."""
         even_deg = self._even_deg(at_s)
         return even_deg if self.ripple is None else self.ripple.angle_deg(even_deg, self.origin_deg)
 
     def rates_dps(self, at_s: Angles) -> Angles:
-        """The rates at the times `at_s`."""
+        """Rates at the times `at_s`."""
         rate_dps = self.rate_dps.value(np.maximum(at_s - self.start_s, 0))
         return rate_dps if self.ripple is None else rate_dps * (1 + self.ripple.slope(self._even_deg(at_s)))
 
     def accelerations_dps2(self, at_s: Angles) -> Angles:
-        """The angular accelerations at the times `at_s`."""
+        """Angular accelerations at the times `at_s`."""
         t = np.maximum(at_s - self.start_s, 0)
         change_dps2 = self.rate_dps.slope(t)
         if self.ripple is None:
@@ -180,21 +180,21 @@ class Turn:
         return change_dps2 * (1 + self.ripple.slope(even_deg)) + rate_dps**2 * self.ripple.bend_per_deg(even_deg)
 
     def angle_at(self, at_s: float) -> float:
-        """The angle at one time."""
+        """Angle at one time."""
         return float(self.angle_deg(np.array([at_s]))[0])
 
     def rate_at(self, at_s: float) -> float:
-        """The rate at one time, °/s."""
+        """Rate at one time, °/s."""
         return float(self.rates_dps(np.array([at_s]))[0])
 
     def _even_deg(self, at_s: Angles) -> Angles:
-        """Where it would be if it turned evenly."""
+        """Angle without rate ripple."""
         return self.origin_deg + self.rate_dps.integral(np.maximum(at_s - self.start_s, 0))
 
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """A sine about an angle; its amplitude and its frequency grow from nothing, slowly beside the control loop."""
+    """A sine about an angle; amplitude and frequency grow from zero, slowly compared with the control loop."""
 
     start_s: float
     centre_deg: float
@@ -207,36 +207,36 @@ class Swing:
 
     @property
     def duration_s(self) -> float:
-        """Until amplitude and frequency are reached."""
+        """Duration until amplitude and frequency are reached."""
         return max(self.amplitude_deg.duration_s, self.frequency_hz.duration_s)
 
     def angle_deg(self, at_s: Angles) -> Angles:
-        """The angle at the times `at_s`."""
+        """Angles at the times `at_s`."""
         amplitude_deg, phase, _, _ = self._motion(at_s)
         return self.centre_deg + amplitude_deg * np.sin(phase)
 
     def rates_dps(self, at_s: Angles) -> Angles:
-        """The rates at the times `at_s`."""
+        """Rates at the times `at_s`."""
         amplitude_deg, phase, turning, growing_dps = self._motion(at_s)
         return growing_dps * np.sin(phase) + amplitude_deg * turning * np.cos(phase)
 
     def accelerations_dps2(self, at_s: Angles) -> Angles:
-        """The angular accelerations at the times `at_s`."""
+        """Angular accelerations at the times `at_s`."""
         amplitude_deg, phase, turning, growing_dps = self._motion(at_s)
         chirp = 2 * math.pi * self.frequency_hz.slope(np.maximum(at_s - self.start_s, 0))
         along = 2 * growing_dps * turning + amplitude_deg * chirp
         return along * np.cos(phase) - amplitude_deg * turning**2 * np.sin(phase)
 
     def angle_at(self, at_s: float) -> float:
-        """The angle at one time."""
+        """Angle at one time."""
         return float(self.angle_deg(np.array([at_s]))[0])
 
     def rate_at(self, at_s: float) -> float:
-        """The rate at one time, °/s."""
+        """Rate at one time, °/s."""
         return float(self.rates_dps(np.array([at_s]))[0])
 
     def _motion(self, at_s: Angles) -> tuple[Angles, Angles, Angles, Angles]:
-        """Amplitude in °, phase in rad, how fast the phase goes on in rad/s and the amplitude grows in °/s."""
+        """Amplitude in °, phase in rad, and their derivatives: phase in rad/s, amplitude in °/s."""
         t = np.maximum(at_s - self.start_s, 0)
         amplitude_deg, frequency_hz = self.amplitude_deg.value(t), self.frequency_hz.value(t)
         growing_dps = self.amplitude_deg.slope(t)

@@ -1,4 +1,4 @@
-"""Response of a rate table to commands: a control loop that lags behind a sine, a motor that turns unevenly."""
+"""Response of a rate table to commands: a control loop that lags behind a sine, and rate ripple of the motor."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A control loop of second order, and the most that the motor can accelerate the table and its load.
+    """A second-order control loop, and the maximum acceleration of table and load.
 
-    It matters for sines. At a constant rate a loop lags by a constant angle, which has no effect: the encoder reports
-    the true angle, not where it should be.
+    It affects only sines. At a constant rate a loop lags by a constant angle, which has no effect, because the encoder
+    reports the true angle, not the commanded one.
     """
 
     natural_hz: float
@@ -34,22 +34,22 @@ class Loop:
 
 @dataclass(frozen=True, slots=True)
 class Ripple:
-    """By what part of itself a rate changes over a turn: `relative` at each of the orders, with its phase in rad."""
+    """Relative rate ripple over a turn: `relative` amplitude at each of the orders, with its phase in rad."""
 
     relative: float
     orders: tuple[int, ...]
     phases: tuple[float, ...]
 
     def angle_deg(self, even_deg: Array, origin_deg: float) -> Array:
-        """Where the table is that was at an origin and should be at these angles (n,)."""
+        """Angles with ripple for ideal angles (n,) from an origin on."""
         return even_deg + self._ahead_deg(even_deg) - self._ahead_deg(np.array(origin_deg))
 
     def slope(self, even_deg: Array) -> Array:
-        """How much faster it is there, relative."""
+        """Relative rate error at an angle."""
         return sum((np.cos(at) for _, at in self._waves(even_deg)), np.zeros_like(even_deg)) * self.relative
 
     def bend_per_deg(self, even_deg: Array) -> Array:
-        """How that changes, per °."""
+        """Derivative of the slope, per °."""
         bends = (-order * math.pi / 180 * np.sin(at) for order, at in self._waves(even_deg))
         return sum(bends, np.zeros_like(even_deg)) * self.relative
 

@@ -1,4 +1,4 @@
-"""True current of a precision source: the set current with the errors of its gain, offset and drift."""
+"""True current of a precision source: set current with errors of gain, offset and drift."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ HOUR_S = 3600.0
 
 @runtime_checkable
 class CurrentSource(Protocol):
-    """A simulated instrument whose current a converter can be fed with, through `load_ohm` in all."""
+    """Interface of a simulated source whose current feeds a converter, through `load_ohm` in total."""
 
     load_ohm: float
 
     @property
     def feeds_a(self) -> float | None:
-        """The set current, without errors; None while its output is off."""
+        """Set current, without errors; None while its output is off."""
 
 
 @dataclass(frozen=True, slots=True)
 class CurrentErrors:
-    """Errors as drawn for one run; gain and offset are those of the source when it has just warmed up.
+    """Errors as drawn for one run; gain and offset are those right after the warm-up.
 
-    It drifts by `drift_per_h` of the current from then on, and `fresh` times as fast before.
+    The drift is `drift_per_h` of the current from then on, and `fresh` times as fast before.
     """
 
     gain: float = 0.0
@@ -37,7 +37,7 @@ class CurrentErrors:
     warm_up_s: float = 7200.0
 
     def current_a(self, set_a: float, on_s: Array) -> Array:
-        """What flows when it has been on for `on_s`."""
+        """True current after `on_s` of operation."""
         warm_h = (on_s - self.warm_up_s) / HOUR_S
         drifted = self.drift_per_h * np.where(warm_h < 0, self.fresh, 1.0) * warm_h
         return np.asarray(set_a * (1 + self.gain + drifted) + self.offset_a)
@@ -45,9 +45,9 @@ class CurrentErrors:
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """A source on a bench: the instrument, and its errors. Its power came on when the world began.
+    """A source on a bench: the instrument, and its errors. Its power-on is the start of the world.
 
-    They come on top of what its `table` of corrections adds.
+    Errors are in addition to the corrections of its `table`.
     """
 
     source: CurrentSource
@@ -55,6 +55,6 @@ class Feed:
     table: Table = ((), ())
 
     def current_a(self, at_s: Array) -> Array:
-        """What flows into whatever it is connected to, at true times."""
+        """Output current at true times."""
         set_a = self.source.feeds_a
         return np.zeros_like(at_s) if set_a is None else self.errors.current_a(given_by(set_a, self.table), at_s)

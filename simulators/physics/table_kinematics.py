@@ -1,6 +1,6 @@
-"""What the table carries its fixture through: where up is there, how it turns, and what that makes a place sense.
+"""Kinematics of the table and its fixture: direction of up, angular rate, and specific force at a place.
 
-f = up + (w x (w x r) + dw/dt x r) / g          in local g, in the frame of the fixture (equations 8.1)
+f = up + (w x (w x r) + dw/dt x r) / g in local g, in the frame of the fixture (equations 8.1)
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ EAST: Vector = (1.0, 0.0, 0.0)
 EARTH_DPS = math.degrees(7.292115e-5)  # equations 1.1
 NOWHERE: Vector = (0.0, 0.0, 0.0)
 Stands = tuple[float | None, ...]
-"""Where each axis really stands, °; None for one that moves."""
+"""True angle of each axis, °; None for a moving axis."""
 
 
 def earth_dps(latitude_deg: float) -> Array:
-    """The rate of the earth in east, north and up, (3,)."""
+    """Earth rate in east, north and up, (3,)."""
     latitude = math.radians(latitude_deg)
     return np.asarray(EARTH_DPS * np.array([0.0, math.cos(latitude), math.sin(latitude)]))
 
@@ -34,8 +34,8 @@ def earth_dps(latitude_deg: float) -> Array:
 class TableErrors:
     """Errors of a table.
 
-    It turns faster than commanded by the relative error `rate`. Its base is tilted by `across_deg` about east, beside
-    the level about south, and its axis by `wobble_deg` more about south, which comes and goes once a turn.
+    `rate` is the relative error of its rate. The base is tilted by `across_deg` about east, in addition to the level
+    about south; the axis has a wobble of `wobble_deg` about south, once per turn.
     """
 
     loop: Loop | None = None
@@ -48,7 +48,7 @@ class TableErrors:
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """How far the base is tilted about south: in the middle of a run of `run_s`, and its even change within that."""
+    """Tilt of the base about south: mean over a run of `run_s`, and linear change within it."""
 
     middle_deg: float = 0.0
     drift_deg: float = 0.0
@@ -60,7 +60,7 @@ class Level:
 
 
 class Carried:
-    """The fixture on its axes; vectors are (3, n) by the times asked for."""
+    """The fixture on its axes; vectors are (3, n) for n times."""
 
     def __init__(
         self,
@@ -83,11 +83,11 @@ class Carried:
         return tuple(axis.still_deg(at_s) for axis in self._axes)
 
     def at_rest(self, at_s: Array) -> bool:
-        """Whether no axis moves."""
+        """Return whether no axis moves."""
         return None not in self.stands(float(at_s[0]))
 
     def attitude(self, at_s: Array) -> Array:
-        """Level frame to fixture, (n, 3, 3); (1, 3, 3) at rest. Between two moves the level stays as it was."""
+        """Level frame to fixture, (n, 3, 3); (1, 3, 3) at rest. Between two moves the level is constant."""
         began_s = float(at_s[0])
         still_deg = self.stands(began_s)
         if self.sweeps(still_deg):
@@ -100,11 +100,11 @@ class Carried:
         return self._at_rest[1]
 
     def upward(self, at_s: Array) -> Array:
-        """Where up is."""
+        """Direction of up."""
         return np.broadcast_to(self.attitude(at_s)[:, :, 2].T, (3, len(at_s)))
 
     def force_g(self, at_s: Array, arm_m: Vector) -> Array:
-        """Specific force in local g at a place, whose arm is from where the axes meet."""
+        """Specific force in local g at a place, whose arm is from the intersection of the axes."""
         up = self.upward(at_s)
         if arm_m == NOWHERE or self.at_rest(at_s):
             return up
@@ -113,7 +113,7 @@ class Carried:
         return np.asarray(up + pull.T / self._gravity_mps2)
 
     def rate_dps(self, at_s: Array) -> Array:
-        """How fast it turns against the stars."""
+        """Angular rate in inertial space."""
         by_earth = np.broadcast_to((self.attitude(at_s) @ self.earth_dps).T, (3, len(at_s)))
         return by_earth if self.at_rest(at_s) else by_earth + np.degrees(self._turning(at_s)[0]).T
 
@@ -123,11 +123,11 @@ class Carried:
         return self._fixture.turning(angles_deg, [rate for rate, _ in rates], [change for _, change in rates])
 
     def sweeps(self, still_deg: Stands) -> bool:
-        """Whether only one axis turns, and only its angle changes."""
+        """Return whether only one axis turns, and only its angle changes."""
         return still_deg.count(None) == 1 and not self._table.wobble_deg
 
     def sweep(self, still_deg: Stands, at_s: float) -> Array:
-        """The attitude while one axis turns alone: what `waves_of` its angle are multiplied with, (3, 3, 3)."""
+        """Attitude while one axis turns alone: coefficients of `waves_of` its angle, (3, 3, 3)."""
         if still_deg != self._sweep[0]:
             quarters_deg = np.array([0.0, 90.0, 180.0])
             angles_deg = [quarters_deg if at is None else np.full(3, at) for at in still_deg]
@@ -146,6 +146,6 @@ class Carried:
 
 
 def waves_of(angle_deg: Array) -> Array:
-    """A constant, the cosine and the sine of angles (n,), (3, n): of these all is made that turns with an axis."""
+    """A constant, the cosine and the sine of angles (n,), (3, n): basis of every quantity that turns with an axis."""
     angle = np.radians(angle_deg)
     return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])

@@ -1,13 +1,13 @@
 """Temperatures: set point → chamber air → case → sensor → thermometer, stepped exactly (equations 8.3).
 
-    air      a'' = w²(s - a) - 2 z w a'          s the set point in force, ramped by the controller
+    air      a'' = w²(s - a) - 2 z w a'          s the active set point, ramped by the controller
     case     tau_c c' = a + limit cycle - c + heating
     sensor   tau_s T' = c - T
     reading  tau_m m' = T - m                    the thermometer at the unit
     board    tau_b b' = a + limit cycle - b      of a converter in the chamber, with a thermometer of its own
 
-The system is linear and its input is a straight line between two commands, so one matrix exponential takes it over
-any interval without error; how often somebody looks changes nothing.
+The system is linear and its input is a straight line between two commands, so one matrix exponential takes it over any
+interval without error, independent of the times of the calls.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Matrix = NDArray[np.float64]
 _AIR, _AIR_RATE, _CYCLE, _CYCLE_RATE, _SET_POINT, _SET_POINT_RATE = range(6)
 _FIRST_UNIT = 6
 _PER_UNIT = 4  # case, sensor, thermometer, heating
-_PER_BOARD = 2  # board, thermometer; those of all units come after all units
+_PER_BOARD = 2  # board, thermometer; those of all units follow after all units
 PROPAGATORS_KEPT = 4096
 DOOR_SHARE = 0.5
 _STEPS_PER_S = 1000  # intervals are whole milliseconds, so that a few matrices serve a whole night
@@ -35,7 +35,7 @@ _STEPS_PER_S = 1000  # intervals are whole milliseconds, so that a few matrices 
 
 @dataclass(frozen=True, slots=True)
 class ChamberPhysics:
-    """How the chamber's air follows its set point; the limit cycle is a sine of the given r.m.s."""
+    """Response of the chamber's air to its set point; the limit cycle is a sine of the given r.m.s."""
 
     start_c: float = 20.0
     natural_period_s: float = 360.0
@@ -46,7 +46,7 @@ class ChamberPhysics:
 
 @dataclass(frozen=True, slots=True)
 class UnitPhysics:
-    """How a unit follows the air; `board_s` is for a converter in the chamber."""
+    """Thermal response of a unit to the air; `board_s` is for a converter in the chamber."""
 
     case_s: float
     sensor_s: float
@@ -65,8 +65,8 @@ class Thermal:
         self._ticks = 0
         self._ramp_end_s = 0.0
         self._target_c = chamber.start_c
-        self._pull_c = 0.0  # of an open door on what the air is drawn to
-        self._failing: tuple[Failure, float] | None = None  # and the temperature of the room
+        self._pull_c = 0.0  # effect of an open door on the target of the air
+        self._failing: tuple[Failure, float] | None = None  # and temperature of the room
         self._commanded = Line(chamber.start_c, 0.0, chamber.start_c, math.inf)
         amplitude, turn = chamber.limit_cycle_c * math.sqrt(2), 2 * math.pi / chamber.limit_cycle_period_s
         self._boards = _boards(units)
@@ -82,11 +82,11 @@ class Thermal:
 
     @property
     def now_s(self) -> float:
-        """How far the temperatures are worked out."""
+        """Time up to which temperatures are computed."""
         return self._ticks / _STEPS_PER_S
 
     def advance(self, to_s: float) -> None:
-        """Works everything out up to `to_s`."""
+        """Compute all temperatures up to `to_s`."""
         while True:
             end_s = min(to_s, self._ramp_end_s) if self._state[_SET_POINT_RATE] else to_s
             ticks = round(end_s * _STEPS_PER_S) - self._ticks
@@ -98,7 +98,7 @@ class Thermal:
             self._state[_SET_POINT], self._state[_SET_POINT_RATE] = self._target_c + self._pull_c, 0.0
 
     def ramp(self, target_c: float, rate_c_per_s: float) -> None:
-        """From now on the set point in force goes to `target_c` at `rate_c_per_s`; infinity jumps."""
+        """Ramp the active set point to `target_c` at `rate_c_per_s`; infinity jumps."""
         self._commanded = Line(self.set_point_c, self.now_s, target_c, rate_c_per_s if rate_c_per_s > 0 else math.inf)
         if self._failing is None:
             self._draw(target_c, rate_c_per_s)
@@ -106,7 +106,7 @@ class Thermal:
             self._draw_astray(*self._failing)
 
     def fail(self, failure: Failure | None, room_c: float) -> None:
-        """From now on the air goes where this draws it in a room of that temperature; None repairs the chamber."""
+        """Drive the air by a failure in a room of that temperature; None repairs the chamber."""
         if failure is not None:
             self._failing = failure, room_c
             self._draw_astray(failure, room_c)
@@ -119,7 +119,7 @@ class Thermal:
         self._draw(*drawn(failure, self._commanded, self._drawn_to_c, room_c))
 
     def _draw(self, target_c: float, rate_c_per_s: float) -> None:
-        """Draws the air along a straight line to `target_c`, as the set point does while nothing fails."""
+        """Drive the air linearly to `target_c`, as the set point does without a failure."""
         distance = target_c - self._drawn_to_c
         self._target_c = target_c
         self._state[_SET_POINT_RATE] = 0.0
@@ -130,67 +130,67 @@ class Thermal:
             self._state[_SET_POINT] = target_c + self._pull_c
 
     def door(self, room_c: float | None) -> None:
-        """An open door draws the air towards that of the room, by DOOR_SHARE of what they differ by; None closes it."""
+        """Open the door, which pulls the air towards the room by DOOR_SHARE of the difference; None closes it."""
         pull_c = 0.0 if room_c is None else DOOR_SHARE * (room_c - self.air_c)
         self._state[_SET_POINT] += pull_c - self._pull_c
         self._pull_c = pull_c
 
     def power(self, unit: int, on: bool) -> None:
-        """Switches the self-heating of a unit."""
+        """Switch the self-heating of a unit."""
         self._state[_FIRST_UNIT + _PER_UNIT * unit + 3] = self._units[unit].self_heating_c if on else 0.0
 
     @property
     def set_point_c(self) -> float:
-        """The set point in force."""
+        """Active set point."""
         return self._drawn_to_c if self._failing is None else self._commanded.at(self.now_s)
 
     @property
     def _drawn_to_c(self) -> float:
-        """What the air is drawn to, but for the door."""
+        """Target of the air, without the effect of the door."""
         return float(self._state[_SET_POINT] - self._pull_c)
 
     @property
     def air_c(self) -> float:
-        """The air where the chamber's own sensor is."""
+        """Air temperature at the chamber's own sensor."""
         return float(self._state[_AIR] + self._state[_CYCLE])
 
     def case_c(self, unit: int) -> float:
-        """The case of a unit."""
+        """Case temperature of a unit."""
         return float(self._state[_FIRST_UNIT + _PER_UNIT * unit])
 
     def board_c(self, unit: int) -> float:
-        """The converter board of a unit that has it in the chamber."""
+        """Temperature of the converter board of a unit that has it in the chamber."""
         return float(self._state[self._boards[unit]])
 
     def board_thermometer_c(self, unit: int) -> float:
-        """What an ideal thermometer at that board has followed to."""
+        """Temperature of an ideal thermometer with lag at that board."""
         return float(self._state[self._boards[unit] + 1])
 
     def board_rate_c_per_s(self, unit: int) -> float:
-        """How fast that board warms."""
+        """Rate of that board's temperature."""
         lag_s = self._units[unit].board_s or math.inf
         return (self.air_c - self.board_c(unit)) / lag_s
 
     def sensor_c(self, unit: int) -> float:
-        """The sensor inside a unit."""
+        """Temperature of the sensor inside a unit."""
         return float(self._state[_FIRST_UNIT + _PER_UNIT * unit + 1])
 
     def thermometer_c(self, unit: int) -> float:
-        """What an ideal thermometer at the unit has followed to."""
+        """Temperature of an ideal thermometer with lag at the unit."""
         return float(self._state[_FIRST_UNIT + _PER_UNIT * unit + 2])
 
     def sensor_rate_c_per_s(self, unit: int) -> float:
-        """How fast the sensor inside a unit warms."""
+        """Rate of the sensor temperature inside a unit."""
         first = _FIRST_UNIT + _PER_UNIT * unit
         return float((self._state[first] - self._state[first + 1]) / self._units[unit].sensor_s)
 
     @property
     def bend_c_per_s2(self) -> float:
-        """The most by which the rate of a sensor or a board changes in a second now."""
+        """Upper bound of the second derivative of a sensor or board temperature."""
         return float(np.abs(self._bending @ self._state).max(initial=0.0))
 
     def _propagator(self, ticks: int) -> Matrix:
-        """The matrix over `ticks` milliseconds: the product of those over powers of two, which are made by squaring."""
+        """Transition matrix over `ticks` milliseconds: product of those over powers of two, made by squaring."""
         found = self._propagators.get(ticks)
         if found is None:
             if len(self._propagators) > PROPAGATORS_KEPT:
@@ -200,7 +200,7 @@ class Thermal:
 
 
 def _boards(units: tuple[UnitPhysics, ...]) -> dict[int, int]:
-    """Where the board of each unit that has one stands in the state, by the number of the unit."""
+    """Index in the state of each unit's board, by the number of the unit."""
     first = _FIRST_UNIT + _PER_UNIT * len(units)
     with_board = [index for index, unit in enumerate(units) if unit.board_s is not None]
     return {index: first + _PER_BOARD * number for number, index in enumerate(with_board)}
@@ -235,7 +235,7 @@ def _bending(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
 
 
 def _system(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
-    """The matrix M of z' = M z; inputs are states that do not change, or change evenly."""
+    """System matrix M of z' = M z; inputs are states that are constant or change linearly."""
     boards = _boards(units)
     size = _FIRST_UNIT + _PER_UNIT * len(units) + _PER_BOARD * len(boards)
     matrix = np.zeros((size, size))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class VoltmeterSettings:
-    """What a voltmeter is connected to, and its errors as drawn: it reads U (1 + gain) + offset, and noise.
+    """Connection of a voltmeter, and its errors as drawn: it reads U (1 + gain) + offset, and noise.
 
     Without a `place` no unit is connected to its load. `noise_v` is the standard deviation of a reading over 10 line
     cycles.

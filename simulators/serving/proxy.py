@@ -2,8 +2,8 @@
 
     python -m simulators.serving.proxy --listen 127.0.0.1:1602 --to 127.0.0.1:1502 --seed 7 --faults flip,late
 
-Whoever connects to the first address talks to the second, and some of the answers suffer
-(`simulators.faults.line_faults`). With `--first silence,flip` the first answers suffer these, in order, and no others.
+Connections to the first address are forwarded to the second, with faults in some answers
+(`simulators.faults.line_faults`). With `--first silence,flip` only the first answers have these faults, in order.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from simulators.faults.line_faults import BadLine, LineFault, in_turn, now_and_t
 
 
 class _Passage(asyncio.Protocol):
-    """The server's end of a connection: everything goes to the target and comes from it."""
+    """The server's end of a connection: forwards all data between client and target."""
 
     def __init__(self, host: str, port: int) -> None:
         self._host, self._port = host, port
@@ -26,21 +26,21 @@ class _Passage(asyncio.Protocol):
         self.client: asyncio.Transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client is there."""
+        """Connect to the target."""
         if not isinstance(transport, asyncio.Transport):
             raise TypeError("a stream transport is needed")
         self.client = transport
         self._joining = asyncio.get_running_loop().create_task(self._join())
 
     def data_received(self, data: bytes) -> None:
-        """Bytes of the client."""
+        """Forward bytes of the client."""
         if self._target is None:
             self._waiting += data
         else:
             self._target.write(data)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client is gone."""
+        """Close the connection to the target."""
         if self._target is not None:
             self._target.close()
 
@@ -67,7 +67,7 @@ class _FromTarget(asyncio.Protocol):
 
 
 async def serve_bad_line(listen: tuple[str, int], to: tuple[str, int], bad: BadLine) -> asyncio.Server:
-    """A server at `listen` that leads to `to` over a bad line; OSError when the address is taken."""
+    """Start a server at `listen` that leads to `to` over a bad line; OSError if the address is in use."""
     factory = bad.in_front_of(lambda: _Passage(*to))
     return await asyncio.get_running_loop().create_server(factory, *listen)
 
@@ -78,15 +78,15 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def main() -> None:
-    """Serves until it is stopped."""
+    """Serve until it is stopped."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--listen", type=_address, required=True, metavar="HOST:PORT")
     parser.add_argument("--to", type=_address, required=True, metavar="HOST:PORT")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--share", type=float, default=0.05, help="of the answers that suffer")
+    parser.add_argument("--share", type=float, default=0.05, help="share of the answers with a fault")
     parser.add_argument("--faults", default=",".join(LineFault), help="kinds, separated by commas")
-    parser.add_argument("--first", default="", help="of the first answers, in order; then none suffers")
-    parser.add_argument("--patience", type=float, default=3.0, help="how long the client waits for an answer, s")
+    parser.add_argument("--first", default="", help="of the first answers, in order; then none")
+    parser.add_argument("--patience", type=float, default=3.0, help="timeout of the client, s")
     options = parser.parse_args()
     kinds = [LineFault(name) for name in options.faults.split(",")]
     first = [LineFault(name) if name else None for name in options.first.split(",")]

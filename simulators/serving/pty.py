@@ -16,13 +16,13 @@ TERMINALS = "/dev/pts/"
 
 @asynccontextmanager
 async def serve_pty(path: Path, factory: Callable[[], asyncio.Protocol]) -> AsyncIterator[Path]:
-    """Makes `path` a link to a new pseudo-terminal that `factory()` answers; gone at exit.
+    """Link `path` to a new pseudo-terminal answered by `factory()`; removed at exit.
 
-    A link that an earlier run left there is replaced; FileExistsError when anything else is there.
+    A link left by an earlier run is replaced; FileExistsError if the path is anything else.
     """
     near, far = os.openpty()
     try:
-        # Held open, so that clients may come and go; raw, so that bytes pass as they are.
+        # Kept open, so that clients can reconnect; raw, so that bytes pass unchanged.
         tty.setraw(far)
         transport = await join_device(os.fdopen(near, "r+b", buffering=0), factory())
         try:

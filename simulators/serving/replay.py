@@ -11,10 +11,10 @@ from simulators.serving.serve import Later
 
 
 class ReplayedInstrument:
-    """One device of a trace as a simulated instrument: the next connection of the trace for each new connection.
+    """One device of a trace as a simulated instrument: each new connection replays the next one of the trace.
 
-    To a request that is the next of the trace it gives the recorded answers, as long after it as they came. Anything
-    else is told to `complain` and not answered: then the driver, or its settings, are not those of the recording.
+    The next request of the trace gets the recorded answers, with their recorded delays. Any other request is passed to
+    `complain` and not answered: then the driver, or its settings, differ from the recording.
     """
 
     def __init__(self, device: str, trace: Iterable[Passed], complain: Callable[[str], object]) -> None:
@@ -30,7 +30,7 @@ class ReplayedInstrument:
                 self._connections[-1].append(passed)
 
     def session(self) -> ReplayedSession:
-        """The next connection of the trace; one without a line when there are no more."""
+        """Open the next connection of the trace; an empty one after the last."""
         lines = self._connections.pop(0) if self._connections else []
         return ReplayedSession(self._device, lines, self._complain)
 
@@ -48,14 +48,14 @@ class ReplayedSession:
         self._later = later
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; what came at once after the same ones."""
+        """Receive bytes in any portions; return the immediate answer of the recording."""
         self._received += data
         at_once = b""
         while self._lines and self._received:
             expected = self._lines[0]
             if expected.sign != SENT or not self._received.startswith(expected.data):
                 if expected.sign == SENT and expected.data.startswith(self._received):
-                    return at_once  # its beginning
+                    return at_once  # start time of the connection
                 break
             self._lines.pop(0)
             self._received = self._received[len(expected.data) :]

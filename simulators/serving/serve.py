@@ -1,4 +1,4 @@
-"""What a simulated instrument is, and the asyncio protocol that puts it at the end of a wire."""
+"""Interface of a simulated instrument, and the asyncio protocol that connects it."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ from simulators.faults.instrument_faults import FaultPlan
 
 
 class Session(Protocol):
-    """One connection to an instrument: it keeps what has not made a whole request yet."""
+    """One connection to an instrument; it buffers incomplete requests."""
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes as they arrive, in any portions; return the immediate answer, or b""."""
 
 
 Later = Callable[[float, Callable[[], bytes]], None]
-"""Called with seconds and a function: when they have passed, the instrument says what the function gives."""
+"""Called with seconds and a function: after that time the instrument sends the result of the function."""
 
 
 @runtime_checkable
 class PatientSession(Session, Protocol):
-    """A connection to an instrument that takes its time for some answers."""
+    """A connection to an instrument with delayed answers."""
 
     def answer_by(self, later: Later) -> None:
         """Set, before anything else, the callback for later answers."""
 
 
 class Instrument(Protocol):
-    """A simulated instrument: model and responder. Nothing in it waits; it reads the world on request."""
+    """A simulated instrument: model and responder. It never waits, and reads the world on request."""
 
     faults: FaultPlan
 
     def session(self) -> Session:
-        """A new connection."""
+        """Open a connection."""
 
 
 class InstrumentProtocol(asyncio.Protocol):
-    """Joins a connection to an instrument, unless a fault keeps it silent or cuts the line."""
+    """Connects a transport to an instrument, unless a fault silences it or cuts the line."""
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument = instrument
@@ -46,14 +46,14 @@ class InstrumentProtocol(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client is there."""
+        """Open a session for the client."""
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
         if isinstance(self._session, PatientSession):
             self._session.answer_by(self._say_later)
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the client."""
+        """Receive bytes of the client."""
         if self._instrument.faults.active("cut") and self._transport is not None:
             self._transport.abort()
             return
@@ -61,7 +61,7 @@ class InstrumentProtocol(asyncio.Protocol):
         self._say(self._session.feed(data))
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client has left: later answers are dropped."""
+        """Drop later answers, because the client has left."""
         self._transport = None
 
     def _say(self, answer: bytes) -> None:
@@ -80,5 +80,5 @@ class InstrumentProtocol(asyncio.Protocol):
 
 
 def protocol_factory(instrument: Instrument) -> Callable[[], InstrumentProtocol]:
-    """What a server calls for each connection."""
+    """Protocol factory of a server."""
     return lambda: InstrumentProtocol(instrument)

@@ -1,1 +1,1 @@
-"""What a perfect bench would find of a simulated unit; shares no line with the reductions."""
+"""True values of a simulated unit, as a perfect bench would measure them; shares no code with the reductions."""

@@ -1,9 +1,8 @@
-"""What a perfect bench would have found of a channel whose converter is in the chamber, at one input level.
+"""Truth of a channel whose converter is in the chamber, at one input level.
 
-The noiseless output of the converter, a rate, volts or codes, over what an ideal thermometer at it, as slow as the real
-one, said meanwhile. Its input is held at the mean of what fed it: that of the accelerometer at the ideal angle of its
-axis, or the current that the source was set to. What an input makes of its own while the temperature goes on is an
-error of the measurement.
+The noiseless output of the converter (rate, volts or codes) as a function of the temperature of an ideal thermometer
+with the lag of the real one. Its input is held at its mean: that of the accelerometer at the ideal angle of its axis,
+or the set current of the source. Changes of the input itself with temperature are an error of the measurement.
 """
 
 from __future__ import annotations
@@ -25,9 +24,9 @@ EVERY_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class LevelAsMeasured:
-    """An acquisition at one input level: host time of its ends, and how the unit lay.
+    """An acquisition at one input level: host time of its ends, and attitude of the unit.
 
-    `source_a` is what the source was set to; None for an accelerometer.
+    `source_a` is the set current of the source; None for an accelerometer.
     """
 
     key: str
@@ -39,9 +38,9 @@ class LevelAsMeasured:
 
 
 def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, Any]:
-    """What a truth file holds beside the rest where there are such acquisitions.
+    """Part of a truth file for such acquisitions.
 
-    `levels` are these by their keys; `sources` and `converter_thermometers` the errors that the laboratory has there.
+    `levels` are the acquisitions by key; `sources` and `converter_thermometers` the errors of the laboratory.
     """
     if not levels:
         return {}
@@ -78,7 +77,7 @@ def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
 
 
 def _accelerometer_a(world: World, unit: SimulatedUnit, lies: Lies, sensor_c: Array, drifted_g: Array) -> float:
-    """Mean current of the accelerometer, with the attitude stated in the bench file."""
+    """Mean current of the accelerometer, in the attitude stated in the bench file."""
     along, output, pendulous = gravity_in_unit(world, unit, lies)
     force = tuple(np.full_like(sensor_c, g) for g in (along, pendulous, output))
     return float(np.mean(unit.truth.current_a((force[0], force[1], force[2]), sensor_c, drifted_g)))

@@ -1,10 +1,10 @@
-"""Truth of a channel: the constants that a perfect bench would find, for the file that no reduction reads.
+"""Truth of a channel: the constants that a perfect bench would find, in a file that no reduction reads.
 
 They are defined as the results are: the model equation of the tumble put through the noiseless channel at the positions
 that the sequence visits. So K1 contains K3, K2 the converter's asymmetry, and K0 the converter's zero
-(equations 8.8). A dwell is evaluated at its *indicated* temperature with the hysteresis, drift and warm-up it then
-had. Of a leg of a temperature ramp all is told: what the noiseless channel put out, over what an ideal thermometer at
-the unit, as slow as the real one, said meanwhile.
+(equations 8.8). A dwell is evaluated at its *indicated* temperature with the hysteresis, drift and warm-up of that
+time. For a leg of a temperature ramp the complete curve is stored: the noiseless output as a function of the
+temperature of an ideal thermometer at the unit with the lag of the real one.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from simulators.world import World
 
 Array = NDArray[np.float64]
 LEG_EVERY_S = 10.0
-STEPPED = {"turned_on_g": -3, "turned_on_scale": -2}  # columns of a unit's history, by their names in the truth
-LAST_LATCH_S = 0.1  # before the end of a leg, perhaps; a sample that ends behind it is not whole
-# Share of a further term that no other one explains, above which the angles of a run separate it. Of eight angles and
-# more these are 1, 0.32 and 0.08 to 0.15; at six, a degree off the level, K3 has 0.02 (equations 1.5).
+STEPPED = {"turned_on_g": -3, "turned_on_scale": -2}  # columns of a unit's history, by name in the truth
+LAST_LATCH_S = 0.1  # possibly before the end of a leg; a sample beyond the end is incomplete
+# Separable share of a further term above which the angles of a run determine it. For eight angles and more the shares
+# are 1, 0.32 and 0.08 to 0.15; for six, one degree off the level, K3 has 0.02 (equations 1.5).
 OWN_SHARE = {"Kip": 0.3, "K3": 0.2, "asymmetry": 0.06}
 
 
 @dataclass(frozen=True, slots=True)
 class Lies:
-    """Nominal angles of the table's axes, outer first, and the mount."""
+    """Nominal angles of the table's axes, outer first, and mounting angles."""
 
     angles_deg: tuple[float, ...]
     mount: Mount = field(default_factory=Mount)
@@ -43,7 +43,7 @@ class Lies:
 class DwellAsMeasured:
     """A dwell as in the results: host time of its middle, indicated temperature, attitude at each reading.
 
-    `each_s` are the host times of the middles of the readings; without them the input has no history.
+    `each_s` are the host times of the middles of the readings; without them the history of the input is ignored.
     """
 
     key: str
@@ -56,7 +56,7 @@ class DwellAsMeasured:
 
 @dataclass(frozen=True, slots=True)
 class LegAsMeasured:
-    """A leg of a temperature ramp: host time of its ends, and how the unit lay."""
+    """A leg of a temperature ramp: host time of its ends, and attitude of the unit."""
 
     key: str
     place: str
@@ -72,9 +72,9 @@ def truth_record(
     voltmeters: Mapping[str, VoltmeterSettings] | None = None,
     readings: Sequence[LegAsMeasured] = (),
 ) -> dict[str, Any]:
-    """The whole truth of a run: the laboratory's errors, each unit as drawn, what is true of each dwell and leg.
+    """Complete truth of a run: errors of the laboratory, units as drawn, and constants of each dwell and leg.
 
-    Of single `readings` it holds what the noiseless channel put out on an ideal bench, and the specific force there.
+    For single `readings` it holds the noiseless output on an ideal bench, and the specific force.
     """
     settings = world.settings
     return {
@@ -110,22 +110,22 @@ def truth_record(
 
 
 def _decodings(world: World) -> dict[str, Any]:
-    """What the codes of each unit that sends them are decoded to; nothing where none does."""
+    """Decodings of each unit that sends codes; empty if none does."""
     through = {name: unit.settings.through for name, unit in sorted(world.counted.items())}
     found = {name: asdict(each) for name, each in through.items() if isinstance(each, Decoding)}
     return {"telemetry": found} if found else {}
 
 
 def _seats(world: World) -> dict[str, Any]:
-    """How each unit lay since it was fixed by hand: true time and angle; nothing where none was."""
+    """Mounting angle of each unit since it was mounted by hand: true time and angle; empty if none was."""
     seats = {name: unit.seats_deg for name, unit in sorted(world.units.items()) if unit.seats_deg}
     return {"seats_deg": seats} if seats else {}
 
 
 def _table(world: World) -> dict[str, Any]:
-    """Errors of a rate table, and the arms of the units on it; nothing without one.
+    """Errors of a rate table, and the arms of the units on it; empty without one.
 
-    `warm_c` is how warm a unit in the room is that has been on for long.
+    `warm_c` is the temperature of a warmed-up unit in the room.
     """
     settings = world.settings
     if settings.table.loop is None:
@@ -142,7 +142,7 @@ def _table(world: World) -> dict[str, Any]:
 
 
 def _dwells(world: World, dwells: Sequence[DwellAsMeasured]) -> dict[str, Any]:
-    """Each dwell by its key; the angles of all dwells of a run together decide which further terms it has."""
+    """Truth of each dwell by key; the angles of all dwells of a run together decide on the further terms."""
     angles_deg: dict[str, list[float]] = {}
     for dwell in dwells:
         angles_deg.setdefault(_run_of(dwell), []).extend(_axis_deg(world, dwell.place, lies) for lies in dwell.lies)
@@ -155,9 +155,9 @@ def _run_of(dwell: DwellAsMeasured) -> str:
 
 
 def separable_terms(axis_deg: Sequence[float]) -> tuple[str, ...]:
-    """Further terms of the model equation that these angles of the input axis separate from all others.
+    """Further terms of the model equation that are separable at these angles of the input axis.
 
-    Each column in turn is freed of what the columns before it explain; what is left of its length is its own share.
+    Each column is orthogonalised against the previous ones; the remaining length is its separable part.
     """
     angle = np.radians(np.array(axis_deg))
     sine, cosine = np.sin(angle), np.cos(angle)
@@ -172,7 +172,7 @@ def separable_terms(axis_deg: Sequence[float]) -> tuple[str, ...]:
 
 
 def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[str, Any]:
-    """The state of a unit in the middle of a dwell, and its constants then, with the further terms `extra`."""
+    """State and constants of a unit in the middle of a dwell, with the further terms `extra`."""
     unit, settings = world.units[dwell.place], world.settings
     true_s = world.true_time(dwell.at_s)
     history = np.array(unit.history)
@@ -193,14 +193,14 @@ def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[s
 
 
 def gravity_in_unit(world: World, unit: SimulatedUnit, lies: Lies) -> Array:
-    """Specific force along the input, output and pendulous axes in local g, (3,), on the bench as it was meant."""
+    """Specific force along input, output and pendulous axes in local g, (3,), on the nominal bench."""
     angles_deg = [np.array([angle_deg]) for angle_deg in lies.angles_deg]
     upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
     return np.asarray(to_unit(lies.mount, unit.settings.mount_angle_deg) @ upward)
 
 
 def _axis_deg(world: World, place: str, lies: Lies) -> float:
-    """The ideal angle of a unit's input axis above the horizontal, up to ±180°."""
+    """Ideal angle of a unit's input axis above the horizontal, up to ±180°."""
     along, _, pendulous = gravity_in_unit(world, world.units[place], lies)
     return float(np.degrees(np.arctan2(along, pendulous)))
 
@@ -223,10 +223,10 @@ def noiseless_output(world: World, reading: LegAsMeasured) -> float:
 
 
 def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
-    """What the noiseless channel put out during a leg: temperature, output less gravity in g, K1 in its unit per g.
+    """Noiseless output during a leg: temperature, output less gravity in g, K1 in its unit per g.
 
-    In the middle of samples of 10 s from its begin on, by the host's clock; a leg is curved at its ends, so that it
-    matters where it ends.
+    Evaluated in the middle of samples of 10 s from its start, by the host's clock; the end matters, because a leg is
+    curved at its ends.
     """
     unit = world.units[leg.place]
     cut_s = np.arange(leg.begin_s + LEG_EVERY_S / 2, leg.end_s - LEG_EVERY_S / 2 - LAST_LATCH_S, LEG_EVERY_S)

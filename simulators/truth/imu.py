@@ -1,7 +1,7 @@
-"""What a perfect bench would have found of an inertial unit, for the file that no reduction reads.
+"""Truth of an inertial unit, in a file that no reduction reads.
 
-The constants are defined as the results are: the noiseless channels put through all 24 attitudes and through rates
-about each axis, at the temperature that was indicated and with the drift that the zeros then had.
+The constants are defined as the results are: the noiseless channels in all 24 attitudes and at rates about each axis,
+at the indicated temperature and with the bias drift of that time.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class WindowAsMeasured:
 
 
 def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, Any]:
-    """Each inertial unit as drawn, and how it was in the middle of each window, as in an ImuState.
+    """Each inertial unit as drawn, and its state in the middle of each window, as in an ImuState.
 
-    Of those that send codes also what these are decoded to, by their channels.
+    For units that send codes also the decodings, by channel.
     """
     decodings = {name: imu.settings.decodings for name, imu in sorted(world.imus.items()) if imu.settings.decodings}
     told = {name: {channel: asdict(each) for channel, each in of.items()} for name, of in decodings.items()}
@@ -48,7 +48,7 @@ def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, A
 
 
 def _drifted(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, dict[str, list[float]]]:
-    """What was added to the zeros in the middle of each window, and how warm the sensors were."""
+    """Drift of the biases in the middle of each window, and temperatures of the sensors."""
     told = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
     known = {
         place: {name: np.array([getattr(state, name) for state in imu.history]).T for name in ("true_s", *told)}
@@ -68,7 +68,7 @@ def accelerometer_constants(
 ) -> dict[str, float]:
     """True K0 (g, with K2 in it), K1 (pulse/s/g, with K3), K2 (g/g²) and misalignments (rad), as "misalignment x".
 
-    With a decoding K1 is of what the codes of the unit become.
+    With a decoding K1 is that of the decoded output.
     """
     up = _attitudes()[:, :, 2]
     ordered = [up[:, (axis + shift) % 3] for shift in range(3)]
@@ -86,9 +86,9 @@ def gyro_constants(
     truth: ImuTruth, axis: int, latitude_deg: float, temperature_c: float, drifted_dps: float,
     decoding: Decoding | None = None,
 ) -> dict[str, float]:  # fmt: skip
-    """True D0 (°/s), KG (pulse/°), g-sensitivities (°/s/g) and misalignments (rad), by the axis that they are of.
+    """True D0 (°/s), KG (pulse/°), g-sensitivities (°/s/g) and misalignments (rad), by axis.
 
-    With a decoding KG is of what the codes of the unit become, in their unit for 1 °/s.
+    With a decoding KG is that of the decoded output, in its unit per °/s.
     """
     attitudes, local_dps = _attitudes(), earth_dps(latitude_deg)
     force_g, rate_dps = attitudes[:, :, 2], attitudes @ local_dps
@@ -109,7 +109,7 @@ def gyro_constants(
 
 
 def _slope(output: Any, about: int, earth_up_dps: float) -> float:
-    """Of the output over the rate about an axis that points up."""
+    """Slope of the output over the rate about an axis that points up."""
     turned = np.zeros((len(RATES_DPS), 3))
     turned[:, about] = np.array(RATES_DPS)
     up = np.zeros_like(turned)
@@ -123,7 +123,7 @@ def _solved(design: Array, values: Array) -> list[float]:
 
 
 def _attitudes() -> Array:
-    """The rotations of a cube: rows are the axes of the unit in east, north and up, (24, 3, 3)."""
+    """Rotations of a cube: rows are the axes of the unit in east, north and up, (24, 3, 3)."""
     found = []
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):

@@ -1,7 +1,7 @@
-"""Truth of ladders of small steps: the reference positions, and the width of the dead band.
+"""Truth of staircases of small input steps: reference positions, and width of the dead band.
 
-In g of input: the noiseless rate without the dead band over the channel's own scale factor there. A step of the input
-is followed once it has left the dead band, so that these tell the true threshold.
+In g of input: the noiseless rate without the dead band, divided by the local scale factor. The output follows a step of
+the input outside the dead band, so these values define the true threshold.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ STEP_DEG = np.array([-0.1, 0.0, 0.1])
 
 @dataclass(frozen=True, slots=True)
 class LadderAsMeasured:
-    """A ladder: host time of its middle, and how the unit lay at the position."""
+    """A staircase: host time of its middle, and attitude of the unit at the position."""
 
     key: str
     place: str
@@ -32,12 +32,12 @@ class LadderAsMeasured:
 
 
 def ladders_record(world: World, ladders: Sequence[LadderAsMeasured]) -> dict[str, Any]:
-    """The truth of each ladder by its key; nothing at all without one."""
+    """Truth of each staircase by key; empty without one."""
     return {"ladders": {ladder.key: _ladder(world, ladder) for ladder in ladders}} if ladders else {}
 
 
 def _ladder(world: World, ladder: LadderAsMeasured) -> dict[str, float]:
-    """`reference_g` is the input at which the position stood, `dead_band_g` the half width of the dead band.
+    """`reference_g` is the input at the reference position, `dead_band_g` the half width of the dead band.
 
     `K1` is the slope there in pulse/s/g.
     """
@@ -55,16 +55,16 @@ def _ladder(world: World, ladder: LadderAsMeasured) -> dict[str, float]:
 
 
 def _state(world: World, ladder: LadderAsMeasured) -> list[float]:
-    """The unit in the middle of the ladder, as a UnitState."""
+    """State of the unit in the middle of the staircase, as a UnitState."""
     true_s = world.true_time(ladder.at_s)
     history = np.array(world.units[ladder.place].history)
     return [float(np.interp(true_s, history[:, 0], row)) for row in history.T]
 
 
 def _force_g(world: World, ladder: LadderAsMeasured) -> tuple[Array, Array, Array]:
-    """Specific force along input, pendulous and output axis, (3,): at a little less, at the position, at a little more.
+    """Specific force along input, pendulous and output axis, (3,): slightly below, at, and slightly above the position.
 
-    With the lasting errors of the axes, and the level.
+    Includes the systematic errors of the axes, and the level.
     """
     turned_deg = [STEP_DEG, *(np.zeros(3) for _ in ladder.lies.angles_deg[1:])]
     angles_deg = [

@@ -19,7 +19,7 @@ _CONVERTER_REFERENCE_C = 25.0
 
 @dataclass(frozen=True, slots=True)
 class Decoding:
-    """What becomes of the codes of a unit that sends them: scale times the code, plus offset."""
+    """Decoding of a unit's codes: scale times code, plus offset."""
 
     scale: float = 1.0
     offset: float = 0.0
@@ -27,7 +27,7 @@ class Decoding:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """How a channel sends codes: the relative error of the clock, the zero, and the noise of a sample in codes."""
+    """Codes of a channel: relative error of the clock, zero, and noise of a sample in codes."""
 
     clock: float
     zero_code: float
@@ -35,7 +35,7 @@ class Sent:
 
 
 Through = float | Decoding | None
-"""What the current of a unit goes through: a load in Ω, its own A/D converter, or the converter that pulses."""
+"""Signal path of a unit's current: a load in Ω, its own A/D converter, or the pulse converter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +73,14 @@ class UnitTruth:
     counter_bits: int
     converter_c: float
     supply_a: float
-    turn_on_g: float = 0.0  # standard deviation of the step of the bias at each power-on
+    turn_on_g: float = 0.0  # standard deviation of the bias step at each power-on
     turn_on_scale: float = 0.0  # the same of the relative step of the scale factor
     jumps: tuple[tuple[float, float], ...] = ()  # the temperature in °C and the size in g of each
     alpha2: float = 0.0
     bandwidth_hz: float = 300.0
     damping: float | None = None
     delay_s: float = 0.0
-    codes_per_a: float = 0.0  # of one that sends none
+    codes_per_a: float = 0.0  # for a unit that sends none
     zero_code: float = 0.0
     noise_code: float = 0.0
     code_bits: int = 24
@@ -97,11 +97,11 @@ class UnitTruth:
 
     @property
     def dynamics(self) -> Dynamics | None:
-        """How it follows; None for at once."""
+        """Dynamic response; None if instantaneous."""
         return None if self.damping is None else Dynamics(self.bandwidth_hz, self.damping, self.delay_s)
 
     def current_a(self, force_g: tuple[Array, Array, Array], temperature_c: Array, extra_bias_g: Array) -> Array:
-        """The accelerometer's output; `force_g` along input, pendulous and output axes, `extra_bias_g` what drifts."""
+        """Output of the accelerometer; `force_g` along input, pendulous and output axes, `extra_bias_g` is drift."""
         _, a_p, a_o = force_g
         t = temperature_c - self.reference_c
         a = self.sensed_g(force_g)
@@ -110,14 +110,14 @@ class UnitTruth:
         return np.asarray(scale * (_horner(self.bias, t) + extra_bias_g + shape))
 
     def sensed_g(self, force_g: tuple[Array, Array, Array]) -> Array:
-        """Specific force along the input axis as it lies, within the range."""
+        """Specific force along the misaligned input axis, limited to the range."""
         a_i, a_p, a_o = force_g
         return np.clip(a_i + self.misalignment_o * a_p - self.misalignment_p * a_o, -self.range_g, self.range_g)
 
     def output(self, current_a: Array, through: Through, converter_c: Array | None = None) -> Array:
-        """What is measured of it: the volts across a load, decoded codes, or the converter's rate in pulse/s.
+        """Measured output: volts across a load, decoded codes, or the converter's rate in pulse/s.
 
-        Without a temperature of what makes it of the current that has the unit file's.
+        Without a temperature the load or converter is at the reference temperature of the unit file.
         """
         if isinstance(through, Decoding):
             return self.codes(current_a, converter_c) * through.scale + through.offset
@@ -126,23 +126,23 @@ class UnitTruth:
         return self.volts(current_a, through, converter_c)
 
     def volts(self, current_a: Array, load_ohm: float, converter_c: Array | None = None) -> Array:
-        """What a voltmeter finds where the current goes through a load."""
+        """Voltage of the current across a load."""
         warm = self._warm_c(converter_c)
         scale = load_ohm * (1 + self.resistor_alpha * warm + self.resistor_alpha2 * warm**2)
         return np.asarray(scale * current_a + self.zero_v + self.zero_drift_v * warm)
 
     def codes(self, current_a: Array, converter_c: Array | None = None) -> Array:
-        """What its A/D converter makes of a current, without noise and before it is rounded."""
+        """Codes of its A/D converter for a current, without noise and before rounding."""
         warm = self._warm_c(converter_c)
         scale = self.codes_per_a * (1 + self.code_alpha * warm + self.code_alpha2 * warm**2)
         return coded(scale * current_a + self.zero_code + self.zero_drift_code * warm, self.code_bits)
 
     def _warm_c(self, converter_c: Array | None) -> Array | float:
-        """How much warmer the converter is than where its scale is stated."""
+        """Difference of the converter's temperature from its reference temperature."""
         return (self.converter_c if converter_c is None else converter_c) - _CONVERTER_REFERENCE_C
 
     def rate_pps(self, current_a: Array, converter_c: Array | None = None) -> Array:
-        """The converter's net pulse rate; 0 inside the dead band. Without a temperature it has the unit file's."""
+        """Net pulse rate of the converter; 0 inside the dead band. Without a temperature at the reference one."""
         warm = self._warm_c(converter_c)
         scale = self.pulses_per_a * (1 + self.alpha * warm + self.alpha2 * warm**2)
         slope = scale * (1 + np.sign(current_a) * self.asymmetry / 2)
@@ -159,7 +159,7 @@ def coded(codes: Array, bits: int) -> Array:
 
 
 def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
-    """The unit of one run: every `{mean, sd}` drawn from its own stream."""
+    """Draw the unit of one run: every `{mean, sd}` from its own stream."""
     a, c, t, r = unit.accelerometer, unit.converter, unit.telemetry, unit.resistor
 
     def value(draw: Draw, *path: str) -> float:
@@ -231,13 +231,13 @@ def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
 
 
 def noise_of(truth: UnitTruth, seed: int, place: str) -> Noise:
-    """The noise of an accelerometer, in g."""
+    """Noise of an accelerometer, in g."""
     streams = stream(seed, "noise", place, "white"), stream(seed, "noise", place, "instability")
     return Noise(truth.noise_density * math.sqrt(0.5), truth.instability_g, streams)
 
 
 class Hysteresis:
-    """Play operators on the sensor's temperature, and what their sum does to the bias; beside them the jumps."""
+    """Play operators on the sensor's temperature with their effect on the bias, and bias jumps."""
 
     def __init__(self, truth: UnitTruth, start_c: float) -> None:
         self._thresholds = truth.thresholds_c
@@ -246,14 +246,14 @@ class Hysteresis:
         self._to_come, self._jumped_g, self._last_c = list(truth.jumps), 0.0, start_c
 
     def bias_g(self, temperature_c: float) -> float:
-        """The bias after the temperature has come to `temperature_c`."""
+        """Bias after the temperature has reached `temperature_c`."""
         self._play = [
             max(temperature_c - r, min(temperature_c + r, y)) for r, y in zip(self._thresholds, self._play, strict=True)
         ]
         return self._gain * math.fsum(temperature_c - y for y in self._play) + self._after_jumps_g(temperature_c)
 
     def _after_jumps_g(self, temperature_c: float) -> float:
-        """What has been added by the jumps whose temperatures have been passed on the way up."""
+        """Sum of the jumps whose temperatures have been passed in a rise."""
         passed = [jump for jump in self._to_come if self._last_c < jump[0] <= temperature_c]
         self._to_come = [jump for jump in self._to_come if jump not in passed]
         self._jumped_g += math.fsum(size_g for _, size_g in passed)

@@ -1,4 +1,4 @@
-"""An accelerometer with its converter in its place, between the world and whatever measures its output."""
+"""An accelerometer with its converter in its place, between the world and the instrument that measures its output."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from simulators.units.unit_file import UnitFile, stream
 from simulators.units.unit_temperatures import Board, Thermometer, Warmth, followed_c
 
 Array = NDArray[np.float64]
-Input = Literal["accelerometer", "source"]  # what a converter is connected to
-LOOK_S = 0.02  # how finely a mean current follows the head
-LOOK_AT_SWING_S = 0.0005  # how finely hysteresis follows what swings
-HYSTERESIS_STEP_S = 1.0  # how closely it follows the temperature, however long a block is
+Input = Literal["accelerometer", "source"]  # connection of a converter
+LOOK_S = 0.02  # time step of a mean current during a motion of the head
+LOOK_AT_SWING_S = 0.0005  # time step of hysteresis during an oscillation
+HYSTERESIS_STEP_S = 1.0  # time step of temperature, independent of the length of a block
 
 
 class UnitState(NamedTuple):
-    """A unit at a true time: what hysteresis, drift and warm-up add to its bias, and what the rate of temperature adds.
+    """State of a unit at a true time: bias from hysteresis, drift and warm-up, and from the rate of temperature.
 
-    Beside them the temperatures of its sensor and of an ideal thermometer at it, by how much bias and scale factor
-    (relative) were stepped by the last power-on, and how much of the bias is by the history of its input.
+    Also the temperatures of its sensor and of an ideal thermometer, the steps of bias and scale factor (relative) by
+    the last power-on, and the bias from the history of its input.
     """
 
     true_s: float
@@ -44,7 +44,7 @@ class UnitState(NamedTuple):
 
 
 class SimulatedUnit:
-    """One unit in its place: the counts of its converter, and the reading of its thermometer."""
+    """One unit in its place: counts of its converter, and reading of its thermometer."""
 
     def __init__(self, place: str, file: UnitFile, index: int, settings: WorldSettings, world: Surroundings) -> None:
         self.place = place
@@ -53,7 +53,9 @@ class SimulatedUnit:
         self._follower = Follower(self.truth.dynamics) if self.truth.dynamics is not None else None
         self.faults = FaultPlan(now_s=world.now)
         self._index, self._world = index, world
-        self.seats_deg: list[tuple[float, float]] = []  # true time of each fixing by hand, and how askew it is since
+        self.seats_deg: list[
+            tuple[float, float]
+        ] = []  # true time of each mounting by hand, and the mounting error since
         self._turn_on = stream(settings.seed, "uut", place, "accelerometer", "turn_on")
         self._turn_on_scale = stream(settings.seed, "uut", place, "accelerometer", "turn_on_scale")
         self._turned_on_g, self._turned_on_scale = 0.0, 0.0
@@ -64,13 +66,13 @@ class SimulatedUnit:
         self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
         self._thermometer, self._board_thermometer = self._thermometers(settings)
         self.board = Board(self.warmth, start_c)
-        self._last_c, self._last_g = start_c, (0.0, 0.0)  # of hysteresis, and of the rate of temperature
+        self._last_c, self._last_g = start_c, (0.0, 0.0)  # bias from hysteresis, and from the rate of temperature
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
         self.input: Input = "accelerometer"
 
     def _input_play(self) -> InputHysteresis:
-        """Its hysteresis in the input, which follows that before every change of it."""
+        """Input hysteresis, which follows the input before every change of it."""
         play = Play(self.truth.input_hysteresis_g, self.truth.input_thresholds_g)
         found = InputHysteresis(
             play, lambda at_s: self.truth.sensed_g(self.force_g(at_s)), self._world.moves_until_s,
@@ -80,14 +82,14 @@ class SimulatedUnit:
         return found
 
     def _by_input_g(self, at_s: Array) -> Array:
-        """What the history of its input adds to the bias."""
+        """Bias from the history of the input."""
         if self._input_hysteresis is None:
             return np.zeros_like(at_s)
         self._input_hysteresis.follow(self._world.now())
         return self._input_hysteresis.bias_g(at_s)
 
     def _thermometers(self, settings: WorldSettings) -> tuple[Thermometer, Thermometer]:
-        """At the unit and at its converter."""
+        """Thermometers at the unit and at its converter."""
         own, start_c, noise_c = self.settings, settings.chamber.start_c, settings.thermometer_noise_c
 
         def noise(name: str) -> np.random.Generator:
@@ -107,11 +109,11 @@ class SimulatedUnit:
 
     @property
     def sent(self) -> Sent:
-        """How it sends codes."""
+        """Its conversion to codes."""
         return Sent(self.truth.clock, self.truth.zero_code, self.truth.noise_code)
 
     def power(self, since_s: float | None) -> None:
-        """It has power since a time, or none; each power-on steps bias and scale factor by draws of its own."""
+        """Switch the power on at a time, or off; each power-on steps bias and scale factor by draws of its own."""
         self.powered_at_s = since_s
         if since_s is not None and self.truth.turn_on_g:
             self._turned_on_g = self.truth.turn_on_g * float(self._turn_on.standard_normal())
@@ -126,13 +128,13 @@ class SimulatedUnit:
 
     @property
     def swings(self) -> bool:
-        """Whether what it senses may turn round between two latches."""
+        """True if the input may reverse between two latches."""
         return self._follower is not None
 
     def charge_pulses(self, edges_s: Array) -> Array:
-        """Pulses that the converter is owed in each interval between the consecutive times `edges_s`.
+        """Charge in each interval between the consecutive times `edges_s`, in pulses.
 
-        The world has been worked out up to the last edge, or by less than a latch beyond it.
+        The world is computed up to the last edge, or less than a latch beyond it.
         """
         current_a, board_c = self._currents_a(edges_s)
         if self.powered_at_s is None or self.faults.active("dead"):
@@ -140,12 +142,12 @@ class SimulatedUnit:
         return self.truth.rate_pps(current_a, board_c) * (edges_s[1:] - edges_s[:-1])
 
     def mean_codes(self, edges_s: Array) -> Array:
-        """What its A/D converter makes of the mean input in each interval, as in `charge_pulses`; not yet rounded."""
+        """Codes of its A/D converter for the mean input in each interval, as in `charge_pulses`; before rounding."""
         current_a, board_c = self._currents_a(edges_s)
         return self.truth.codes(np.zeros_like(current_a) if self.faults.active("dead") else current_a, board_c)
 
     def _currents_a(self, edges_s: Array) -> tuple[Array, Array | None]:
-        """Mean currents of the intervals, 0 without power, and the temperature of the converter meanwhile."""
+        """Mean currents of the intervals, 0 without power, and the converter's temperature."""
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         now_c = self.warmth.sensor_c
         span = edges_s[-1] - edges_s[0]
@@ -170,9 +172,9 @@ class SimulatedUnit:
         return current, board_c
 
     def _followed_g(self, now_c: float, passed: Array, over_s: float) -> Array:
-        """What hysteresis and the rate of temperature add, after these parts of a time that ends now.
+        """Bias from hysteresis and rate of temperature at these fractions of a time that ends now.
 
-        The temperature has gone evenly; hysteresis follows it by the second.
+        The temperature changes linearly; hysteresis follows it every second.
         """
         steps = math.ceil(over_s / HYSTERESIS_STEP_S)
         hysteresis_g, moving_g = self._last_g
@@ -182,15 +184,15 @@ class SimulatedUnit:
         return np.asarray(followed_g + moving_g + passed * (self._last_g[1] - moving_g))
 
     def mean_volts(self, begin_s: float, end_s: float, noise: Noise, load_ohm: float) -> float:
-        """What its current makes of a load, as a mean from `begin_s` to `end_s`; 0 without power.
+        """Mean voltage of its current across a load from `begin_s` to `end_s`; 0 without power.
 
-        The world has been worked out up to the end, or by less than a reading beyond it. Whoever looks has a `noise`
-        of his own, so that the noise that others find does not depend on how often he does.
+        The world is computed up to the end, or less than a reading beyond it. Each observer has a `noise` of its own,
+        so that its readings do not affect those of others.
         """
         hysteresis_g = self._hysteresis.bias_g(self.warmth.sensor_c)
         now_s = self._world.thermal.now_s
         state = self._state(now_s, hysteresis_g)
-        if not self.settings.channel:  # nobody else keeps its history
+        if not self.settings.channel:  # only this object keeps its history
             self.history.append(state)
         board_c = self.board.just_before_c(now_s, now_s - (begin_s + end_s) / 2, state.drifted_g)
         if self.powered_at_s is None:
@@ -218,7 +220,7 @@ class SimulatedUnit:
         return UnitState(true_s, drifted_g, self._moving_g(), *warm_c, *stepped, by_input_g)
 
     def _moving_g(self) -> float:
-        """What the rate of temperature adds to the bias."""
+        """Bias from the rate of temperature."""
         return self.truth.kd * self.warmth.sensor_rate_c_per_s
 
     def _current_a(self, at_s: Array, temperature_c: Array, bias_g: Array | float, noise_g: Array) -> Array:
@@ -229,7 +231,7 @@ class SimulatedUnit:
         return current_a * (1 + self._turned_on_scale)
 
     def _slow_bias_g(self, at_s: Array) -> Array:
-        """Drift, the step of the last power-on and, while powered, warm-up at the times `at_s`."""
+        """Drift, step of the last power-on and, while powered, warm-up at the times `at_s`."""
         drift = self.truth.drift_g_per_s * at_s + self._turned_on_g
         if self.powered_at_s is None:
             return drift

@@ -2,8 +2,8 @@
 
     W = KG(T) (1 + asymmetry sign w + q3 w²) (w + D0(T) + g-sensitivity · f + noise),   w along the input axis
 
-then a low pass of second order with a delay, the end of its range, and pulses. The physics here knows neither a world
-nor a file of one gyro: an inertial unit is made of it as well.
+then a second-order low-pass filter with a delay, the limits of its range, and pulses. This physics is independent of
+the world and of the file of one gyro: inertial units use it as well.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class GyroBiasModel(StrictModel):
 
 
 class GyroForceModel(StrictModel):
-    """What specific force along each axis adds to the rate."""
+    """Rate error per specific force along each axis."""
 
     input: Annotated[Draw, DrawIn("°/s/g")] = Draw(0)
     pendulous: Annotated[Draw, DrawIn("°/s/g")] = Draw(0)
@@ -49,14 +49,14 @@ class GyroForceModel(StrictModel):
 
 
 class GyroNoiseModel(StrictModel):
-    """Angle random walk, and a slow wander of the bias of the given standard deviation."""
+    """Angle random walk, and slow bias drift of the given standard deviation."""
 
     random_walk: Annotated[Draw, DrawIn("°/s^0.5")] = Draw(0)
     instability: Annotated[Draw, DrawIn("°/s")] = Draw(0)
 
 
 class GyroModel(StrictModel):
-    """The gyro of equations 8.6; bandwidth and damping go together, without them it follows at once."""
+    """The gyro of equations 8.6; bandwidth and damping go together, without them it is instantaneous."""
 
     range: Annotated[float, InUnit("°/s", above=0)] = 400.0
     reference_temperature: Celsius = 20.0
@@ -102,28 +102,28 @@ class GyroTruth:
     delay_s: float
     counter_bits: int
     supply_a: float = 0.0
-    codes_per_pps: float = 0.0  # of one that sends none
+    codes_per_pps: float = 0.0  # for a gyro that sends none
     zero_code: float = 0.0
     noise_code: float = 0.0
     code_bits: int = 24
     clock: float = 0.0
-    amperes_per_pps: float = 0.0  # of one without an analogue output
+    amperes_per_pps: float = 0.0  # for a gyro without an analogue output
     zero_a: float = 0.0
 
     @property
     def dynamics(self) -> Dynamics | None:
-        """How it follows; None for at once."""
+        """Dynamic response; None if instantaneous."""
         if self.bandwidth_hz is None or self.damping is None:
             return None
         return Dynamics(self.bandwidth_hz, self.damping, self.delay_s)
 
     def input_dps(self, rate_dps: Vectors) -> Array:
-        """The rate along the input axis, which is off the place's by two small angles."""
+        """Rate along the input axis, which deviates from that of the place by two small angles."""
         along, pendulous, output = rate_dps
         return along + self.misalignment_o * pendulous - self.misalignment_p * output
 
     def output_pps(self, rate_dps: Vectors, force_g: Vectors, temperature_c: Array | float, noise_dps: Array) -> Array:
-        """Pulses a second for what it senses, before it is slow and before its range ends."""
+        """Pulse rate for the sensed input, before dynamics and range limits."""
         t = np.asarray(temperature_c) - self.reference_c
         w = self.input_dps(rate_dps)
         bent = 1 + self.asymmetry * np.sign(w) + self.q3_s2_per_deg2 * w**2
@@ -132,22 +132,22 @@ class GyroTruth:
         return np.asarray(self.scale_ppd * (1 + self.scale_per_c * t) * bent * sensed_dps)
 
     def codes(self, rate_pps: Array) -> Array:
-        """What its electronics make of a rate of pulses, without noise and before it is rounded."""
+        """Codes of its electronics for a pulse rate, without noise and before rounding."""
         largest = 2.0 ** (self.code_bits - 1)
         return np.clip(self.codes_per_pps * rate_pps + self.zero_code, -largest, largest - 1)
 
     def current_a(self, rate_pps: Array) -> Array:
-        """What flows from its analogue output."""
+        """Current of its analogue output."""
         return self.amperes_per_pps * rate_pps + self.zero_a
 
     def clipped_pps(self, rate_pps: Array) -> Array:
-        """Pulses a second within its range, which is that of its scale at the reference temperature."""
+        """Pulse rate limited to its range, which is that of its scale at the reference temperature."""
         most = abs(self.scale_ppd) * self.range_dps
         return np.clip(rate_pps, -most, most)
 
 
 def draw_gyro(gyro: GyroModel, seed: int, *path: str, supply_a: float = 0.0) -> GyroTruth:
-    """The gyro of one run; `path` names it: the place, and in an inertial unit its axis."""
+    """Draw the gyro of one run; `path` names it: the place, and in an inertial unit its axis."""
 
     def value(draw: Draw, *key: str) -> float:
         return draw.value(stream(seed, "uut", *path, "gyro", *key))
@@ -180,6 +180,6 @@ def draw_gyro(gyro: GyroModel, seed: int, *path: str, supply_a: float = 0.0) -> 
 
 
 def noise_of_gyro(truth: GyroTruth, seed: int, *path: str) -> Noise:
-    """Angle random walk and a slow wander of the bias, in °/s."""
+    """Angle random walk and slow bias drift, in °/s."""
     streams = stream(seed, "noise", *path, "random walk"), stream(seed, "noise", *path, "instability")
     return Noise(truth.random_walk, truth.instability_dps, streams)

@@ -12,13 +12,13 @@ from simulators.units.unit_file import Draw, DrawIn, SupplyModel, TelemetryModel
 
 
 class GyroTelemetryModel(TelemetryModel):
-    """What a gyro does that sends codes: S times the rate of its pulses, a zero, and white noise on each sample."""
+    """Codes of a gyro: S times its pulse rate, a zero, and white noise on each sample."""
 
     S: Annotated[Draw, DrawIn("code·s/pulse")]
 
 
 class CurrentModel(StrictModel):
-    """What flows from a gyro with an analogue output: S times the rate of its pulses, and a zero."""
+    """Current of a gyro with an analogue output: S times its pulse rate, and a zero."""
 
     S: Annotated[Draw, DrawIn("A·s/pulse")]
     zero: Annotated[Draw, DrawIn("A")] = Draw(0)

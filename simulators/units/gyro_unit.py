@@ -21,11 +21,11 @@ from simulators.units.unit_file import Draw, stream
 from simulators.units.unit_temperatures import Thermometer, followed_c
 
 Array = NDArray[np.float64]
-LOOK_S = 0.02  # how finely a mean current follows the table
+LOOK_S = 0.02  # time step of a mean current during a motion of the table
 
 
 def draw_gyro_unit(file: GyroFile, seed: int, place: str) -> GyroTruth:
-    """The gyro of one run with what it does with its output: every `{mean, sd}` drawn from its own stream."""
+    """Draw the gyro of one run with its output: every `{mean, sd}` from its own stream."""
     truth = draw_gyro(file.gyro, seed, place, supply_a=file.supply.current)
 
     def value(draw: Draw, *path: str) -> float:
@@ -45,7 +45,7 @@ def draw_gyro_unit(file: GyroFile, seed: int, place: str) -> GyroTruth:
 
 
 class SimulatedGyro:
-    """One gyro in its place, between the world and whatever measures its output."""
+    """One gyro in its place, between the world and the instrument that measures its output."""
 
     def __init__(self, place: str, file: GyroFile, index: int, settings: WorldSettings, world: Surroundings) -> None:
         self.place = place
@@ -66,20 +66,20 @@ class SimulatedGyro:
 
     @property
     def sent(self) -> Sent:
-        """How it sends codes."""
+        """Its conversion to codes."""
         return Sent(self.truth.clock, self.truth.zero_code, self.truth.noise_code)
 
     @property
     def swings(self) -> bool:
-        """Whether what it senses may turn round between two latches."""
+        """True if the input may reverse between two latches."""
         return self._follower is not None
 
     def charge_pulses(self, edges_s: Array) -> Array:
-        """Pulses that are due in each interval between the consecutive times `edges_s`."""
+        """Pulses due in each interval between the consecutive times `edges_s`."""
         return self._mean_pps(edges_s) * np.diff(edges_s)
 
     def mean_codes(self, edges_s: Array) -> Array:
-        """What its electronics make of the mean rate in each interval; not yet rounded."""
+        """Codes of its electronics for the mean rate in each interval; before rounding."""
         return self.truth.codes(self._mean_pps(edges_s))
 
     def own_noise(self, name: str) -> Noise:
@@ -87,9 +87,9 @@ class SimulatedGyro:
         return noise_of_gyro(self.truth, self._world.settings.seed, f"{self.place}/{name}")
 
     def mean_volts(self, begin_s: float, end_s: float, noise: Noise, load_ohm: float) -> float:
-        """What the current of its output makes of a load, as a mean from `begin_s` to `end_s`; 0 without power.
+        """Mean voltage of its output current across a load from `begin_s` to `end_s`; 0 without power.
 
-        It follows at once: a reading is many times as long as the gyro remembers.
+        Dynamics are ignored: a reading is many times as long as its time constant.
         """
         if self.powered_at_s is None:
             return 0.0
@@ -104,7 +104,7 @@ class SimulatedGyro:
         return self.truth.output_pps(rate_dps, force_g, self._world.thermal.sensor_c(self._index), noise_dps)
 
     def _mean_pps(self, edges_s: Array) -> Array:
-        """Pulses a second as means of the intervals between consecutive times."""
+        """Mean pulse rate in the intervals between consecutive times."""
         interval_s = np.diff(edges_s)
         if self.powered_at_s is None:
             return np.zeros_like(interval_s)
@@ -124,7 +124,7 @@ class SimulatedGyro:
         return (turning_dps[0], turning_dps[2], turning_dps[1]), (force_g[0], force_g[2], force_g[1])
 
     def power(self, since_s: float | None) -> None:
-        """It has power since a time, or none."""
+        """Switch the power on at a time, or off."""
         self.powered_at_s = since_s
 
     def thermometer_c(self, at_s: Array) -> Array:

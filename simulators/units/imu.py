@@ -1,7 +1,7 @@
-"""An inertial unit in its place: the counts or codes of its six channels, and the readings of its two thermometers.
+"""An inertial unit in its place: counts or codes of its six channels, and readings of its two thermometers.
 
-Its three accelerometers are computed together, and so are its gyros: their constants are columns, (3, 1), and what
-acts on them has a row for each axis. The accelerometers are taken to be where the axes of the table meet.
+Its three accelerometers are computed together, and so are its gyros: their constants are columns, (3, 1), and stimuli
+have a row for each axis. The accelerometers are assumed at the intersection of the table's axes.
 """
 
 from __future__ import annotations
@@ -29,17 +29,16 @@ from simulators.units.unit_temperatures import Thermometer, followed_c
 
 Array = NDArray[np.float64]
 Seen = tuple[Array, Array, Array]
-"""What each axis sees of a vector: along itself, and along the two after it, (3, n) each."""
+"""Components of a vector for each axis: along itself, and along the two after it, (3, n) each."""
 
 SENSORS = ("accelerometers", "gyros")
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NAMES)
 
 
 class ImuState(NamedTuple):
-    """A unit at a true time: what hysteresis, drift and warm-up add to the zeros of x, y and z.
+    """State of a unit at a true time: contributions of hysteresis, drift and warm-up to the biases of x, y and z.
 
-    Beside them what the change of temperature adds to those of the accelerometers, and the temperatures of these and of
-    the gyros.
+    Also those of the rate of temperature to the accelerometers, and the temperatures of accelerometers and gyros.
     """
 
     true_s: float
@@ -50,7 +49,7 @@ class ImuState(NamedTuple):
 
 
 class SimulatedImu:
-    """One inertial unit; `sensors` are the numbers of its accelerometers and its gyros in the world's temperatures."""
+    """One inertial unit; `sensors` are the indices of its accelerometers and gyros in the world's temperatures."""
 
     def __init__(self, place: str, sensors: tuple[int, int], settings: WorldSettings, world: Surroundings) -> None:
         self.place, self.settings, self._world = place, settings.imus[place], world
@@ -73,16 +72,16 @@ class SimulatedImu:
         self._last_c = np.full(2, settings.chamber.start_c)
         self._asked: tuple[float, float, int] = (-1.0, -1.0, 0)
         self._told: Array = np.empty((len(CHANNELS), 0))
-        self._still_key: Any = None  # what the next two are for
+        self._still_key: Any = None  # arguments of the next two
         self._at_rest: tuple[Seen, Seen] | None = None
-        self._turning: tuple[Array, Array, Array] | None = None  # up, the rate of the earth, about what it turns
+        self._turning: tuple[Array, Array, Array] | None = None  # up, earth rate, axis of rotation
         self.faults = FaultPlan(now_s=world.now)
         self.powered_at_s: float | None = None
         self.history: list[ImuState] = []
 
     @staticmethod
     def physics(unit: ImuFile, thermometer_s: float) -> tuple[UnitPhysics, UnitPhysics]:
-        """How its accelerometers and its gyros follow the air: one case, the same for both."""
+        """Thermal response of its accelerometers and gyros to the air: one case for both."""
         model = unit.thermal
         return (
             UnitPhysics(model.case_time_constant, model.accelerometer_time_constant, model.self_heating, thermometer_s),
@@ -91,11 +90,11 @@ class SimulatedImu:
 
     @property
     def channels(self) -> Mapping[str, ImuChannel]:
-        """What the channels of a counter count, or those of telemetry carry, by their names there."""
+        """Channels of a counter or telemetry, by name."""
         return {channel: ImuChannel(self, CHANNELS.index(name)) for name, channel in self.settings.channels.items()}
 
     def power(self, now_s: float, on: bool) -> None:
-        """Its supply goes on or off."""
+        """Switch its supply on or off."""
         if on != (self.powered_at_s is not None):
             self.powered_at_s = now_s if on else None
             for index in self._sensors:
@@ -103,23 +102,23 @@ class SimulatedImu:
 
     @property
     def drawn_a(self) -> float:
-        """What it draws from its supply."""
+        """Supply current."""
         return self.truth.supply_a * (BROKEN_DRAWS if self.faults.active("current") else 1.0)
 
     def charge_pulses(self, edges_s: Array) -> Array:
-        """Pulses that each of CHANNELS is owed in each interval between the consecutive times `edges_s`, (6, n).
+        """Charge of each of CHANNELS in each interval between the consecutive times `edges_s`, in pulses, (6, n).
 
-        The world has been worked out up to the last edge, or by less than a latch beyond it. For the same times it is
-        the same.
+        The world is computed up to the last edge, or less than a latch beyond it. Repeated calls for the same times
+        return the same.
         """
         return self._once(edges_s, self._pulses)
 
     def mean_codes(self, edges_s: Array) -> Array:
-        """What each of CHANNELS sends of its mean in each interval, as in `charge_pulses`; not yet rounded, (6, n)."""
+        """Mean output of each of CHANNELS in each interval, as in `charge_pulses`, in codes before rounding, (6, n)."""
         return self._once(edges_s, self._codes)
 
     def _once(self, edges_s: Array, tell: Callable[[Array], Array]) -> Array:
-        """What is told of the same times again and again; a unit gives pulses or sends codes, never both."""
+        """Cached result for repeated calls with the same times; a unit gives pulses or sends codes, never both."""
         asked = (float(edges_s[0]), float(edges_s[-1]), len(edges_s))
         if asked != self._asked:
             self._asked, self._told = asked, tell(edges_s)
@@ -173,7 +172,7 @@ class SimulatedImu:
         return current_a, self._gyros.clipped_pps(gyro_pps)
 
     def _slow(self, true_s: float) -> tuple[Array, Array]:
-        """What drift and warm-up add to the zeros of its accelerometers (g) and its gyros (°/s), (3,) each."""
+        """Drift and warm-up of the biases of its accelerometers (g) and its gyros (°/s), (3,) each."""
         accelerometers, gyros = self._accelerometers, self._gyro_drift
         drift_g, drift_dps = accelerometers.drift_g_per_s * true_s, gyros.drift_dps2 * true_s
         if self.powered_at_s is not None:
@@ -183,7 +182,7 @@ class SimulatedImu:
         return np.ravel(drift_g), np.ravel(drift_dps)
 
     def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
-        """Specific force in g and rate in °/s as its sensors see them, (3, n) each, or (3, 1) at rest."""
+        """Specific force in g and rate in °/s at its sensors, (3, n) each, or (3, 1) at rest."""
         carried = self._world.carried
         still_deg = carried.stands(float(edges_s[0]))
         key = (still_deg, self._world.mount)
@@ -206,7 +205,7 @@ class SimulatedImu:
         return to_unit(self._world.mount, self.settings.mount_angle_deg)
 
     def _while_one_turns(self, still_deg: Stands, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
-        """The same while one axis turns, about a direction that stands still in the unit."""
+        """The same while one axis turns, about a direction that is fixed in the unit."""
         world = self._world
         if self._turning is None:
             angles_deg = [np.full(1, at or 0.0) for at in still_deg]
@@ -221,7 +220,7 @@ class SimulatedImu:
         return _along(up @ waves), _along(earth_dps @ waves + about * rate_dps)
 
     def _turning_dps(self, edges_s: Array) -> Array:
-        """How fast the table turns its fixture in each interval, in the fixture's frame, (3, n)."""
+        """Angular rate of the fixture in each interval, in the fixture's frame, (3, n)."""
         interval_s = edges_s[1:] - edges_s[:-1]
         angles_deg = [axis.true_deg(edges_s) for axis in self._world.axes.values()]
         rates_dps = [(angle_deg[1:] - angle_deg[:-1]) / interval_s for angle_deg in angles_deg]
@@ -231,42 +230,42 @@ class SimulatedImu:
 
 @dataclass(frozen=True, slots=True)
 class ImuChannel:
-    """One channel of a unit, as a counter sees it, or as the unit sends it."""
+    """One channel of a unit, as counted by a counter, or as sent by the unit."""
 
     imu: SimulatedImu
     row: int
 
     @property
     def faults(self) -> FaultPlan:
-        """How the unit breaks."""
+        """Faults of the unit."""
         return self.imu.faults
 
     @property
     def swings(self) -> bool:
-        """Whether what it senses may turn round between two latches: an inertial unit stands, or turns evenly."""
+        """False: between two latches an inertial unit is at rest or turns uniformly."""
         return False
 
     def charge_pulses(self, edges_s: Array) -> Array:
-        """Pulses that it is owed in each interval between the consecutive times `edges_s`."""
+        """Charge in each interval between the consecutive times `edges_s`, in pulses."""
         return np.asarray(self.imu.charge_pulses(edges_s)[self.row])
 
     def mean_codes(self, edges_s: Array) -> Array:
-        """What it sends of its mean in each interval, not yet rounded."""
+        """Mean output in each interval, in codes before rounding."""
         return np.asarray(self.imu.mean_codes(edges_s)[self.row])
 
     @property
     def place(self) -> str:
-        """That of the unit."""
+        """Place of the unit."""
         return self.imu.place
 
     @property
     def powered_at_s(self) -> float | None:
-        """Since when it has power; None without."""
+        """Time of power-on; None without power."""
         return self.imu.powered_at_s
 
     @property
     def sent(self) -> Sent:
-        """How it sends codes."""
+        """Its conversion to codes."""
         truth, axis = self.imu.truth, self.row % len(NAMES)
         of_gyro = self.row >= len(NAMES)
         codes = truth.gyros_send[axis] if of_gyro else truth.accelerometers[axis]
@@ -278,5 +277,5 @@ def _state(true_s: float, *added: Array | float) -> ImuState:
 
 
 def _along(vectors: Array) -> Seen:
-    """Components along x, y and z (3, n) as the axes see them."""
+    """Components along x, y and z (3, n) for each axis, as Seen."""
     return vectors, vectors[[1, 2, 0]], vectors[[2, 0, 1]]

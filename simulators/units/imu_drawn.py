@@ -1,4 +1,4 @@
-"""The inertial unit under test as drawn for one run: its accelerometers, its gyros, and what they send of them."""
+"""The inertial unit under test as drawn for one run: accelerometers, gyros, and their codes."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ OF_EACH = (
     "thresholds_c",
     "input_thresholds_g",
     "jumps",
-)  # what hysteresis is made of, which each accelerometer has for itself
+)  # Constants of hysteresis, separate for each accelerometer
 
 
 @dataclass(frozen=True, slots=True)
 class ZeroDrift:
-    """How the zero of a gyro goes on with time: in °/s², and from power-on in °/s with a time constant in s."""
+    """Bias drift of a gyro: linear in °/s², and from power-on in °/s with a time constant in s."""
 
     drift_dps2: float
     warm_up_dps: float
@@ -33,7 +33,7 @@ class ZeroDrift:
 
 @dataclass(frozen=True, slots=True)
 class GyroSends:
-    """What a gyro sends in place of pulses: codes for each pulse/s, zero and noise in codes."""
+    """Codes of a gyro in place of pulses: codes per pulse/s, zero and noise in codes."""
 
     codes_per_pps: float
     zero_code: float
@@ -41,15 +41,15 @@ class GyroSends:
     code_bits: int
 
     def codes(self, rate_pps: Array) -> Array:
-        """What is sent of a pulse rate, without noise and before it is rounded."""
+        """Codes for a pulse rate, without noise and before rounding."""
         return coded(self.codes_per_pps * rate_pps + self.zero_code, self.code_bits)
 
 
 @dataclass(frozen=True, slots=True)
 class ImuTruth:
-    """One unit as drawn for one run; accelerometers, gyros and how their zeros drift, x, y, z.
+    """One unit as drawn for one run; accelerometers, gyros and bias drifts, x, y, z.
 
-    One that sends codes has in `gyros_send` what its gyros do, and the relative error of its clock.
+    A unit that sends codes has the codes of its gyros in `gyros_send`, and the relative error of its clock.
     """
 
     accelerometers: tuple[UnitTruth, ...]
@@ -64,7 +64,7 @@ Truth = TypeVar("Truth", UnitTruth, GyroTruth, ZeroDrift, GyroSends)
 
 
 def draw_imu(unit: ImuFile, seed: int, place: str) -> ImuTruth:
-    """The unit of one run; each channel has streams of its own."""
+    """Draw the unit of one run; each channel has streams of its own."""
 
     def drift(axis: str) -> ZeroDrift:
         model, path = unit.gyro(axis), (place, f"gyro_{axis}", "gyro")
@@ -92,7 +92,7 @@ def draw_imu(unit: ImuFile, seed: int, place: str) -> ImuTruth:
 
 
 def stacked(truths: tuple[Truth, ...]) -> Truth:
-    """Three sensors as one whose numbers are columns (3, 1)."""
+    """Combine three sensors into one whose constants are columns (3, 1)."""
     columns: dict[str, Any] = {}
     for each in fields(truths[0]):
         values = [getattr(truth, each.name) for truth in truths]

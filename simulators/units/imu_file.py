@@ -1,4 +1,4 @@
-"""The truth of a simulated inertial unit as its file states it; only the simulators read it.
+"""Truth of a simulated inertial unit as stated in its file; only the simulators read it.
 
 The rules are those of a single channel (`unit_file`): each accelerometer with its converter is one.
 """
@@ -37,12 +37,12 @@ class ImuAccelerometer(AccelerometerModel):
     @model_validator(mode="after")
     def _has_no_play(self) -> ImuAccelerometer:
         if self.input_hysteresis.thresholds:
-            raise ValueError("input_hysteresis is simulated of single accelerometers only, not of inertial units")
+            raise ValueError("input_hysteresis is simulated for single accelerometers only, not for inertial units")
         return self
 
 
 class Seen(StrictModel):
-    """How much an axis sees of the others; of itself it sees one."""
+    """Cross-sensitivity of an axis to the others; that to itself is one."""
 
     x: Angle = Draw(0)
     y: Angle = Draw(0)
@@ -67,7 +67,7 @@ class Accelerometers(StrictModel):
 
 
 class ZeroWarmUp(StrictModel):
-    """A zero that dies away from power-on."""
+    """A bias that decays exponentially from power-on."""
 
     amplitude: Annotated[Draw, DrawIn("°/s")] = Draw(0)
     time_constant: PositiveSeconds = 1200.0
@@ -104,7 +104,7 @@ class ImuTelemetry(StrictModel):
 
 
 class ImuThermal(StrictModel):
-    """How the unit follows the chamber: one case, and the sensors in it."""
+    """Thermal response of the unit to the chamber: one case, and the sensors in it."""
 
     case_time_constant: PositiveSeconds = 900.0
     accelerometer_time_constant: PositiveSeconds = 240.0
@@ -145,12 +145,12 @@ class ImuFile(StrictModel):
 
 
 def _sent(model: ImuTelemetry) -> TelemetryModel:
-    """The codes of an accelerometer as those of a unit of its own; the clock is that of all channels."""
+    """Codes of an accelerometer as a unit of its own; the clock is that of all channels."""
     return TelemetryModel.model_construct(**dict(model.accelerometers), clock=Draw(0))
 
 
 def _turned(matrix: Misalignment, axis: str) -> dict[str, Draw]:
-    """A row of a matrix as the misalignments of a single sensor, whose pendulous and output axes are the next two."""
+    """Misalignments of a single sensor, from a row of a matrix; its pendulous and output axes are the next two."""
     row: Seen = getattr(matrix, axis)
     pendulous, output = following(axis)
     second: Draw = getattr(row, output)
@@ -158,6 +158,6 @@ def _turned(matrix: Misalignment, axis: str) -> dict[str, Draw]:
 
 
 def following(axis: str) -> tuple[str, str]:
-    """The two axes after one: of x they are y and z."""
+    """The two axes after one: for x, y and z."""
     index = NAMES.index(axis)
     return NAMES[(index + 1) % 3], NAMES[(index + 2) % 3]

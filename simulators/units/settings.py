@@ -1,4 +1,4 @@
-"""The laboratory of one run as it was drawn: what the simulated world is made from."""
+"""The laboratory of one run as drawn, from which the simulated world is constructed."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from simulators.units.unit_file import UnitFile
 class PlaceSettings:
     """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
 
-    `thermometer_drift_c` is what that offset changes by within a run.
+    `thermometer_drift_c` is the change of that offset within a run.
 
-    They come on top of those that its `thermometer_table` corrects, °C to be added at readings in °C. Its output are
-    pulses on a `channel`, the volts across `load_ohm`, or codes with their `decoding`. The errors of `converter_` are
-    for the thermometer at its converter; `source` is the device that may feed that. `arm_m` is where it truly is from
-    where the axes of the table meet, in the fixture's frame.
+    They are in addition to those corrected by `thermometer_table`, °C to be added at readings in °C. Outputs are pulses
+    on a `channel`, the voltage across `load_ohm`, or codes with their `decoding`. The errors of `converter_` are for
+    the thermometer at its converter; `source` is the device that may feed that. `arm_m` is its true position relative
+    to the intersection of the table's axes, in the fixture's frame.
     """
 
     unit: UnitFile | GyroFile
@@ -47,7 +47,7 @@ class PlaceSettings:
 
     @property
     def through(self) -> Through:
-        """What its current goes through."""
+        """Signal path of its current."""
         return self.decoding if self.load_ohm is None else self.load_ohm
 
 
@@ -55,8 +55,8 @@ class PlaceSettings:
 class ImuPlace:
     """An inertial unit in its place.
 
-    `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` what becomes of the codes of
-    those that it sends; `thermometers` are offset (°C), gain, corrections and drift within a run (°C), by SENSORS.
+    `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` those of sent codes;
+    `thermometers` are offset (°C), gain, corrections and drift within a run (°C), by SENSORS.
     """
 
     unit: ImuFile
@@ -71,30 +71,30 @@ class ImuPlace:
 class WorldSettings:
     """The laboratory of one run: its seed, its own errors as drawn, and the units by place.
 
-    `axes` are those of the table by the role of what drives them, outer first, as the fixture has them. `level_deg` is
-    how far its base is tilted in the middle of the run, `mount` how the units are fixed in the beginning. `fixture` is
-    as it was meant, `built` as it is; without it they are the same.
+    `axes` are those of the table by the role of their drive, outer first, in the order of the fixture. `level_deg` is
+    the tilt of its base in the middle of the run, `mount` the initial mounting of the units. `fixture` is the nominal
+    one, `built` the real one; without it they are the same.
     """
 
     seed: int
     gravity_mps2: float
     host_clock: float = 0.0  # relative error of the host's clock against the true second
     device_clock: float = 0.0  # relative error of the counter's time base
-    encoder_skew_s: float = 0.0  # by which the counter latches an encoder later than the pulses
+    encoder_skew_s: float = 0.0  # delay of the counter's encoder latch after that of the pulses
     axes: Mapping[str, AxisErrors] = field(default_factory=lambda: {"head": AxisErrors()})
     axis_acceleration_dps2: float = 40.0
     level_deg: float = 0.0
-    level_drift_deg: float = 0.0  # change of it within the run
+    level_drift_deg: float = 0.0  # change within the run
     latitude_deg: float = 0.0
     table: TableErrors = field(default_factory=TableErrors)
     mount: Mount = field(default_factory=Mount)
-    ambient_c: float = 22.0  # of the room
-    remount_deg: float = 0.0  # standard deviation of how a unit lies each time that it is fixed by hand
+    ambient_c: float = 22.0  # temperature of the room
+    remount_deg: float = 0.0  # standard deviation of the mounting error of a unit, each time it is mounted by hand
     fixture: Fixture = field(default_factory=Fixture)
     chamber: ChamberPhysics = field(default_factory=ChamberPhysics)
     thermometer_lag_s: float = 20.0
     thermometer_noise_c: float = 0.005
-    run_s: float = 0.0  # how long the run is expected to take, for errors that drift within it; 0 for no drift
+    run_s: float = 0.0  # expected duration of the run, for errors that drift within it; 0 for no drift
     places: Mapping[str, PlaceSettings] = field(default_factory=dict)
     imus: Mapping[str, ImuPlace] = field(default_factory=dict)
     built: Fixture | None = None

@@ -1,4 +1,4 @@
-"""What a simulated unit senses of the world around it."""
+"""The world as seen by a simulated unit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Surroundings(Protocol):
     thermal: Thermal
 
     def now(self) -> float:
-        """True seconds since the world began."""
+        """True seconds since the start of the world."""
 
     def moves_until_s(self, from_s: float, now_s: float) -> float:
         """Return when all axes that move at `from_s` are at rest; `now_s` if one goes on moving."""

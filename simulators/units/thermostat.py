@@ -1,9 +1,9 @@
-"""A heater in the case of an accelerometer that holds its sensor at one temperature (equations 8.3).
+"""A heater in the case of an accelerometer that keeps its sensor at one temperature (equations 8.3).
 
     sensor   tau T' = case + rise - T       rise between `least_rise` and `most_rise`, in proportion to the error
 
-It heats only: control is lost where the case is warmer than the set point less the least rise, and where it is colder
-than the set point less the most. In between its gain is so high that the sensor is where the power balances at once.
+It only heats: control is lost if the case is warmer than the set point minus the minimum rise, or colder than the set
+point minus the maximum. In between its gain is so high that the sensor is at the balance temperature at once.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Thermostat:
         self.rate_c_per_s = 0.0
 
     def advance(self, to_s: float, case_c: float, powered: bool) -> None:
-        """Works the sensor out up to `to_s`, when the case has `case_c`."""
+        """Compute the sensor up to `to_s`, when the case has `case_c`."""
         span_s = to_s - self._at_s
         if span_s <= 0:
             return
@@ -43,7 +43,7 @@ class Thermostat:
         self._at_s = to_s
 
     def balance_c(self, case_c: float) -> float:
-        """Where power and error belong together; within ± band of the set point, where the heater can do it."""
+        """Temperature at which power and error balance; within ± band of the set point, if the heater is able to."""
         model = self._model
         gain = (model.most_rise - model.least_rise) / (2 * model.band)
         return (case_c + model.least_rise + gain * (model.set_point + model.band)) / (1 + gain)

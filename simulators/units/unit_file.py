@@ -1,4 +1,4 @@
-"""The truth of one simulated unit as its file states it (`config/uut/*.yaml`); only the simulators read it.
+"""Truth of one simulated unit as stated in its file (`config/uut/*.yaml`); only the simulators read it.
 
 A value is a quantity, or `{mean, sd}`: drawn once per run from a normal distribution cut at 2.5 sd, with a random
 stream of its own derived from (seed, place, path of the key), so that adding or fixing one value changes no other.
@@ -37,7 +37,7 @@ class Draw:
     sd: float = 0.0
 
     def value(self, stream: np.random.Generator) -> float:
-        """The number for one run; the normal distribution is cut by drawing again."""
+        """Number for one run; the normal distribution is truncated by drawing again."""
         while abs(normal := float(stream.standard_normal())) > CUT_SD:
             pass
         return self.mean + self.sd * normal
@@ -109,21 +109,21 @@ class JumpModel(StrictModel):
 
 
 class WarmUpModel(StrictModel):
-    """A bias that dies away from power-on."""
+    """A bias that decays exponentially from power-on."""
 
     amplitude: Annotated[Draw, DrawIn("g")] = Draw(0)
     time_constant: PositiveSeconds = 1200.0
 
 
 class NoiseModel(StrictModel):
-    """White noise of the given density, and a slow wander of the given standard deviation."""
+    """White noise of the given density, and slow drift of the given standard deviation."""
 
     density: Annotated[Draw, DrawIn("g/Hz^0.5")] = Draw(0)
     instability: Annotated[Draw, DrawIn("g")] = Draw(0)
 
 
 class AccelerometerModel(StrictModel):
-    """The accelerometer of equations 8.4. One without a damping follows at once, whatever its bandwidth."""
+    """The accelerometer of equations 8.4. Without a damping it is instantaneous, with any bandwidth."""
 
     range: Annotated[float, InUnit("g", above=0)] = 20.0
     reference_temperature: Celsius = 20.0
@@ -144,7 +144,7 @@ class AccelerometerModel(StrictModel):
     turn_on: Annotated[Draw, DrawIn("g")] = Draw(0)  # standard deviation of the bias step at each power-on
     turn_on_scale: Ratio = Draw(0)  # the same of the relative step of the scale factor
     noise: NoiseModel = NoiseModel()
-    bandwidth: Annotated[float, InUnit("Hz", above=0)] = 300.0  # far above what a dwell at rest contains
+    bandwidth: Annotated[float, InUnit("Hz", above=0)] = 300.0  # far above the signal of a dwell at rest
     damping: Annotated[float, InUnit("", above=0, at_most=0.99)] | None = None
     delay: Seconds = 0.0
 
@@ -169,9 +169,9 @@ class ConverterModel(StrictModel):
 
 
 class ResistorModel(StrictModel):
-    """What makes volts of the current where a voltmeter reads them: the bench file's load, and an amplifier behind it.
+    """Load resistor for a voltmeter, as in the bench file, and an amplifier behind it.
 
-    It is on the board of the converter, and as warm.
+    It is on the board of the converter, at the same temperature.
     """
 
     alpha: Annotated[Draw, DrawIn("1/°C")] = Draw(0)
@@ -197,7 +197,7 @@ class CurrentCodes(CodesModel):
 class TelemetryModel(CurrentCodes):
     """The A/D converter of a unit that sends codes; `clock` is the relative error of the clock by which it samples.
 
-    It is on the board of the converter, and as warm.
+    It is on the board of the converter, at the same temperature.
     """
 
     alpha: Annotated[Draw, DrawIn("1/°C")] = Draw(0)
@@ -209,7 +209,7 @@ class TelemetryModel(CurrentCodes):
 class ThermostatModel(StrictModel):
     """A heater in the case, its power in proportion to the error within ± `band` of the set point.
 
-    At no power the sensor is `least_rise` warmer than the case, at full power `most_rise`.
+    Without power the sensor is `least_rise` warmer than the case, at full power `most_rise`.
     """
 
     set_point: Celsius
@@ -219,7 +219,7 @@ class ThermostatModel(StrictModel):
 
 
 class ThermalModel(StrictModel):
-    """How the unit follows the chamber."""
+    """Thermal response of the unit to the chamber."""
 
     case_time_constant: PositiveSeconds = 180.0
     sensor_time_constant: PositiveSeconds = 60.0
@@ -228,7 +228,7 @@ class ThermalModel(StrictModel):
 
 
 class SupplyModel(StrictModel):
-    """What the unit draws."""
+    """Supply current of the unit."""
 
     current: PositiveAmperes = 0.06
 
@@ -256,6 +256,6 @@ class UnitFile(StrictModel):
 
 
 def stream(seed: int, *path: str) -> np.random.Generator:
-    """The random stream that belongs to a path of names; the same for the same seed everywhere."""
+    """Random stream for a path of names; the same for the same seed everywhere."""
     digest = hashlib.sha256("/".join((str(seed), *path)).encode()).digest()
     return np.random.Generator(np.random.PCG64(int.from_bytes(digest[:16], "big")))

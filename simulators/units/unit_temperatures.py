@@ -1,4 +1,4 @@
-"""The temperatures of one unit as its simulation needs them: its sensor, its converter, and what thermometers say."""
+"""Temperatures of one unit for its simulation: sensor, converter, and thermometer readings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 class Warmth:
-    """How warm a unit is: by the chamber alone, or held by a thermostat; its converter in the chamber or outside."""
+    """Temperature model of a unit: by the chamber alone, or a thermostat; converter in the chamber or outside."""
 
     def __init__(self, thermal: Thermal, index: int, unit: UnitFile, start_c: float, thermometer_s: float) -> None:
         self._thermal, self._index = thermal, index
@@ -29,52 +29,52 @@ class Warmth:
             self._thermostat = Thermostat(model.thermostat, model.sensor_time_constant, thermometer_s, start_c)
 
     def follow(self, now_s: float, powered: bool) -> None:
-        """The chamber has been worked out up to now."""
+        """Follow the chamber, which is computed up to now."""
         if self._thermostat is not None:
             self._thermostat.advance(now_s, self._thermal.case_c(self._index), powered)
 
     @property
     def sensor_c(self) -> float:
-        """The sensor inside the accelerometer."""
+        """Temperature of the sensor inside the accelerometer."""
         return self._thermal.sensor_c(self._index) if self._thermostat is None else self._thermostat.sensor_c
 
     @property
     def sensor_rate_c_per_s(self) -> float:
-        """How fast it warms."""
+        """Rate of that temperature."""
         if self._thermostat is not None:
             return self._thermostat.rate_c_per_s
         return self._thermal.sensor_rate_c_per_s(self._index)
 
     @property
     def thermometer_c(self) -> float:
-        """What an ideal thermometer at it has followed to."""
+        """Temperature of an ideal thermometer with lag at it."""
         return self._thermal.thermometer_c(self._index) if self._thermostat is None else self._thermostat.thermometer_c
 
     @property
     def board_in_chamber(self) -> bool:
-        """Whether the converter is in the chamber."""
+        """True if the converter is in the chamber."""
         return self._outside_c is None
 
     @property
     def board_c(self) -> float:
-        """The converter."""
+        """Temperature of the converter."""
         return self._thermal.board_c(self._index) if self._outside_c is None else self._outside_c
 
     @property
     def board_rate_c_per_s(self) -> float:
-        """How fast the converter warms."""
+        """Rate of the converter's temperature."""
         return self._thermal.board_rate_c_per_s(self._index) if self._outside_c is None else 0.0
 
     @property
     def board_thermometer_c(self) -> float:
-        """What an ideal thermometer at the converter has followed to."""
+        """Temperature of an ideal thermometer with lag at the converter."""
         return self._thermal.board_thermometer_c(self._index) if self._outside_c is None else self._outside_c
 
 
 class BoardState(NamedTuple):
-    """A converter in the chamber at a true time: its board, an ideal thermometer there; the sensor of its unit.
+    """A converter in the chamber at a true time: temperatures of board, ideal thermometer and the unit's sensor.
 
-    Beside them what drifts in the bias of the unit.
+    Also the drifting part of the unit's bias.
     """
 
     true_s: float
@@ -85,14 +85,14 @@ class BoardState(NamedTuple):
 
 
 class Board:
-    """The converter of a unit as time goes on; `history` is empty for one outside the chamber."""
+    """Temperature of the converter of a unit over time; `history` is empty for one outside the chamber."""
 
     def __init__(self, warmth: Warmth, start_c: float) -> None:
         self._warmth, self._last_c = warmth, start_c
         self.history: list[BoardState] = []
 
     def followed_c(self, edges_s: Array, at_s: Array, drifted_g: float) -> Array | None:
-        """What it had been at times between the first of the edges and the last, which is now; None outside."""
+        """Temperatures at times between the first edge and the last, which is now; None outside the chamber."""
         if not self._warmth.board_in_chamber:
             return None
         before_c = self._last_c
@@ -101,7 +101,7 @@ class Board:
         return np.asarray(followed)
 
     def just_before_c(self, now_s: float, before_s: float, drifted_g: float) -> Array | None:
-        """What it had been a moment before now, however long ago somebody looked last; None outside."""
+        """Temperature just before now, independent of the last call; None outside the chamber."""
         if not self._warmth.board_in_chamber:
             return None
         self._now_at(now_s, drifted_g)
@@ -114,15 +114,15 @@ class Board:
 
 
 def followed_c(faults: FaultPlan, at_unit_c: float, room_c: float) -> float:
-    """What an ideal thermometer at a unit has followed to, or the room in which it lies when it has come off."""
+    """Temperature of an ideal thermometer at a unit, or of the room if it is detached."""
     return room_c if faults.active("detached_thermometer") else at_unit_c
 
 
 class Thermometer:
-    """What a thermometer says of what an ideal one has followed to: with its offset, its gain and its noise.
+    """Readings of a thermometer from those of an ideal one: with offset, gain error and noise.
 
-    They come on top of what its `table` of corrections adds. The offset is that in the middle of a run of `run_s`; it
-    changes evenly, by `drift_c` from the beginning of the run to its end. A run of 0 s has no drift.
+    Errors are in addition to the corrections of its `table`. The offset is that in the middle of a run of `run_s`; it
+    changes linearly, by `drift_c` from start to end. A run of 0 s has no drift.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class Thermometer:
         self._read_at_s, self._read_c = 0.0, start_c
 
     def readings_c(self, at_s: Array, now_s: float, now_c: float) -> Array:
-        """Readings at times since the last call, when the ideal one has come to `now_c`."""
+        """Readings at times since the last call, for an ideal thermometer that has reached `now_c`."""
         true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
         self._read_at_s, self._read_c = now_s, now_c
         right_c = true_c * (1 + self._gain) + self._offset_c

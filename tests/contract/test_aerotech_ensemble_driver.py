@@ -219,9 +219,7 @@ def test_a_controller_that_refuses_a_command_is_quoted() -> None:
     with_driver(use)
 
 
-@pytest.mark.parametrize(
-    ("answer", "words"), [(b"!\n", "as invalid"), (b"$\n", "timed out"), (b"#\n", "not carry out")]
-)
+@pytest.mark.parametrize(("answer", "words"), [(b"!\n", "as invalid"), (b"$\n", "timed out"), (b"#\n", "not execute")])
 def test_a_question_without_an_answer_is_refused(answer: bytes, words: str) -> None:
     async def use(head: Head, driver: AerotechEnsemble) -> None:
         head.wire.alter = lambda _request, _answer: answer

@@ -48,7 +48,7 @@ def test_a_move_beyond_the_controllers_own_limits_is_its_fault() -> None:
 def test_an_axis_that_is_disabled_during_a_move_is_a_fault() -> None:
     async def use(head: Head, driver: AerotechEnsemble) -> None:
         asyncio.get_running_loop().call_later(1.0, head.controller.execute, b"DISABLE X")
-        with pytest.raises(InstrumentFault, match="was disabled on its way to 40°"):
+        with pytest.raises(InstrumentFault, match="was disabled during the move to 40°"):
             await driver.move_to(40, approach="direct", settle_s=0)
 
     with_driver(use)

@@ -80,7 +80,7 @@ def test_what_has_no_temperature_or_mode_there_is_no_mb1(answer: dict[int, tuple
             return answer.get(address) or super().read(address, count)
 
     async def use(rig: Rig) -> None:
-        with pytest.raises(WrongIdentity, match=rf"does not answer as an MB1.*({received}).*options\.controller"):
+        with pytest.raises(WrongIdentity, match=rf"do not fit an MB1.*({received}).*options\.controller"):
             await rig.driver().__aenter__()
         assert written(rig) == []
 
@@ -147,7 +147,7 @@ def test_an_mb2_in_a_program_is_taken_back_by_stopping_it() -> None:
     async def use(rig: Rig) -> None:
         rig.instrument.start_program()
         async with rig.driver() as driver:
-            with pytest.raises(InstrumentFault, match=r"set point in force .*, manual set point 20 °C: perhaps a pro"):
+            with pytest.raises(InstrumentFault, match=r"active set point .*, manual set point 20 °C: a program may"):
                 await driver.ramp_to(30.0, 1.0)
             await driver.make_safe()
             assert written(rig) == [0x114C, PROGRAM_STOP]
@@ -191,7 +191,7 @@ def test_an_alarm_is_told_and_never_acknowledged() -> None:
             rig.instrument.alarm = 4
             with pytest.raises(InstrumentFault, match="does not follow its set point; received alarm 0x4"):
                 await driver.poll()
-            with pytest.raises(InstrumentFault, match=r"stands; received 0x4.*acknowledge it at the controller"):
+            with pytest.raises(InstrumentFault, match=r"has an alarm; received 0x4.*acknowledge it at the controller"):
                 await driver.make_safe()
             assert set(written(rig)) == {0x1581, MODE}
             assert rig.set_point_c() == 25.0

@@ -107,7 +107,7 @@ def test_a_unit_without_power_may_be_silent_until_somebody_acquires() -> None:
 def test_frames_of_another_dbc_are_named() -> None:
     async def use(bench: Bench, driver: CanTelemetry) -> None:
         bench.bus.alter = lambda block: FrameBlock(block.ids + np.uint32(16), block.at_s, block.dlc, block.data)
-        with pytest.raises(NoAnswer, match=r"received 0x210, 0x211, 0x220 besides.*DBC is that of this unit"):
+        with pytest.raises(NoAnswer, match=r"received 0x210, 0x211, 0x220 besides.*DBC belongs to this unit"):
             await acquired(driver, 10)
 
     with_driver(use)
@@ -263,7 +263,7 @@ def fails_with(kind: FaultKind, error: type[Exception], said: str) -> None:
 
 
 def test_units_that_fall_silent() -> None:
-    fails_with("silent", NoAnswer, r"telemetry: no sample \(0x200, 0x201\) for more than 1.25 s while it is acquired")
+    fails_with("silent", NoAnswer, r"telemetry: no sample \(0x200, 0x201\) for more than 1.25 s during an acquisition")
 
 
 def test_a_unit_that_repeats_one_sample() -> None:

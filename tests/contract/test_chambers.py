@@ -176,9 +176,9 @@ def test_a_foreign_set_point_is_seen_by_the_next_look(dialect: Dialect, foreign_
         async with rig.driver() as driver:
             ramp = await ramp_until(driver, rig, 30.0, 100.5)
             dialect.set_point(rig.instrument, foreign_c)
-            with pytest.raises(InstrumentFault, match="somebody else changed the set point"):
+            with pytest.raises(InstrumentFault, match="another master changed the set point"):
                 await driver.poll()
-            with pytest.raises(InstrumentFault, match="somebody else changed the set point"):
+            with pytest.raises(InstrumentFault, match="another master changed the set point"):
                 await ramp
             await driver.make_safe()
             assert (await driver.state()).target_c == 25.0

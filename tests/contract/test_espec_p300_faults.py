@@ -29,7 +29,7 @@ def test_a_refusal_is_told_with_its_meaning_and_not_repeated() -> None:
 def test_a_question_that_is_not_known_is_a_refusal() -> None:
     async def use(rig: Rig) -> None:
         rig.wire.alter = lambda request, answer: b"NA:CMD ERR\r\n" if b"ROM?" in request else answer
-        with pytest.raises(Refused, match=r"sent ROM\?; received NA:CMD ERR, a command that it does not know"):
+        with pytest.raises(Refused, match=r"sent ROM\?; received NA:CMD ERR, an unknown command"):
             await rig.driver().__aenter__()
 
     with_rig(P300, use)
@@ -43,7 +43,7 @@ def test_an_alarm_is_a_fault_with_its_code_until_a_person_has_seen_to_it() -> No
             rig.instrument.alarm(12)
             with pytest.raises(InstrumentFault, match="the chamber is in mode STANDBY, alarm 7, 12"):
                 await driver.poll()
-            with pytest.raises(InstrumentFault, match=r"has an alarm; received .* alarm 7, 12\. See to its cause"):
+            with pytest.raises(InstrumentFault, match=r"has an alarm; received .* alarm 7, 12\. Remove the cause"):
                 await driver.make_safe()
             assert not rig.wire.count(b"MODE,CONSTANT")
             rig.instrument.alarms.clear()

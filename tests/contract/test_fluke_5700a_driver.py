@@ -259,7 +259,7 @@ def test_a_command_whose_answer_is_lost_is_sent_once_and_decided_by_the_read_bac
 def test_a_command_that_is_lost_is_refused_and_not_repeated(word: bytes) -> None:
     async def use(source: Calibrator, driver: Fluke5700A) -> None:
         source.wire.lose = lambda request: word in request
-        with pytest.raises(Refused, match=f"not carried out; sent {word.decode()}"):
+        with pytest.raises(Refused, match=f"not executed; sent {word.decode()}"):
             await driver.set(0.0012, limit=10, output=True)
         assert source.wire.count(word) == 1
         assert source.instrument.current_a == 0

@@ -156,7 +156,7 @@ def test_it_swings_where_the_controller_can_and_says_where_it_cannot() -> None:
         await driver.stop()
 
     async def cannot(framed: Framed, driver: Any) -> None:
-        with pytest.raises(Refused, match=r"does not swing by itself: its profile has no commands\.sine"):
+        with pytest.raises(Refused, match=r"the controller cannot oscillate: its profile has no commands\.sine"):
             await driver.oscillate(10, 0.5)
         assert not framed.moving
 
@@ -194,7 +194,10 @@ def test_the_limits_of_the_profile_hold_as_well(motion: Motion, problem: str) ->
 
 def test_what_no_frame_holds_is_refused_before_it_is_sent() -> None:
     async def use(framed: Framed, driver: Any) -> None:
-        with pytest.raises(Refused, match=r"no frame holds this rate: 400 does not fit i16; nothing was sent"):
+        with pytest.raises(
+            Refused,
+            match=r"this rate does not fit its frame: 400 does not fit i16; nothing was sent",
+        ):
             await driver.rotate_at(400, acceleration_dps2=None)
         assert framed.sent("rate") == 1  # the zero with which RATE begins
 
@@ -294,7 +297,7 @@ def test_a_command_that_waits_for_its_turn_is_not_sent_when_the_table_is_made_sa
         await driver.make_safe()
         with pytest.raises(Refused, match="not sent, the instrument is being made safe; sent enable aa 55 20 01"):
             await waiting
-        with pytest.raises(Refused, match="cut short"):
+        with pytest.raises(Refused, match="aborted, the instrument"):
             await looking
         assert framed.sent("enable") == 0
 
@@ -410,7 +413,7 @@ def test_the_same_status_again_and_again_is_a_silence(profile: FrameProfile) -> 
         framed.controller.stale = True
         await asyncio.sleep(1)
         start_s = now_s()
-        with pytest.raises(NoAnswer, match=r"only the same status again and again for 0\.5 s"):
+        with pytest.raises(NoAnswer, match=r"only repetitions of the same status for 0\.5 s"):
             await driver.poll()
         assert now_s() - start_s < 1.7  # it is looked at twice
         framed.controller.stale = False
@@ -526,7 +529,7 @@ def test_a_profile_that_says_request_of_a_controller_that_sends_by_itself_is_tol
 
     async def use(framed: Framed) -> None:
         framed.profile = asked
-        with pytest.raises(BadAnswer, match=r"does not stop talking within 5 s.*cyclic, not request"):
+        with pytest.raises(BadAnswer, match=r"is not silent within 5 s.*cyclic, not request"):
             await framed.driver(address="socket://127.0.0.1:4001").__aenter__()
 
     with_framed(use, PLAIN)
@@ -589,7 +592,7 @@ def test_an_angle_that_is_no_number_is_an_error_and_frames_keep_their_distance()
         assert heard_at_s[1] - heard_at_s[0] == pytest.approx(0.005)
         framed.controller._read = lambda: (float("nan"), 0.0)
         await asyncio.sleep(0.1)
-        with pytest.raises(BadAnswer, match=r"a status with a number that is none: nan at 2; received fa"):
+        with pytest.raises(BadAnswer, match=r"a status with an invalid number: nan at 2; received fa"):
             await driver.poll()
 
     with_driver(use, FLOATS)
@@ -638,7 +641,7 @@ def test_making_safe_stops_at_once_while_a_status_is_waited_for(profile: FramePr
         await driver.make_safe()
         assert now_s() - start_s < 2
         assert not framed.moving
-        with pytest.raises(Refused, match="cut short"):
+        with pytest.raises(Refused, match="aborted, the instrument"):
             await looking
 
     with_driver(use, profile)

@@ -57,7 +57,7 @@ def test_an_interlock_that_opens_later_is_a_fault_within_one_poll() -> None:
 def test_over_temperature_is_a_fault_always() -> None:
     async def use(source: Source6220, driver: Keithley6220) -> None:
         source.instrument.hot = True
-        with pytest.raises(InstrumentFault, match=r"too hot.*cool down"):
+        with pytest.raises(InstrumentFault, match=r"over-temperature.*cool down"):
             await driver.poll()
 
     with_driver(use)

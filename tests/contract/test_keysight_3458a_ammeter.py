@@ -149,7 +149,7 @@ def test_a_drift_of_the_source_is_followed() -> None:
 def test_somebody_who_sets_it_to_something_else_is_a_fault(line: bytes, told: str) -> None:
     async def use(bench: Bench, driver: Keysight3458AAmmeter) -> None:
         bench.instrument.session().feed(line + b"\n")
-        with pytest.raises(InstrumentFault, match=rf"no longer set as it was; received {told}, expected 6, 0.001"):
+        with pytest.raises(InstrumentFault, match=rf"its settings have changed; received {told}, expected 6, 0.001"):
             await driver.measure(1, nplc=None)
 
     with_driver(use)

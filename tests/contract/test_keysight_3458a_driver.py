@@ -214,7 +214,7 @@ def test_measurements_queue() -> None:
 def test_a_setting_that_the_instrument_does_not_know_is_refused_in_its_words() -> None:
     async def use(meter: Meter, driver: Keysight3458A) -> None:
         meter.instrument.errors.add(106)
-        with pytest.raises(Refused, match=r'not carried out; sent PRESET.*received 106,"PARAMETER OUT OF RANGE"'):
+        with pytest.raises(Refused, match=r'not executed; sent PRESET.*received 106,"PARAMETER OUT OF RANGE"'):
             await driver.measure(1, nplc=5)
         assert (await driver.measure(1, nplc=5))[0].value == pytest.approx(0.5)
 

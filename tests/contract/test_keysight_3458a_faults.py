@@ -64,7 +64,7 @@ def test_a_second_master_is_a_fault_and_not_set_right_in_silence(line: bytes, to
     async def use(meter: Meter, driver: Keysight3458A) -> None:
         meter.instrument.session().feed(line + b"\n")
         for _ in range(2):
-            with pytest.raises(InstrumentFault, match=rf"no longer set as it was; received {told}.*who else sets it"):
+            with pytest.raises(InstrumentFault, match=rf"its settings have changed; received {told}.*another master"):
                 await (driver.poll() if how == "poll" else driver.measure(1, nplc=None))
         assert meter.wire.count(b"PRESET") == 1
 
@@ -74,7 +74,7 @@ def test_a_second_master_is_a_fault_and_not_set_right_in_silence(line: bytes, to
 def test_a_power_failure_is_noticed() -> None:
     async def use(meter: Meter, driver: Keysight3458A) -> None:
         meter.instrument.restart()
-        with pytest.raises(InstrumentFault, match="no longer set as it was"):
+        with pytest.raises(InstrumentFault, match="its settings have changed"):
             await driver.poll()
 
     with_driver(use)
@@ -102,9 +102,9 @@ def test_an_input_beyond_the_range_is_a_fault() -> None:
 def test_a_voltmeter_that_takes_no_setting_is_refused() -> None:
     async def use(meter: Meter, driver: Keysight3458A) -> None:
         meter.faults.begin("stuck")
-        with pytest.raises(Refused, match=r"not carried out.*10 to NPLC\?, expected 1"):
+        with pytest.raises(Refused, match=r"not executed.*10 to NPLC\?, expected 1"):
             await driver.measure(1, nplc=1)
-        with pytest.raises(InstrumentFault, match="no longer set as it was"):
+        with pytest.raises(InstrumentFault, match="its settings have changed"):
             await driver.poll()
 
     with_driver(use)

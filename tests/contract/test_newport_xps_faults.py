@@ -44,7 +44,7 @@ def test_a_fault_during_a_move_ends_it() -> None:
 def test_a_move_that_somebody_else_aborts_is_refused() -> None:
     async def use(head: Head, driver: NewportXps) -> None:
         asyncio.get_running_loop().call_later(1.0, head.call, "GroupMoveAbort(HEAD)")
-        with pytest.raises(Refused, match="did not carry out a call: Error -27 : Move Aborted"):
+        with pytest.raises(Refused, match="did not execute a call: Error -27 : Move Aborted"):
             await driver.move_to(40, approach="direct", settle_s=0)
         assert now_s() < 1.3
 

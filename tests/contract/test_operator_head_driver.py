@@ -120,7 +120,7 @@ def test_an_angle_that_can_be_is_where_it_stands_over_whole_turns(
 def test_five_answers_that_cannot_be_end_the_move() -> None:
     async def use(bench: ByHand, driver: Any) -> None:
         bench.person.answers = [80.0, 81.0, 82.0, 83.0, 84.0]
-        with pytest.raises(Refused, match=r"5 answers in a row cannot be; it is -7° off.*received 84°.*its zero"):
+        with pytest.raises(Refused, match=r"5 answers in a row are impossible; it is -7° off.*received 84°.*its zero"):
             await driver.move_to(91, approach="direct", settle_s=0)
         assert bench.heard() == 5
         assert await driver.poll() == {}
@@ -167,7 +167,7 @@ def test_a_move_that_is_ended_withdraws_its_question_and_says_so(ending: str) ->
         assert bench.person.withdrawn == 1
         (note,) = bench.notes
         assert note.startswith("the question was withdrawn: Turn head by hand to 180°, from 90° up by 90°.")
-        assert note.endswith("Nobody has confirmed how the head stands.")
+        assert note.endswith("The angle of the head is not confirmed.")
         assert await driver.poll() == {}
 
     by_hand(use)

@@ -188,7 +188,7 @@ def test_nobody_there_is_told_within_the_time_for_a_place() -> None:
         assert place.words == "no answer"
         wire.broken = True
         place = await scan(Address.parse("tcp://127.0.0.1:1"), wire, recognising())
-        assert place.words == "nobody answers at tcp://127.0.0.1:1"
+        assert place.words == "no connection to tcp://127.0.0.1:1"
 
     run(main(), AS_FAST_AS_POSSIBLE)
 

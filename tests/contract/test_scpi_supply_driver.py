@@ -130,7 +130,7 @@ def test_a_command_whose_answer_is_lost_is_sent_once_and_decided_by_the_read_bac
 def test_a_command_that_is_lost_is_refused_and_not_repeated(word: bytes) -> None:
     async def use(supply: Supply, driver: ScpiSupply) -> None:
         supply.wire.lose = lambda request: request.startswith(word)
-        with pytest.raises(Refused, match="not carried out; sent " + word.decode()):
+        with pytest.raises(Refused, match="not executed; sent " + word.decode()):
             await driver.set(15, limit=0.2, output=True)
         assert supply.wire.count(word) == 1
         assert not supply.unit_powered

@@ -110,7 +110,7 @@ def test_a_foreign_set_point_is_seen_by_where_the_ramp_should_be(foreign_c: floa
                     await driver.poll()
                     await asyncio.sleep(5.0)
 
-            with pytest.raises(InstrumentFault, match="somebody else changed the set point"):
+            with pytest.raises(InstrumentFault, match="another master changed the set point"):
                 await watch()
             assert rig.now_s() < 200.0 + 60.0
             await driver.make_safe()

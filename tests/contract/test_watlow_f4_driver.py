@@ -66,7 +66,7 @@ def test_its_fingerprint_is_what_the_wire_tells() -> None:
     [
         ({"model": 5271}, r"no Watlow F4; received model code 5271, expected 5270"),
         ({"display_unit": DisplayUnit.FAHRENHEIT}, r"not °C; received 0, which is °F.*to °C at the controller"),
-        ({"set_point_limits_c": (20.0, 20.0)}, r"make no sense; received 1 decimals, set point limits 00c8 00c8"),
+        ({"set_point_limits_c": (20.0, 20.0)}, r"are implausible; received 1 decimals, set point limits 00c8 00c8"),
     ],
 )
 def test_another_controller_and_other_settings_are_refused(settings: Any, problem: str) -> None:
@@ -222,7 +222,7 @@ def test_an_alarm_ends_a_ramp_and_make_safe_says_that_it_stands() -> None:
             rig.instrument.alarm = 1
             with pytest.raises(InstrumentFault, match="does not follow its set point; received alarm 1 high"):
                 await driver.poll()
-            with pytest.raises(InstrumentFault, match=r"an alarm of the controller stands.*clear it at the controller"):
+            with pytest.raises(InstrumentFault, match=r"the controller has an alarm.*clear it at the controller"):
                 await driver.make_safe()
             assert (rig.instrument.read(300, 1), rig.set_point_c()) == ([250], 25.0)
 

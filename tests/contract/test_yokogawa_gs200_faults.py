@@ -55,9 +55,9 @@ def test_a_power_failure_is_a_fault_within_one_poll() -> None:
 def test_volts_at_its_output_are_a_fault_until_it_is_made_safe() -> None:
     async def use(source: SourceGS200, driver: YokogawaGS200) -> None:
         source.instrument.session().feed(b":SOUR:FUNC VOLT;:SOUR:LEV 5;:OUTP 1\n")
-        with pytest.raises(InstrumentFault, match="gives a voltage"):
+        with pytest.raises(InstrumentFault, match="in voltage mode"):
             await driver.poll()
-        with pytest.raises(InstrumentFault, match=r"gives a voltage.*Make it safe"):
+        with pytest.raises(InstrumentFault, match=r"in voltage mode.*Make it safe"):
             await driver.set(0.0012, limit=5, output=True)
         await driver.make_safe()
         assert (source.instrument.level_a, source.instrument.output) == (0, False)

@@ -155,7 +155,7 @@ def test_a_chamber_that_does_not_arrive_is_no_success(bench, far, state):
     code, told = waiting.end()
     assert code == 6, told
     assert "chamber: HAS NOT ARRIVED at the safe set point (" in told
-    assert "): somebody changed the set point from 90 °C to 60 °C" in told
+    assert "): the set point was changed by another master from 90 °C to 60 °C" in told
     assert events(state) == ["commanded", "not_arrived"]
 
 

@@ -294,7 +294,7 @@ def test_a_port_that_cannot_turn_the_line_round_is_refused_in_words() -> None:
     async def main() -> None:
         leader, follower = os.openpty()
         address = Address.parse(f"serial://{os.ttyname(follower)}?rs485=rts")
-        with pytest.raises(CannotConnect, match=r"this port does not turn an RS-485 line round by RTS \(Failed to set"):
+        with pytest.raises(CannotConnect, match=r"this port cannot switch the RS-485 direction by RTS \(Failed to set"):
             await open_serial("chamber", address, Echo)
         again = Address.parse(f"serial://{os.ttyname(follower)}?rs485=adapter")
         echo = await open_serial("chamber", again, Echo)  # it was let go

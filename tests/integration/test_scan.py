@@ -84,9 +84,9 @@ def test_ports_that_cannot_be_had_are_told_in_words(tmp_path: Path, monkeypatch:
             return words
 
     taken, missing, nobody = run(main())
-    assert taken.endswith("another program has it")
-    assert missing.endswith("there is no such port")
-    assert nobody.startswith("nobody answers at tcp://127.0.0.1:9")
+    assert taken.endswith("another program uses it")
+    assert missing.endswith("no such port")
+    assert nobody.startswith("no connection to tcp://127.0.0.1:9")
 
 
 def test_a_port_without_permission_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,7 +33,7 @@ class GoodCase:
         return np.array(next(record[column] for record in self.records.values() if column in record), np.float64)
 
     def __setitem__(self, column: str, values: Any) -> None:
-        """Replaces a column in every record that has it; a function is applied to each."""
+        """Replace a column in every record that has it; a function is applied to each."""
         for record in self.records.values():
             if column in record:
                 changed = values(np.array(record[column], np.float64)) if callable(values) else values
@@ -46,7 +46,7 @@ class GoodCase:
                 record[one], record[other] = record[other], record[one]
 
     def first_rows(self, rows: int) -> None:
-        """Leaves so many rows of every record."""
+        """Leave so many rows of every record."""
         for record in self.records.values():
             record.update({name: column[:rows] for name, column in record.items()})
 

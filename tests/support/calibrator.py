@@ -42,12 +42,12 @@ class Calibrator:
         return driver
 
     def commands(self) -> list[bytes]:
-        """What was sent that is no question."""
+        """Received messages that are no queries."""
         lines = [line for request in self.wire.requests for line in request.splitlines()]
         return [line for line in lines if b"?" not in line]
 
     def go_on(self) -> None:
-        """What has waited in the input buffer is carried out, and answered."""
+        """Execute and answer the messages in the input buffer."""
         self.instrument.busy = False
         self.wire.connections[-1].data_received(b"")
 

@@ -84,7 +84,7 @@ class Chamber:
         return [r[8:] for r in self.requests if r[7] in WRITES and r[8:10] == register.to_bytes(2, "big")]
 
     def write_behind_its_back(self, register: LoopRegister, words: Sequence[int]) -> None:
-        """What somebody at the front panel does."""
+        """Change a setting at the front panel."""
         self.instrument.write(register, words)
 
     def drop_connections(self) -> None:

@@ -19,7 +19,7 @@ SERIAL, SERVER = "serial:///dev/ttyUSB0?baud=9600", "socket://127.0.0.1:4001"
 
 
 def writes(*registers: int) -> Callable[[bytes], bool]:
-    """Whether a frame on a serial line writes one of these registers; any without."""
+    """Return whether a frame on a serial line writes one of these registers; any without."""
 
     def is_one(request: bytes) -> bool:
         return request[1] in (6, 16) and (not registers or int.from_bytes(request[2:4], "big") in registers)

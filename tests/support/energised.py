@@ -92,11 +92,11 @@ class Wires:
         return float(round(struct.unpack(">f", struct.pack(">HH", high, low))[0], 2))
 
     def supply_v(self) -> float:
-        """What the supply measures at its terminals."""
+        """Voltage measured by the supply at its terminals."""
         return float(self._supply("MEAS:VOLT?"))
 
     def make_safe(self, role: str) -> None:
-        """What a person would do at one of them."""
+        """Make the bench safe by hand."""
         if role == "chamber":
             self._set_chamber(SAFE_C)
         elif role == "supply":
@@ -177,13 +177,13 @@ class Process:
         return next(iter(self.runs.glob("*")), None)
 
     def manifest(self) -> dict[str, Any]:
-        """What its run says of itself."""
+        """Manifest of its run."""
         assert self.path is not None
         content: dict[str, Any] = json.loads((self.path / "manifest.json").read_text("utf-8"))
         return content
 
     def until(self, condition: Callable[[], object]) -> None:
-        """Returns when the condition is true, or the process has ended, or a minute has gone by."""
+        """Return when the condition is true, or the process has ended, or a minute has gone by."""
         end_s = time.monotonic() + PROCESS_S
         while time.monotonic() < end_s and self.process.poll() is None:
             with contextlib.suppress(Exception):  # what is not there yet
@@ -192,7 +192,7 @@ class Process:
             time.sleep(0.02)
 
     def until_step(self, step: str) -> None:
-        """Returns when a step has begun."""
+        """Return when a step has begun."""
         self.until(lambda: step in self._begun())
 
     def _begun(self) -> list[str]:

@@ -75,7 +75,7 @@ class Ran:
 
 
 def run_plan(folder: Path, plan: Plan, bench: BenchFile, script: Script | None = None) -> Ran:
-    """Runs a plan; `script` is a task beside it, which ends with it."""
+    """Run a plan; `script` is a task beside it, which ends with it."""
     folder.mkdir(parents=True)
     units = unit_files(bench, None)
     kept = []

@@ -56,7 +56,7 @@ class Opened:
         return node.faults if node is not None else self.laboratory.instruments[self.role].faults
 
     def driver(self, note: Callable[[str], object] = unheard, /, **pin: str) -> Device:
-        """A driver of it, not yet connected, with this identity stated; `note` is told what it does on its own."""
+        """Its driver, not yet connected, with this identity stated; `note` receives its notes."""
         entry = self.entry
         setup = Setup(
             self.role, entry.connection, self._wires, entry.options, entry.limits, entry.safe,

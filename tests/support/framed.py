@@ -77,7 +77,7 @@ class Framed(Turned):
         return make_driver(self.description, setup)
 
     def sent(self, name: str) -> int:
-        """How often a frame was sent to the controller."""
+        """Number of times a frame was sent to the controller."""
         form = self.profile.format(name)
         return sum(form.fits(request, 0) for request in self.wire.requests)
 

@@ -20,7 +20,7 @@ def frames(*lines: str) -> FrameBlock:
 
 
 async def taken(link: FrameLink, count: int, within_s: float = 2.0) -> FrameBlock:
-    """What has arrived once there are `count` frames; fails after `within_s`."""
+    """Frames received once there are `count`; fails after `within_s`."""
     blocks: list[FrameBlock] = []
     async with asyncio.timeout(within_s):
         while sum(map(len, blocks)) < count:

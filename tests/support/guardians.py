@@ -22,14 +22,15 @@ def stop(process: int) -> None:
 
 
 def has_made_safe(run: Path | None) -> bool:
-    """Whether the guardian of a run that was lost is through with making its bench safe; it may follow a chamber."""
+    """Return whether the guardian of a run that was lost is through with making its bench safe; it may follow a
+    chamber."""
     with contextlib.suppress(OSError):
         return run is not None and '"event": "ends"' in (run / "incident.jsonl").read_text("utf-8")
     return False
 
 
 def has_ended(process: int) -> bool:
-    """Whether a process is gone, or waits for nothing but its parent."""
+    """Return whether a process is gone, or waits for nothing but its parent."""
     with contextlib.suppress(OSError):
         return Path(f"/proc/{process}/stat").read_text("ascii").split()[2] == "Z"
     return True

@@ -1,4 +1,4 @@
-"""How tests handle instruments: something new to read, what a driver tells one, what somebody else tells it."""
+"""Actions on instruments in tests: new values to read, commands of a driver, and messages of a second master."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from simulators.faults.instrument_faults import FaultPlan
 Vary = Callable[[Laboratory, Any, Any, int], Awaitable[object]]
 """Given the laboratory, a second driver of the instrument on a good line, the one that is tried, and which trial."""
 Act = Callable[[Any, float], Awaitable[object]]
-"""What a driver is made to tell its instrument, which depends on a number from 0 to 1."""
+"""Makes a driver command its instrument, with a setting that depends on a number from 0 to 1."""
 Meddle = Callable[[Any, float], None]
-"""What somebody else tells an instrument, which depends on a number from 0 to 1."""
+"""Sends a message of a second master, with a setting that depends on a number from 0 to 1."""
 
 # Something new to read
 
@@ -103,7 +103,7 @@ async def go(driver: Any, draw: float) -> None:
 
 
 def told(*messages: str) -> Meddle:
-    """Messages on a connection of somebody's own, with a number from 2 to 6 in them."""
+    """Send messages on a separate connection, with a number from 2 to 6 in them."""
 
     def tell(instrument: Any, draw: float) -> None:
         session = instrument.session()
@@ -146,5 +146,5 @@ def cts_asks(request: bytes) -> bool:
 
 
 def asks_by(pattern: bytes) -> Callable[[bytes], bool]:
-    """What begins with this."""
+    """Return a test for messages with this beginning."""
     return lambda request: re.match(pattern, request) is not None

@@ -66,7 +66,7 @@ FRAMES = load_file(ROOT / "config/tables/fictional.yaml", FrameProfile)
 
 
 def framed_move(angle_deg: float) -> bytes:
-    """Energises, then goes at 20 °/s and 40 °/s²."""
+    """Energise, then goes at 20 °/s and 40 °/s²."""
     told = struct.pack("<iiI", round(angle_deg * 1e4), 200_000, 40_000)
     numbers = [(NumberFormat(at, "u8"), byte) for at, byte in enumerate(told, start=3)]
     return FRAMES.format("enable").build([]) + FRAMES.format("move").build(numbers)
@@ -106,7 +106,7 @@ class Head:
         return make_driver(description, setup)
 
     def call(self, line: str) -> str:
-        """What another program says to the controller, on a connection of its own; the answer."""
+        """Make a call of another program, on a connection of its own; return the answer."""
         answer: bytes = self.controller.session().feed(line.encode())
         return answer.decode()
 
@@ -115,7 +115,7 @@ class Head:
         self.controller.session().feed(self.dialect.move(angle_deg))
 
     def heard(self) -> int:
-        """How many requests have reached it."""
+        """Number of requests that reached it."""
         return len(self.wire.requests)
 
     @property

@@ -57,7 +57,7 @@ class OnLine:
 
 @dataclass(frozen=True)
 class Swap:
-    """How two instruments of a kind are told apart, and what their drivers and somebody else tell them.
+    """Means to distinguish two instruments of a kind, and the messages of their drivers and a second master.
 
     `name` gives an instrument the name by which its wire tells the one of a number, 0 or 1, from the other; without, it
     has another serial number.
@@ -112,7 +112,7 @@ class Instrument:
 
     @property
     def tried_by(self) -> set[What]:
-        """What tries it."""
+        """Action that tests it."""
         tries: dict[What, object] = {
             "contract": "contract" not in self.apart, "bad lines": self.lines,
             "orders": any(line.order for line in self.lines), "swaps": self.swap or self.dialects,

@@ -80,7 +80,7 @@ def journal(path: Path) -> list[Event]:
 
 
 def ended(entries: list[Event]) -> Counter[str]:
-    """How often each step ended, by the id that it has in the plan."""
+    """Number of times each step ended, by its id in the plan."""
     return Counter(first_visit(entry.step) for entry in entries if entry.kind == "step_ended")
 
 

@@ -62,7 +62,7 @@ class Laboratory:
         self.world = World(WorldSettings(**(defaults | settings)), lambda: self.host_s)
 
     def wait(self, duration_s: float) -> float:
-        """Lets time pass, and works the world out; the true time then."""
+        """Let time pass, and works the world out; the true time then."""
         self.host_s += duration_s
         return self.world.look()
 

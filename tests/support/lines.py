@@ -66,7 +66,7 @@ class TappedWire:
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
         if self.broken:
-            raise CannotConnect(device, f"nobody answers at {address}")
+            raise CannotConnect(device, f"no connection to {address}")
         tap = Tap(self)
         self.connections.append(tap)
         client = factory()
@@ -82,7 +82,7 @@ class TappedWire:
             self._awaited[len(self.requests)].set()
 
     async def heard(self, count: int) -> None:
-        """Returns when so many requests have come."""
+        """Return when so many requests have come."""
         if len(self.requests) < count:
             await self._awaited.setdefault(count, asyncio.Event()).wait()
 
@@ -109,5 +109,5 @@ class TappedWire:
         self.alter = garbled
 
     def count(self, word: bytes) -> int:
-        """How many requests had `word` in them."""
+        """Number of requests with `word` in them."""
         return sum(word in request for request in self.requests)

@@ -114,7 +114,7 @@ def campaign(rng: np.random.Generator, channel: Channel, **options: Any) -> dict
 def write_case(
     folder: Path, runs: Mapping[str, Columns], settings: Mapping[str, Any] = SETTINGS, *, order: Array | None = None
 ) -> Path:
-    """Writes `case.json` and its record; NaN becomes a blank, `order` permutes the rows."""
+    """Write `case.json` and its record; NaN becomes a blank, `order` permutes the rows."""
     lines = [
         ",".join([name, *("" if np.isnan(value) else repr(float(value)) for value in row)])
         for name, columns in runs.items()

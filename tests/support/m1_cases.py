@@ -86,7 +86,7 @@ def clock(
 
 
 def write_case(folder: Path, settings: Mapping[str, Any], **records: Rows) -> Path:
-    """Writes `case.json` and its records; None becomes a blank."""
+    """Write `case.json` and its records; None becomes a blank."""
     for name, rows in records.items():
         lines = [",".join(rows[0])] + [",".join("" if v is None else f"{v}" for v in row.values()) for row in rows]
         (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")

@@ -113,7 +113,7 @@ def records(
     noise_counts: tuple[float, float] = (0.0, 0.0),
     leak_dps: float = 0.0,
 ) -> Records:
-    """What a bench writes of the unit; noise is that of the accelerometers' and gyros' counts, rounded then.
+    """Records of a bench of the unit; noise is that of the accelerometers' and gyros' counts, rounded then.
 
     `leak_dps` is what partial turns at ±1 °/s let in, with the sign of the rate.
     """
@@ -150,7 +150,7 @@ def named(name: str, values: Sequence[float]) -> dict[str, float]:
 
 
 def write_case(folder: Path, made: Records, site: dict[str, Any] | None = None, **settings: Any) -> Path:
-    """Writes `case.json` and its records; None becomes a blank, a setting of None is left out."""
+    """Write `case.json` and its records; None becomes a blank, a setting of None is left out."""
     names = {}
     for name in ("positions", "rates", "apply"):
         rows = getattr(made, name)

@@ -26,7 +26,7 @@ RECORDS = {
 
 
 def write_case(folder: Path, sub: str, settings: Mapping[str, Any], columns: Mapping[str, Sequence[Any]]) -> Path:
-    """Writes `case.json` and its one record; None and NaN become blanks."""
+    """Write `case.json` and its one record; None and NaN become blanks."""
     name = RECORDS[sub]
     rows = zip(*(_cells(column) for column in columns.values()), strict=True)
     (folder / f"{name}.csv").write_text("\n".join([",".join(columns), *map(",".join, rows)]) + "\n")
@@ -66,7 +66,7 @@ def second_order(natural_hz: float, damping: float, delay_s: float = 0.0) -> Res
 
 
 def counted(angle_deg: Array) -> Array:
-    """What the encoder says."""
+    """Counts of the encoder."""
     return np.round(angle_deg / COUNT_DEG) * COUNT_DEG
 
 

@@ -20,7 +20,7 @@ RAMP_C_PER_S = 3 / 60
 
 
 def write_case(folder: Path, sub: str, settings: Mapping[str, Any], columns: Mapping[str, list[Any]]) -> Path:
-    """Writes `case.json` and its one record; None becomes a blank."""
+    """Write `case.json` and its one record; None becomes a blank."""
     name = {"static": "tumble", "dynamic": "ramp", "tilt": "tilt"}[sub]
     rows = zip(*columns.values(), strict=True)
     lines = [",".join(columns), *(",".join("" if v is None else f"{v}" for v in row) for row in rows)]

@@ -30,13 +30,13 @@ def found_in(
 
 
 def scatter_is_u(rows: np.ndarray) -> bool:
-    """Whether errors are as large as uncertainties say, in the root mean square over (n, 2)."""
+    """Return whether errors are as large as uncertainties say, in the root mean square over (n, 2)."""
     scatter, u = np.sqrt(np.mean(rows**2, axis=0))
     return bool(scatter == pytest.approx(u, rel=WITHIN))
 
 
 def would_be_seen(rows: np.ndarray) -> bool:
-    """Whether the same trial fails when all uncertainties are stated too large or too small."""
+    """Return whether the same trial fails when all uncertainties are stated too large or too small."""
     return not any(scatter_is_u(rows * (1.0, factor)) for factor in (1 - FAR, 1 + FAR))
 
 

@@ -57,7 +57,7 @@ Play = Callable[[Oracle, bytes, bytes], None]
 
 
 def talk(use: Callable[[LineExchange, Oracle], Awaitable[None]], play: Play | None = None, pace: Pace = PACE) -> None:
-    """Runs `use` in virtual time on an exchange with an oracle."""
+    """Run `use` in virtual time on an exchange with an oracle."""
 
     async def main() -> None:
         line, oracle = LineExchange("oracle", Proof(WHO, check_name), pace=pace), Oracle(play)
@@ -68,7 +68,7 @@ def talk(use: Callable[[LineExchange, Oracle], Awaitable[None]], play: Play | No
 
 
 def once(question: bytes, act: Callable[[Oracle, bytes], None]) -> Play:
-    """Plays `act` for the first time that a question comes, and the truth otherwise."""
+    """Play `act` for the first time that a question comes, and the truth otherwise."""
 
     def play(oracle: Oracle, asked: bytes, answer: bytes) -> None:
         if asked == question and oracle.heard.count(question) == 1:

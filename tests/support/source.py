@@ -50,7 +50,7 @@ class SourceRig:
         return make_driver(self._description, setup)
 
     def commands(self) -> list[bytes]:
-        """What was sent that is no question."""
+        """Received messages that are no queries."""
         heads = [line.partition(b";:SYST")[0].strip() for line in self.wire.requests]
         return [head for head in heads if b"?" not in head]
 

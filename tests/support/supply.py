@@ -57,7 +57,7 @@ class Supply:
         return self.world.units["a"].truth.supply_a
 
     def commands(self) -> list[bytes]:
-        """What was sent that is no question."""
+        """Received messages that are no queries."""
         return [line.partition(b";")[0].strip() for line in self.wire.requests if b"?" not in line.partition(b";")[0]]
 
 

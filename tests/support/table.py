@@ -35,7 +35,7 @@ class Turned:
 
     @property
     def angle_deg(self) -> float:
-        """Where it is, turns counted."""
+        """Angle over whole turns."""
         return self.world.axis.encoder_deg(self.world.now())
 
     @property
@@ -69,7 +69,7 @@ class Table(Turned):
         return driver
 
     def commands(self, *words: str) -> list[str]:
-        """What was sent that begins with one of the words, in order; all but questions without any."""
+        """Received messages that begin with one of the words, in order; without words all that are no queries."""
         lines = [line.decode().strip() for line in self.wire.requests]
         return [line for line in lines if (line.startswith(words) if words else "?" not in line)]
 

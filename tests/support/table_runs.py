@@ -17,7 +17,7 @@ TICKS = 1000
 
 
 def acquired(charge, angle_deg, *, motion=None, lost=(), bits=24, first=0, residue=0.3, ticks=TICKS):
-    """What a counter and an encoder make of a charge in pulses and an angle, both at the latches (n,)."""
+    """Output of a counter and an encoder for a charge in pulses and an angle, both at the latches (n,)."""
     latch = np.arange(len(charge))
     positive, negative = Integrator(residue, first, 0).count_through_turns(np.diff(charge, prepend=charge[0]))
     position = np.floor(angle_deg / COUNT_DEG).astype(np.int64)
@@ -36,7 +36,7 @@ READ = replace(UNIT, channel="", voltmeter="dvm")
 
 
 def sent(values, angle_deg, *, motion=None, lost=(), averaged=True, beside=False, step=1.0):
-    """Samples (n,) that a unit sends, rounded to steps, and an encoder latched at their ends: or on another clock."""
+    """Sample (n,) that a unit sends, rounded to steps, and an encoder latched at their ends: or on another clock."""
     number = np.arange(len(values))
     kept = np.array([each not in lost for each in number])
     number = number[kept]
@@ -54,7 +54,7 @@ def sent(values, angle_deg, *, motion=None, lost=(), averaged=True, beside=False
 
 
 def read(at_s, volts, angle_deg, *, motion=None):
-    """What a voltmeter read, and an encoder with a clock of its own, latched at TIME_S."""
+    """Readings of a voltmeter, and an encoder with a clock of its own, latched at TIME_S."""
     number = np.arange(len(TIME_S))
     position = np.floor(angle_deg / COUNT_DEG).astype(np.int64)
     encoder = Positions(number, number * TICKS, position % 2**32, 32, 32, 1e-6, COUNT_DEG, host_s=TIME_S * (1 + 2e-5))

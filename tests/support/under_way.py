@@ -28,13 +28,13 @@ class UnderWay:
         return self.process.returncode, said
 
     def begun(self, step: str) -> bool:
-        """Whether a step with this in its id has begun, as far as the disk knows."""
+        """Return whether a step with this in its id has begun, as far as the disk knows."""
         with RunReader(self.path) as reader:
             return any(step in event.step for event in reader.events("step_begins"))
 
 
 def wait_until(condition: Callable[[], bool], limit_s: float = 30.0) -> None:
-    """Returns when the condition is true; AssertionError when it is not in time."""
+    """Return when the condition is true; AssertionError when it is not in time."""
     end_s = time.monotonic() + limit_s
     while not condition():
         if time.monotonic() > end_s:
@@ -46,7 +46,7 @@ def wait_until(condition: Callable[[], bool], limit_s: float = 30.0) -> None:
 def bench_run(
     runs: Path, *arguments: str, bench: str = "simulated", program: Sequence[str] = ("-m", "bench")
 ) -> Iterator[UnderWay]:
-    """Starts a run in a process group of its own; inside it takes commands, and afterwards it is gone."""
+    """Start a run in a process group of its own; inside it takes commands, and afterwards it is gone."""
     process = subprocess.Popen(
         [sys.executable, *program, "run", *arguments, "--bench", bench, "--runs", str(runs)],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=ROOT,

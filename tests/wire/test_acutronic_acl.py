@@ -112,7 +112,9 @@ def test_what_follows_an_answer_is_not_part_of_it() -> None:
 
 def test_the_other_byte_order_is_noticed_at_once() -> None:
     assert wire.whole_answer(OK, "big") == (10, 10)
-    with pytest.raises(ValueError, match=r"its prefix says 33554432 bytes, 2 came; is byte_order of the bench file"):
+    with pytest.raises(
+        ValueError, match=r"the prefix states 33554432 bytes, 2 were received; is byte_order of the bench file"
+    ):
         wire.read_reply(OK, "big")
 
 

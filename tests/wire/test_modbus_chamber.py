@@ -80,7 +80,7 @@ def test_what_does_not_fit_is_an_error_and_not_another_number(kind: ValueType, v
 
 
 def test_a_float_that_is_not_finite_is_no_number() -> None:
-    with pytest.raises(ValueError, match="not a number"):
+    with pytest.raises(ValueError, match="not a finite number"):
         ValueFormat("float32", word_order="low_first").value((0x0000, 0x7FC0))
 
 
@@ -89,13 +89,13 @@ def test_a_float_that_is_not_finite_is_no_number() -> None:
     [
         ("04 00 00 00 01", "04 02 00 fd"),  # the process value, an input register: 25.3
         ("03 00 00 00 01", "03 02 12 67"),  # the holding register of the same number: the model code
-        ("03 00 66 00 02", "03 04 66 66 41 ca"),  # set point in force, 25.3, low word first
+        ("03 00 66 00 02", "03 04 66 66 41 ca"),  # active set point, 25.3, low word first
         ("03 00 6e 00 02", "03 04 fd 44 07 08"),  # set points from -70.0 to 180.0
         ("03 00 78 00 01", "03 02 00 01"),  # the set point decides
         ("06 00 78 00 02", "06 00 78 00 02"),
         ("10 00 64 00 02 04 00 00 c2 20", "10 00 64 00 02"),
         ("03 00 65 00 04", "83 02"),  # two values, and a register that is not there
-        ("10 00 66 00 02 04 00 00 c2 20", "90 02"),  # the set point in force is only read
+        ("10 00 66 00 02 04 00 00 c2 20", "90 02"),  # the active set point is only read
         ("10 00 64 00 02 04 00 00 43 fa", "90 03"),  # 500 °C is beyond the limits
         ("10 00 64 00 02 04 00 00 7f c0", "90 03"),  # not a number
         ("06 00 64 00 00", "86 03"),  # half a set point

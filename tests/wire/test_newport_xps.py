@@ -83,7 +83,7 @@ def test_an_answer_is_a_number_and_what_was_asked_for(answer: bytes, reply: Repl
 
 @pytest.mark.parametrize("answer", [b"", b"0", b",0", b"ok,", b"0.5,1", b" 0,1"])
 def test_other_answers_are_none(answer: bytes) -> None:
-    with pytest.raises(ValueError, match="no number"):
+    with pytest.raises(ValueError, match="no error number"):
         wire.read_reply(answer)
 
 

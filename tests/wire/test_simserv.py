@@ -84,7 +84,7 @@ def test_anything_else_is_no_answer(read, line: bytes) -> None:
 def test_a_refusal_says_why() -> None:
     read = wire.unless_refused(wire.number)
     assert isinstance(read(b"-5"), Refusal)
-    assert str(read(b"-5")) == "-5, a function that it does not know"
+    assert str(read(b"-5")) == "-5, unknown function"
     assert str(read(b"-77")) == "-77"
 
 

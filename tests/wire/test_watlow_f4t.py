@@ -72,7 +72,7 @@ def test_floats_have_their_low_word_first_by_default(value: float, words: tuple[
 def test_every_pair_of_words_is_a_finite_number_or_an_error(first: int, second: int, form: LoopFormat) -> None:
     high = second if form is LOW_FIRST else first
     if high & 0x7F80 == 0x7F80:  # all ones in the exponent: infinity or NaN
-        with pytest.raises(ValueError, match="not a number"):
+        with pytest.raises(ValueError, match="not a finite number"):
             form.value((first, second))
     else:
         assert form.words(form.value((first, second))) == (first, second)
@@ -80,7 +80,7 @@ def test_every_pair_of_words_is_a_finite_number_or_an_error(first: int, second: 
 
 @pytest.mark.parametrize("words", [(0x0000, 0x7F80), (0x0000, 0xFF80), (0x0000, 0x7FC0), (0x0001, 0x7F80)])
 def test_infinity_and_nan_are_no_temperatures(words: tuple[int, int]) -> None:
-    with pytest.raises(ValueError, match=r"(inf|nan) is not a number"):
+    with pytest.raises(ValueError, match=r"(inf|nan) is not a finite number"):
         LOW_FIRST.value(words)
 
 
@@ -186,7 +186,7 @@ def test_a_ramp_per_hour_is_sixty_times_slower(f4t: SimulatedF4T, clock: Clock, 
         ("00 06 01 04 0a de 00 02", "84 01"),  # input registers are no function of this controller
         ("00 06 01 03 00 00 00 01", "83 02"),  # no such register
         ("00 06 01 03 0b 04 00 04", "83 02"),  # begins in the process value and ends behind it
-        ("00 0b 01 10 0a fa 00 02 04 00 00 41 c8", "90 02"),  # the set point in force is only read
+        ("00 0b 01 10 0a fa 00 02 04 00 00 41 c8", "90 02"),  # the active set point is only read
         ("00 06 01 06 0a df 41 c8", "86 02"),  # the upper half of the set point
         ("00 0b 01 10 0a de 00 02 04 00 00 43 fa", "90 03"),  # 500 °C is beyond the set-point limits
         ("00 0b 01 10 0a de 00 02 04 00 00 7f c0", "90 03"),  # not a number

@@ -24,7 +24,7 @@ from drivers.values import Identity
 T = TypeVar("T")
 
 ANSWER_S = 1.0  # 2 ms as a rule
-INTERLOCK_STEP_S = 0.25  # what start-up scripts of others leave between two steps
+INTERLOCK_STEP_S = 0.25  # pause between two steps in start-up scripts of third parties
 SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
 _DRIVES = {Interlock.CLOSED: Drive.ON, Interlock.OPEN: Drive.OFF, Interlock.FAULT: Drive.FAULT}
 _INTERLOCKS = {drive: interlock.value for interlock, drive in _DRIVES.items()}
@@ -56,28 +56,28 @@ class AclAxis:
         )  # fmt: skip
 
     async def open(self) -> None:
-        """Connects and identifies; raises CannotConnect or WrongIdentity."""
+        """Connect and identify; raises CannotConnect or WrongIdentity."""
         await self._dialogue.open()
 
     async def reopen(self) -> None:
-        """Connects and identifies again if the wire was lost; else nothing."""
+        """Connect and identify again if the wire was lost; else nothing."""
         await self._dialogue.reopen()
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
         self._dialogue.close()
 
     async def identify(self) -> Identity:
-        """Who is there now; raises WrongIdentity when it is not who was there before."""
+        """Query the identity; raises WrongIdentity if it has changed."""
         return await self._dialogue.ask(wire.ASK_IDENTITY.encode(), self._recognise)
 
     async def look(self) -> State:
-        """What the axis does now, its angle over whole turns."""
+        """State of the axis, its angle over whole turns."""
         state = await self._ask(wire.ask_state(self._number), _read_state)
         return self._turns.count(asyncio.get_running_loop().time(), state)
 
     async def check_fault(self, state: State, sent: str = "") -> None:
-        """Raises InstrumentFault when the interlock has a fault, with its reasons; `sent` met it."""
+        """Raise InstrumentFault with its reasons if the interlock has a fault; `sent` is the command that met it."""
         if state.drive is not Drive.FAULT:
             return
         reasons = await self._ask(wire.ask_faults(self._number), wire.read_faults)
@@ -87,10 +87,10 @@ class AclAxis:
         )  # fmt: skip
 
     async def make_ready(self) -> State:
-        """Takes control and energises the drive, unless that is so already; what the axis then does.
+        """Take control and energise the drive, unless that is so already; return the state after it.
 
-        Raises InstrumentFault when a fault is latched: resetting it is for a person at the controller; Refused when
-        the drive stays off.
+        Raises InstrumentFault when a fault is latched: a person at the controller has to reset it; Refused when the
+        drive stays off.
         """
         state = await self.look()
         await self.check_fault(state)
@@ -112,13 +112,13 @@ class AclAxis:
         return state
 
     async def give_back(self) -> None:
-        """Unlocks the front panel and other interfaces, if this session used the table."""
+        """Unlock the front panel and other interfaces, if this session used the table."""
         if self._locked_out:
             self._locked_out = False
             await self._set(*wire.lock_out(False))
 
     async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:
-        """Set the limits of a mode."""
+        """Set the motion limits of a mode."""
         await self._set(*wire.limit(_OWN_MODES[mode], self._number, rate_dps, acceleration_dps2))
 
     async def demand_here(self, mode: Mode, angle_deg: float) -> None:
@@ -138,11 +138,11 @@ class AclAxis:
         await self._order(wire.enter(_OWN_MODES[mode], self._number))
 
     async def go(self, angle_deg: float) -> None:
-        """Demands an angle, within a turn of an axis without ends."""
+        """Demand an angle, within a turn of an axis without ends."""
         await self._order(self._demand_position(angle_deg))
 
     async def turn(self, rate_dps: float) -> None:
-        """Demands a rate."""
+        """Demand a rate."""
         await self._order(wire.demand_rate(self._number, rate_dps))
 
     async def stop(self) -> None:
@@ -162,16 +162,16 @@ class AclAxis:
             await self._accepted(command, await self._dialogue.ask_once(command.encode(), self._read_reply))
 
     async def _order(self, command: str) -> None:
-        """Sends what moves or energises, once; raises InstrumentFault or Refused when the answer is an error.
+        """Send, once, a command that moves or energises; raises InstrumentFault or Refused if the answer is an error.
 
-        Returns as well when the answer is missing or garbled: what the caller reads back decides.
+        Also returns if the answer is missing or garbled: the caller decides by reading back.
         """
         reply = await self._dialogue.order(command.encode(), self._read_reply)
         if reply is not None:
             await self._accepted(command, reply)
 
     async def _ask(self, question: str, read: Callable[[str], T]) -> T:
-        """What `read` makes of an answer; raises Refused when it is an error."""
+        """Query and decode with `read`; raises Refused if the answer is an error."""
 
         def read_text(answer: bytes) -> T | Reply:
             reply = self._read_reply(answer)
@@ -197,7 +197,7 @@ class AclAxis:
         )  # fmt: skip
 
     def _recognise(self, answer: bytes) -> Identity:
-        """Reads an identity and compares it with the bench file and with who was there before."""
+        """Decode an identity and compare it with the bench file and with that of earlier connections."""
         found = wire.read_identity(self._read_reply(answer).text)
         if not found.verified:
             found = found._replace(serial=self._pin.serial or "")
@@ -206,7 +206,7 @@ class AclAxis:
 
 @lru_cache(maxsize=64)  # an axis at rest keeps the same state
 def _read_state(text: str) -> State:
-    """The state from the controller's answer, whose words name its mode; ValueError."""
+    """Decode the state; ValueError for an unknown mode."""
     told = wire.read_state(text)
     mode = _MODES.get(told.mode, Mode.OTHER)
     return State(
@@ -220,7 +220,7 @@ def _read_state(text: str) -> State:
 class AcutronicAcl(Table):
     """A Positioner and a RateTable.
 
-    It locks out the front panel while it uses the table, and releases it at the end.
+    The front panel is locked out while the driver uses the table, and released at the end.
     """
 
     def __init__(self, setup: Setup[AclOptions, TableLimits, Nothing]) -> None:

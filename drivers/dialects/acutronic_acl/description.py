@@ -15,10 +15,10 @@ from drivers.schema.fields import WholeNumber
 
 
 class AclOptions(TableOptions):
-    """How the axis is moved."""
+    """Motion settings of the axis."""
 
-    axis: Annotated[WholeNumber, Field(ge=1, le=9)] = Field(1, description="its number at the controller")
-    byte_order: ByteOrder = Field("little", description="of the two numbers in front of every answer")
+    axis: Annotated[WholeNumber, Field(ge=1, le=9)] = Field(1, description="number of the axis at the controller")
+    byte_order: ByteOrder = Field("little", description="byte order of the two numbers in front of every answer")
 
 
 DESCRIPTION = DriverDescription(

@@ -1,4 +1,4 @@
-"""How an Acutrol3000 is known: by *IDN?, whose answer has two numbers in front."""
+"""Recognition of an Acutrol3000 by *IDN?, whose answer has two numbers in front."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ STARTER: Blocks = {
 
 
 async def ask(port: Port) -> Found:
-    """A controller, with the order of the bytes that it uses."""
+    """Recognise a controller, and the byte order of its length prefix."""
     answer = await port.ask(IDN)
     orders: tuple[ByteOrder, ...] = get_args(ByteOrder)
     for order in orders:
         with suppress(ValueError):
             identity = wire.read_identity(wire.read_reply(answer, order).text)
             return Found(identity, {"options": {"byte_order": order}})
-    raise ValueError("no numbers in front")
+    raise ValueError("no length prefix")
 
 
 RECOGNITION = Recognition(SCPI, ask, starter=STARTER)

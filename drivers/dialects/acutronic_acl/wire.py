@@ -1,7 +1,7 @@
 """ACL messages of an Acutrol3000 in both directions: lines out, length-prefixed answers back.
 
-After the maker's TM-8004 (ACL), TM-9384 (TCP/IP) and TM-9385 (interlocks). They leave open in what order the bytes of
-the prefix come, how registers are spelled (read here as decimal numbers), and what the error codes mean.
+Sources: the maker's TM-8004 (ACL), TM-9384 (TCP/IP) and TM-9385 (interlocks). They do not specify the byte order of the
+prefix, the format of registers (decoded here as decimal numbers), and the meaning of the error codes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NOT_TOLD = "0"  # IEEE 488.2 10.14.3: reported by an instrument that does not kn
 
 
 class Mode(Enum):
-    """What the servo of an axis follows; ACL knows each by its initial, too."""
+    """Servo modes of an axis; ACL also accepts their initials."""
 
     OFF = "Off"
     POSITION = "Position"
@@ -35,7 +35,7 @@ class Mode(Enum):
 
 
 class Interlock(Enum):
-    """Whether the drive of an axis is energised; a fault stays until it is reset."""
+    """Interlock of the drive of an axis; a fault stays until it is reset."""
 
     CLOSED = "Close"
     OPEN = "Open"
@@ -43,7 +43,7 @@ class Interlock(Enum):
 
 
 class Dynamics(IntFlag):
-    """Bits of A(n)DYN that are used here."""
+    """Used bits of A(n)DYN."""
 
     POSITION_COMPLETE = 1 << 8
     RATE_COMPLETE = 1 << 9
@@ -52,7 +52,7 @@ class Dynamics(IntFlag):
 
 
 class Supervisor(IntFlag):
-    """Bits of SUP0 that are used here: who is locked out."""
+    """Used bits of SUP0: lock-outs."""
 
     LOCKOUT = 1 << 2
     REMOTE_LOCKOUT = 1 << 3
@@ -101,7 +101,7 @@ class Reply(NamedTuple):
 
 
 class State(NamedTuple):
-    """State of an axis, from one servo frame: °, °/s, and its motion."""
+    """State of an axis, from one servo frame: °, °/s, and motion."""
 
     angle_deg: float
     rate_dps: float
@@ -111,54 +111,54 @@ class State(NamedTuple):
     supervisor: Supervisor
 
 
-# What a driver sends
+# Messages and decoding of the driver
 
 
 def enter(mode: Mode, axis: int) -> str:
-    """Make the servo follow the demand of a mode; OFF is the controlled stop: the servo holds rate zero."""
+    """Command: follow the demand of a mode; OFF is the controlled stop, in which the servo holds rate zero."""
     return f":MODE:{mode.value.upper()} {axis}"
 
 
 def limit(mode: Mode, axis: int, rate_dps: float, acceleration_dps2: float) -> tuple[str, str]:
-    """How fast a mode moves the axis, and how fast it changes its rate."""
+    """Command: limit rate and acceleration of a mode."""
     place = f"{mode.value[0]},{axis}"
     return f":LIM:RATE {place},{_decimal(rate_dps)}", f":LIM:ACC {place},{_decimal(acceleration_dps2)}"
 
 
 def demand_position(axis: int, angle_deg: float) -> str:
-    """Where POSITION goes; an axis without ends takes the shorter way."""
+    """Command: target angle of POSITION; an axis without ends takes the shorter way."""
     return f":DEM:POS {axis},{_decimal(angle_deg)}"
 
 
 def demand_rate(axis: int, rate_dps: float) -> str:
-    """How fast RATE turns."""
+    """Command: rate of RATE."""
     return f":DEM:RATE {axis},{_decimal(rate_dps)}"
 
 
 def configure_sine(axis: int, amplitude_slew_dps: float, frequency_slew_hz_per_s: float) -> str:
-    """Has SYNTHESIS swing by angles, amplitude and frequency growing linearly from nothing."""
+    """Command: prepare SYNTHESIS, with amplitude and frequency growing linearly from zero."""
     slews = f"{_decimal(amplitude_slew_dps)},{_decimal(frequency_slew_hz_per_s)}"
     return f":CONFIG:OSC {axis},Enable,{slews},Pos,Lin"
 
 
 def demand_sine(axis: int, amplitude_deg: float, frequency_hz: float) -> str:
-    """How SYNTHESIS swings about the position that POSITION held, from phase 0."""
+    """Command: sine of SYNTHESIS about the angle held by POSITION, from phase 0."""
     return f":DEM:OSC {axis},{_decimal(amplitude_deg)},{_decimal(frequency_hz)},0"
 
 
 def energise(axis: int) -> str:
-    """Closes the interlock of an axis; the controller refuses while a fault is latched."""
+    """Command: close the interlock of an axis; the controller refuses while a fault is latched."""
     return f":INTERLOCK:CLOSE {axis}"
 
 
 def lock_out(locked: bool) -> tuple[str, str]:
-    """Takes control from the front panel and from other interfaces, or releases it."""
+    """Command: lock out the front panel and other interfaces, or release them."""
     word = "ON" if locked else "OFF"
     return f":UTIL:LOCKOUT {word}", f":UTIL:REMOTELOCKOUT {word}"
 
 
 def ask_state(axis: int) -> str:
-    """Everything of a State, in one message."""
+    """Query of all fields of a State, in one message."""
     return f":READ:POS? {axis};RATE? {axis};:INTERLOCK? {axis};:MODE? {axis};:STAT:CSR? A{axis}DYN;CSR? SUP0"
 
 
@@ -167,13 +167,13 @@ def ask_faults(axis: int) -> str:
     return f":STAT:CSR? A{axis}SWFAULT;CSR? A{axis}INTLK"
 
 
-# How it reads the answers
+# Decoding of answers
 
 
 def whole_answer(received: bytes | bytearray, order: ByteOrder) -> tuple[int, int] | None:
-    """The length of the first whole answer, prefix and text, twice; None until it is there.
+    """Length of the first complete answer, prefix and text, twice; None until it is complete.
 
-    A length that cannot be one is no reason to wait: what is there is then the answer, for `read_reply` to refuse.
+    For an invalid length all received bytes are the answer, which `read_reply` rejects.
     """
     if len(received) < PREFIX_BYTES:
         return None
@@ -183,18 +183,20 @@ def whole_answer(received: bytes | bytearray, order: ByteOrder) -> tuple[int, in
 
 
 def read_reply(answer: bytes, order: ByteOrder) -> Reply:
-    """The parts of an answer; ValueError if its length differs from the stated one."""
+    """Decode an answer; ValueError if its length differs from the stated one."""
     text = answer[PREFIX_BYTES:]
     if len(text) != (stated := _text_length(answer, order)):
-        raise ValueError(f"its prefix says {stated} bytes, {len(text)} came; is byte_order of the bench file right?")
+        raise ValueError(
+            f"the prefix states {stated} bytes, {len(text)} were received; is byte_order of the bench file right?"
+        )
     code = int.from_bytes(answer[:4], order, signed=True)
     return Reply(code, text.decode("ascii").rstrip("\r\n"))
 
 
 def read_identity(text: str) -> Identity:
-    """Who answers: `Acutronic R&D USA,Acutrol3000,0,A8800-…`; ValueError when it is no Acutrol.
+    """Decode an identity such as `Acutronic R&D USA,Acutrol3000,0,A8800-…`; ValueError if it is no Acutrol.
 
-    The serial number is unverified if the controller reports 0, that is, unknown.
+    The serial number is unverified if the controller reports 0, which means unknown.
     """
     found = scpi.identity(text.encode("ascii"))
     if not found.model.lower().startswith("acutrol"):
@@ -207,7 +209,7 @@ def read_identity(text: str) -> Identity:
 
 
 def read_state(text: str) -> State:
-    """What `ask_state` asked for; ValueError."""
+    """Decode the answer to `ask_state`; ValueError."""
     angle, rate, interlock, mode, dynamics, supervisor = scpi.answers(text.encode("ascii"), 6)
     return State(
         scpi.number(angle), scpi.number(rate), spelled(interlock, Interlock), spelled(mode, Mode),
@@ -216,7 +218,7 @@ def read_state(text: str) -> State:
 
 
 def read_faults(text: str) -> str:
-    """What `ask_faults` asked for, in words like "rate trip, master interlock"; ValueError."""
+    """Decode the answer to `ask_faults` into text like "rate trip, master interlock"; ValueError."""
     software, inputs = (scpi.integer(part) for part in scpi.answers(text.encode("ascii"), 2))
     names = [name for name, bits in SoftwareFault.__members__.items() if bits & software]
     names += [name for name, bits in InterlockInput.__members__.items() if bits & inputs]
@@ -225,7 +227,7 @@ def read_faults(text: str) -> str:
 
 @lru_cache(maxsize=256)
 def spelled(text: str, words: type[E]) -> E:
-    """The member that is spelled so, in full or cut short, in any case; ValueError."""
+    """Member with this name, in full or abbreviated, in any case; ValueError."""
     for word in words:
         if text and word.value.upper().startswith(text.upper()):
             return word
@@ -236,7 +238,7 @@ def spelled(text: str, words: type[E]) -> E:
 
 
 def render(reply: Reply, order: ByteOrder) -> bytes:
-    """An answer as the controller sends it."""
+    """Encode an answer as the controller sends it."""
     text = reply.text.encode("ascii")
     return reply.code.to_bytes(4, order, signed=True) + len(text).to_bytes(4, order) + text
 
@@ -246,5 +248,5 @@ def _text_length(answer: bytes | bytearray, order: ByteOrder) -> int:
 
 
 def _decimal(value: float) -> str:
-    """A plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
+    """Format as a plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
     return f"{round(value, 6) + 0.0:.6f}".rstrip("0").rstrip(".")

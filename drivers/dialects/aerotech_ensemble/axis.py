@@ -1,4 +1,4 @@
-"""The conversation about one axis with an Ensemble controller: questions, commands, and what its answers mean."""
+"""Dialogue about one axis with an Ensemble controller: queries, commands and the evaluation of answers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class EnsembleAxis:
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
     """
 
-    limits: OwnLimits | None = None  # it tells none
+    limits: OwnLimits | None = None  # the controller does not report it
 
     def __init__(self, setup: Setup[EnsembleOptions, HeadLimits, Nothing]) -> None:
         self._device, self._name, self._stated = setup.name, setup.options.axis, setup.identity
@@ -41,19 +41,19 @@ class EnsembleAxis:
         self.takes = self._dialogue.takes
 
     async def open(self) -> None:
-        """Connects and takes the fingerprint; raises CannotConnect, or WrongIdentity when it is not the first one."""
+        """Connect and read the fingerprint; raises CannotConnect, or WrongIdentity if it is not the first one."""
         await self._dialogue.open()
 
     async def reopen(self) -> None:
-        """Connects again if the wire was lost; else nothing."""
+        """Connect again if the wire was lost; else nothing."""
         await self._dialogue.reopen()
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
         self._dialogue.close()
 
     async def identify(self) -> Identity:
-        """The names stated in the bench file, because the controller has none, and the fingerprint that it reports.
+        """Names stated in the bench file, because the controller has none, and the fingerprint that it reports.
 
         Raises WrongIdentity when the fingerprint has changed.
         """
@@ -65,12 +65,12 @@ class EnsembleAxis:
         )  # fmt: skip
 
     async def angle(self) -> Reading:
-        """The encoder's angle (°)."""
+        """Encoder angle (°)."""
         angle_deg = await self._ask(wire.ask_feedback(self._name), wire.read_angle)
         return Reading(asyncio.get_running_loop().time(), angle_deg)
 
     async def state(self) -> AxisState:
-        """The status bits."""
+        """Status bits."""
         status = await self._ask(wire.ask_status(self._name), wire.read_status)
         return AxisState(
             homed=AxisStatus.HOMED in status,
@@ -80,7 +80,7 @@ class EnsembleAxis:
         )
 
     async def check_faults(self, sent: str = "") -> None:
-        """Raises InstrumentFault with the names of the faults there are; `sent` is the command that met them."""
+        """Raise InstrumentFault with the names of the present faults; `sent` is the command that met them."""
         faults = await self._ask(wire.ask_fault(self._name), wire.read_fault)
         if faults:
             raise InstrumentFault(
@@ -100,18 +100,18 @@ class EnsembleAxis:
             )  # fmt: skip
 
     async def prepare(self, rate_dps: float) -> None:
-        """Nothing: the rate is sent with each move."""
+        """Do nothing: the rate is sent with each move."""
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
-        """Sends the axis to an angle, once.
+        """Start a move to an angle, sent once.
 
-        Returns when the controller has accepted the move, or has done it, or within `answer_s` when the answer is
-        missing: the feedback decides. Raises Refused, InstrumentFault.
+        Returns when the controller has accepted or finished the move, or after `answer_s` if the answer is missing: the
+        caller decides by the feedback. Raises Refused, InstrumentFault.
         """
         await self._order(wire.move_absolute(self._name, angle_deg, rate_dps), answer_s=answer_s)
 
     async def abort(self) -> None:
-        """Make the axis decelerate and hold."""
+        """Decelerate and hold."""
         await self._order(wire.abort(self._name))
 
     def abort_at_once(self) -> None:
@@ -119,14 +119,15 @@ class EnsembleAxis:
         self._dialogue.line.cut_in(wire.abort(self._name).encode())
 
     async def _do_not_wait(self) -> None:
-        """Has moves answered when they are accepted.
+        """Set moves to be acknowledged when they are accepted.
 
-        A controller that does not know this answers them when they are done; a move's deadline allows for that.
+        A controller without this setting acknowledges moves when they are finished; the time limit of a move allows for
+        that.
         """
         await self._dialogue.order(wire.NO_WAIT.encode(), wire.read_reply)
 
     async def _ask(self, question: str, read: Callable[[str], T]) -> T:
-        """What `read` makes of the data of an answer; raises Refused when there is none."""
+        """Query and decode the data with `read`; raises Refused if the answer has none."""
 
         def read_data(line: bytes) -> T | Reply:
             reply = wire.read_reply(line)
@@ -140,7 +141,7 @@ class EnsembleAxis:
     async def _order(self, command: str, *, answer_s: float = ANSWER_S) -> None:
         """Send a command once; raises InstrumentFault or Refused if the answer shows that it was not executed."""
         reply = await self._dialogue.order(command.encode(), wire.read_reply, answer_s=answer_s)
-        # A controller may stop waiting for a move ($) that goes on.
+        # A controller may answer a move with a timeout ($) although it continues.
         if reply is not None and reply.outcome not in (Outcome.DONE, Outcome.TIMEOUT):
             await self.check_faults(command)
             raise self._refusal(command, reply)
@@ -148,7 +149,7 @@ class EnsembleAxis:
     def _refusal(self, sent: str, reply: Reply) -> Refused:
         words = {
             Outcome.INVALID: "the controller refused a command as invalid",
-            Outcome.FAULT: "the controller could not carry out a command",
+            Outcome.FAULT: "the controller could not execute a command",
             Outcome.TIMEOUT: "a command timed out inside the controller",
         }
         return Refused(

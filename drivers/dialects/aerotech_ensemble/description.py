@@ -14,10 +14,10 @@ from drivers.schema.fields import TextLike
 
 
 class EnsembleOptions(HeadOptions):
-    """How the axis is moved; from `rate` and `acceleration` follows how long a move may take."""
+    """Motion settings of the axis; the time limit of a move follows from `rate` and `acceleration`."""
 
     axis: Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_]{0,15}", "the name of an axis such as X")] = Field(
-        "X", description="as the controller calls it"
+        "X", description="name of the axis at the controller"
     )
 
 

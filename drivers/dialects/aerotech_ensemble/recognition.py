@@ -1,4 +1,4 @@
-"""How an Ensemble is known: by the status of its axis X, which is a number behind a percent sign."""
+"""Recognition of an Ensemble by the status of its axis X: a number behind a percent sign."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ AXIS = "X"  # the default name of an axis
 
 
 async def ask(port: Port) -> Found:
-    """A controller that has an axis X."""
+    """Recognise a controller that has an axis X."""
     reply = wire.read_reply(text_of(await port.ask(f"{wire.ask_status(AXIS)}\n".encode())).encode())
     if reply.outcome is not Outcome.DONE:
         raise ValueError("no status of an axis")

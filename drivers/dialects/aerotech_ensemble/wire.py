@@ -1,8 +1,8 @@
 """Aerotech Ensemble ASCII lines in both directions, without their line ends.
 
-A command is a line; its answer is one status character, and data. Wire facts are those that drivers of
-others agree on (the Tango server tiagocoutinho/aerotech, ESRF's BLISS, EPICS motorAerotech): no maker's manual was
-read. `PFBK X` and `PFBK(X)` are the same question; the first is what we send.
+A command is a line; its answer is one status character, and data. Source: the common behaviour of third-party drivers
+(the Tango server tiagocoutinho/aerotech, ESRF's BLISS, EPICS motorAerotech), not a manual of the maker. `PFBK X` and
+`PFBK(X)` are the same query; this module sends the first.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ import re
 from enum import Enum, IntFlag
 from typing import NamedTuple
 
-NO_WAIT = "WAIT MODE NOWAIT"  # a move is answered when it is accepted, not when it is done (BLISS, EPICS)
-FINGERPRINT_PARAMETER = "CountsPerUnit"  # EPICS and BLISS read it by number, the Tango server reads others by name
+NO_WAIT = "WAIT MODE NOWAIT"  # a move is acknowledged when it is accepted, not when it is finished (BLISS, EPICS)
+FINGERPRINT_PARAMETER = (
+    "CountsPerUnit"  # EPICS and BLISS address it by number, the Tango server addresses others by name
+)
 
 
 class Outcome(Enum):
-    """The first character of an answer."""
+    """Status character of an answer."""
 
     DONE = "%"
     INVALID = "!"
@@ -26,7 +28,7 @@ class Outcome(Enum):
 
 
 class Reply(NamedTuple):
-    """An answer: how the command went, and the data of a question."""
+    """An answer: status, and data of a query."""
 
     outcome: Outcome
     data: str = ""
@@ -36,7 +38,7 @@ class Reply(NamedTuple):
 
 
 class AxisStatus(IntFlag):
-    """Bits of AXISSTATUS that are used here."""
+    """Used bits of AXISSTATUS."""
 
     ENABLED = 1 << 0
     HOMED = 1 << 1
@@ -71,46 +73,46 @@ class AxisFault(IntFlag):
     MARKER = 1 << 23
 
 
-# What a driver sends, and how it reads the answers
+# Messages and decoding of the driver
 
 
 def enable(axis: str) -> str:
-    """Closes the servo loop: energises the motor."""
+    """Command: enable the servo and energise the motor."""
     return f"ENABLE {axis}"
 
 
 def move_absolute(axis: str, angle_deg: float, rate_dps: float) -> str:
-    """Goes to an angle at a rate; drivers of others write the rate as F5 or, for axis X alone, as XF5."""
+    """Command: move to an angle at a rate; other drivers write the rate as F5 or, for axis X alone, as XF5."""
     return f"MOVEABS {axis} {_decimal(angle_deg)} F{_decimal(rate_dps).removesuffix('.0')}"
 
 
 def abort(axis: str) -> str:
-    """Decelerates and holds."""
+    """Command: decelerate and hold."""
     return f"ABORT {axis}"
 
 
 def ask_feedback(axis: str) -> str:
-    """Where the encoder is, °."""
+    """Query of the encoder angle, °."""
     return f"PFBK {axis}"
 
 
 def ask_status(axis: str) -> str:
-    """The AxisStatus bits."""
+    """Query of the AxisStatus bits."""
     return f"AXISSTATUS {axis}"
 
 
 def ask_fault(axis: str) -> str:
-    """The AxisFault bits."""
+    """Query of the AxisFault bits."""
     return f"AXISFAULT {axis}"
 
 
 def ask_fingerprint(axis: str) -> str:
-    """A parameter of the axis that nothing else answers alike."""
+    """Query of an axis parameter whose answer cannot be mistaken for another."""
     return f"GETPARM({axis}, {FINGERPRINT_PARAMETER})"
 
 
 def read_reply(line: bytes) -> Reply:
-    """An answer; ValueError when it does not begin as answers do."""
+    """Decode an answer; ValueError for an unknown status character."""
     text = line.decode("ascii")
     return Reply(Outcome(text[:1]), text[1:])
 
@@ -120,10 +122,10 @@ _INTEGER = re.compile(r"[+-]?\d{1,10}", re.ASCII)
 
 
 def read_angle(data: str) -> float:
-    """An angle, °; ValueError.
+    """Decode an angle, °; ValueError.
 
-    A decimal comma is taken as such: controllers on a localised system send one, and since the answer is one number
-    without grouping, a single comma can mean nothing else.
+    A decimal comma is accepted: controllers on a localised system send one, and in a single number without grouping it
+    is unambiguous.
     """
     if not _ANGLE.fullmatch(data) or not math.isfinite(angle_deg := float(data.replace(",", "."))):
         raise ValueError(f"'{data}' is not an angle")
@@ -131,12 +133,12 @@ def read_angle(data: str) -> float:
 
 
 def read_status(data: str) -> AxisStatus:
-    """The AxisStatus bits out of a signed 32-bit number; ValueError."""
+    """Decode the AxisStatus bits of a signed 32-bit number; ValueError."""
     return AxisStatus(_bits(data) & _ALL_STATUS)
 
 
 def read_fault(data: str) -> AxisFault:
-    """The AxisFault bits out of a signed 32-bit number, unknown ones too; ValueError."""
+    """Decode the AxisFault bits of a signed 32-bit number, unknown ones too; ValueError."""
     return AxisFault(_bits(data))
 
 
@@ -150,7 +152,7 @@ def _bits(data: str) -> int:
 
 
 def name_faults(faults: AxisFault) -> str:
-    """Faults in words, like "emergency stop, over current"; unknown bits by number."""
+    """Names of faults, like "emergency stop, over current"; unknown bits by number."""
     names = [(fault.name or "").lower().replace("_", " ") for fault in AxisFault if fault in faults]
     unknown = int(faults) & ~sum(AxisFault)
     names += [f"bit {bit}" for bit in range(32) if unknown >> bit & 1]
@@ -158,7 +160,7 @@ def name_faults(faults: AxisFault) -> str:
 
 
 def _decimal(value: float) -> str:
-    """A plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
+    """Format as a plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
     whole, _, digits = f"{round(value, 6) + 0.0:.6f}".partition(".")
     return f"{whole}.{digits.rstrip('0') or '0'}"
 
@@ -167,7 +169,7 @@ def _decimal(value: float) -> str:
 
 
 class Command(NamedTuple):
-    """A command as a controller reads it: its word and its arguments, in capitals."""
+    """A command as parsed by a controller: word and arguments, in capitals."""
 
     word: str
     arguments: tuple[str, ...]
@@ -185,7 +187,7 @@ _MOVE = re.compile(r"(\w+) ([+-]?[\d.]+)(?: (?:\1)?F ?([\d.]+))?", re.ASCII)
 
 
 def parse_command(line: bytes) -> Command:
-    """A line with its word, and its arguments whether they are in parentheses or follow after a space; ValueError."""
+    """Parse a line into word and arguments, in parentheses or after a space; ValueError."""
     words = re.findall(r"[^\s(),]+", line.decode("ascii").upper())
     if not words:
         raise ValueError("an empty line")
@@ -193,7 +195,7 @@ def parse_command(line: bytes) -> Command:
 
 
 def parse_move(arguments: tuple[str, ...]) -> Move:
-    """The arguments of MOVEABS, like X 90.0 F5; ValueError."""
+    """Parse the arguments of MOVEABS, like X 90.0 F5; ValueError."""
     match = _MOVE.fullmatch(" ".join(arguments))
     if match is None:
         raise ValueError("not an axis, an angle and a rate")
@@ -201,10 +203,10 @@ def parse_move(arguments: tuple[str, ...]) -> Move:
 
 
 def render(reply: Reply) -> bytes:
-    """An answer as the controller sends it, with its line end."""
+    """Encode an answer with its line end."""
     return f"{reply}\n".encode("ascii")
 
 
 def signed(bits: int) -> str:
-    """32 bits as the controller writes them: a signed number."""
+    """Convert 32 bits to the signed number that controllers send."""
     return str(bits - (1 << 32) if bits >> 31 else bits)

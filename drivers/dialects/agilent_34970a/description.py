@@ -18,16 +18,18 @@ KINDS: Mapping[str, Kind] = {"tc": "TC", "rtd": "RTD", "frtd": "FRTD"}
 
 
 class SensorOptions(StrictModel):
-    """A sensor on a channel. A resistor on four wires takes a second channel, which cannot be named then."""
+    """A sensor on a channel. A four-wire resistor also occupies a second channel, which cannot be named then."""
 
-    channel: Annotated[WholeNumber, Field(ge=101, le=340)] = Field(description="the slot and the channel on its card")
+    channel: Annotated[WholeNumber, Field(ge=101, le=340)] = Field(description="slot and channel, such as 101")
     sensor: Literal["tc", "rtd", "frtd"] = Field(
         description="a thermocouple, or a resistor of 100 Ω on two wires or on four"
     )
     type: Literal["B", "E", "J", "K", "N", "R", "S", "T"] | None = Field(
-        None, description="of a thermocouple, which needs it"
+        None, description="type of a thermocouple, required for one"
     )
-    alpha: Literal[85, 91] = Field(85, description="of a resistor: 85 for 0.00385/K (IEC 60751), 91 for 0.00391/K")
+    alpha: Literal[85, 91] = Field(
+        85, description="curve of a resistor: 85 for 0.00385/K (IEC 60751), 91 for 0.00391/K"
+    )
 
     @model_validator(mode="after")
     def _type_of_a_thermocouple(self) -> Self:
@@ -37,7 +39,7 @@ class SensorOptions(StrictModel):
 
 
 class ScannerOptions(StrictModel):
-    """The sensors by the names of their readings."""
+    """Sensors, by the names of their readings."""
 
     channels: Annotated[dict[str, SensorOptions], NOT_EMPTY]
 
@@ -49,17 +51,17 @@ class ScannerOptions(StrictModel):
         return self
 
     def names(self) -> Mapping[int, str]:
-        """The names of the readings by channel, in the order of a scan."""
+        """Names of the readings by channel, in scan order."""
         return dict(sorted((sensor.channel, name) for name, sensor in self.channels.items()))
 
     def sensors(self) -> list[Sensor]:
-        """The sensors in the order of a scan."""
+        """Sensors in scan order."""
         found = (self.channels[name] for name in self.names().values())
         return [Sensor(each.channel, KINDS[each.sensor], each.type or str(each.alpha)) for each in found]
 
 
 def channels(options: ScannerOptions) -> Mapping[str, str]:
-    """A reading in °C for every name."""
+    """Channels: one reading in °C for every name."""
     return dict.fromkeys(options.channels, "°C")
 
 

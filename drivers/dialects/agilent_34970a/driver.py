@@ -1,4 +1,4 @@
-"""An Agilent 34970A or 34972A as thermometers: a scan of all sensors at every poll."""
+"""An Agilent 34970A or 34972A as thermometers: every poll scans all sensors."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity, Reading
 
 READ_BACK = ReadBack()
-_SCAN_S, _CHANNEL_S = 3.0, 0.6  # what a scan may take: its answer, and each sensor with its relay
+_SCAN_S, _CHANNEL_S = 3.0, 0.6  # time limit of a scan: its answer, and each sensor with its relay
 
 
 class Agilent34970A:
     """One scanner. Every poll reads the scan list, then scans once.
 
-    A changed scan list, sensor or unit, or a running scan of another master, is a fault; it is not corrected silently.
-    A sensor that is open or overloaded has no reading then.
+    A changed scan list, sensor or unit, or a running scan of another master, is a fault and is not corrected silently.
+    An open or overloaded sensor has no reading.
 
     Concurrency: polls are queued.
     """
@@ -37,7 +37,7 @@ class Agilent34970A:
         self._turn, self._note, self._begun_s = asyncio.Lock(), setup.note, 0.0
 
     async def __aenter__(self) -> Self:
-        """Connects, identifies, sets the scan up; raises CannotConnect, WrongIdentity, Refused."""
+        """Connect, identify and set up the scan; raises CannotConnect, WrongIdentity, Refused."""
         await self._link.open()
         try:
             await self._set_up()
@@ -47,11 +47,11 @@ class Agilent34970A:
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the wire; the scan list stays as it is."""
+        """Close the connection; the scan list remains."""
         self._link.close()
 
     async def identify(self) -> Identity:
-        """Who is there, with the cards in its slots as fingerprint; raises WrongIdentity.
+        """Query the identity, with the cards in the slots as fingerprint; raises WrongIdentity.
 
         A 34970A does not report its serial number: it is then the one stated in the bench file, unverified.
         """
@@ -61,18 +61,18 @@ class Agilent34970A:
         return found._replace(serial=serial, fingerprint=f"cards {', '.join(cards)}")
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """One scan: the readings (°C) by name, each with its time, none where a sensor is open or overloaded.
+        """Scan once; readings (°C) by name, each with its time, None if a sensor is open or overloaded.
 
-        Raises InstrumentFault when the scanner is not set up as it was or somebody else scans, BadAnswer when the scan
-        has other channels.
+        Raises InstrumentFault if the setup has changed or another master scans, BadAnswer if the scan has other
+        channels.
         """
         async with self._turn:
             state, wanted = await self._state(), wire.state_when(self._sensors)
             if state != wanted:
                 raise InstrumentFault(
-                    self.name, f"is no longer set up as it was, for a scan of {wire.listed(wanted.channels)}",
+                    self.name, f"its setup has changed; expected a scan of {wire.listed(wanted.channels)}",
                     received=_in_words(state),
-                    remedy="Look for a power failure, a front panel in use, or who else scans; then run again.",
+                    remedy="Look for a power failure, a front panel in use, or another master; then run again.",
                 )  # fmt: skip
             samples = await self._link.takes.agreed("a scan", self._scan, again=self._scanned, spell=_told)
         return {
@@ -83,10 +83,10 @@ class Agilent34970A:
         }
 
     async def make_safe(self) -> None:
-        """Nothing to do: a thermometer energises nothing."""
+        """Do nothing: a thermometer energises nothing."""
 
     async def _set_up(self) -> None:
-        """Sets the scan up, message by message, and reads all of it back; raises Refused."""
+        """Set up the scan, message by message, and read it back; raises Refused."""
         messages = wire.set_up(self._sensors)
         for message in [wire.REMOTE, *messages] if self._on_serial_line else messages:
             await self._link.write(message)
@@ -94,7 +94,7 @@ class Agilent34970A:
         state = await READ_BACK.until(self._state, lambda state: state == wanted)
         if state != wanted:
             raise Refused(
-                self.name, "a setting was not carried out", sent=messages[-1], received=_in_words(state),
+                self.name, "a setting was not executed", sent=messages[-1], received=_in_words(state),
                 remedy="Check the cards in its slots, and channels and sensors in the bench file.",
             )  # fmt: skip
         for sensor in self._sensors:
@@ -102,7 +102,7 @@ class Agilent34970A:
             if found != sensor.type:
                 raise Refused(
                     self.name, f"channel {sensor.channel} is not of type {sensor.type}", sent=question.decode(),
-                    received=found, remedy="Check its sensor in the bench file, and who else sets the scanner.",
+                    received=found, remedy="Check its sensor in the bench file, and for another master of the scanner.",
                 )  # fmt: skip
 
     async def _scan(self) -> list[wire.Sample]:
@@ -110,11 +110,11 @@ class Agilent34970A:
 
     async def _scan_once(self) -> list[wire.Sample]:
         patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
-        self._begun_s = asyncio.get_running_loop().time()  # its readings are timed from here
+        self._begun_s = asyncio.get_running_loop().time()  # reference of the times of its readings
         return await self._link.ask_once(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
 
     async def _scanned(self) -> list[wire.Sample]:
-        """The scan that was last, out of memory."""
+        """Read the last scan from memory."""
         return await self._link.ask(wire.SCANNED, self._read_scan)
 
     async def _state(self) -> wire.State:
@@ -128,7 +128,7 @@ class Agilent34970A:
 
 
 def _in_words(state: wire.State) -> str:
-    running = ", a scan under way" if state.scanning else ""
+    running = ", a scan running" if state.scanning else ""
     return f"{wire.listed(state.channels)} as {','.join(state.kinds)} in {','.join(state.units)}{running}"
 
 

@@ -1,4 +1,4 @@
-"""How an Agilent 34970A or 34972A is known."""
+"""Recognition of an Agilent 34970A or 34972A."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Agilent 34970A messages and answers: which sensors are scanned, and what they read.
+"""Agilent 34970A messages and answers: scan setup and readings.
 
-After excerpts of the user's guide, and sessions that other people published. An answer to FETC? has for each channel
-the reading with its unit, the seconds since the scan began, and the channel: `+2.12468981E+01 C,00000000.370,101`.
-The readings of a scan that INIT began stay in memory until the next one, and FETC? waits for its end; what READ? tells
-is in no memory.
+Sources: excerpts of the user's guide, and published sessions. An answer to FETC? has for each channel the reading with
+its unit, the seconds since the start of the scan, and the channel: `+2.12468981E+01 C,00000000.370,101`. The readings
+of a scan started by INIT stay in memory until the next one, and FETC? waits for its end; those of READ? are not stored.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from drivers.values import Identity
 
 Kind = Literal["TC", "RTD", "FRTD"]
 
-# Headers as a simulator matches them
+# Headers for the simulator
 CONFIGURE = "CONFigure:TEMPerature"
 SCAN = "ROUTe:SCAN"
 KIND = "[SENSe:]TEMPerature:TRANsducer:TYPE"
@@ -45,13 +44,13 @@ _CHANNELS = re.compile(r"\(@((?:[1-3]\d\d(?:,[1-3]\d\d)*)?)\)", re.ASCII)
 
 
 class Condition(IntFlag):
-    """The bit of the operation condition register that is used here."""
+    """Used bit of the operation condition register."""
 
     SCANNING = 1 << 4
 
 
 class Sensor(NamedTuple):
-    """What is on a channel: a thermocouple of type K and so on, or a resistor of type 85 or 91 on two or four wires."""
+    """Sensor of a channel: a thermocouple of type K and so on, or a two- or four-wire resistor of type 85 or 91."""
 
     channel: int
     kind: Kind
@@ -59,7 +58,7 @@ class Sensor(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What a channel read in a scan: seconds since the scan began, and °C, None for an open or overloaded sensor."""
+    """Reading of a channel in a scan: seconds since its start, and °C, None for an open or overloaded sensor."""
 
     channel: int
     since_s: float
@@ -77,12 +76,12 @@ class State:
 
 
 def listed(channels: Sequence[int]) -> str:
-    """A list of channels as it is sent: `(@101,102)`."""
+    """Format a channel list: `(@101,102)`."""
     return f"(@{','.join(map(str, channels))})"
 
 
 def set_up(sensors: Sequence[Sensor]) -> list[str]:
-    """The messages that make a scan of the sensors, in the order of their channels; CONF replaces the scan list."""
+    """Messages that set up a scan of the sensors, in channel order; CONF replaces the scan list."""
     channels = [sensor.channel for sensor in sensors]
     return [
         *PREPARE,
@@ -93,18 +92,18 @@ def set_up(sensors: Sequence[Sensor]) -> list[str]:
 
 
 def state_query(sensors: Sequence[Sensor]) -> bytes:
-    """The question for the state, about the channels of the sensors."""
+    """Query of the state of the sensors' channels."""
     channels = listed([sensor.channel for sensor in sensors])
     return f":ROUT:SCAN?;:TEMP:TRAN:TYPE? {channels};:UNIT:TEMP? {channels};:STAT:OPER:COND?".encode()
 
 
 def type_query(sensor: Sensor) -> bytes:
-    """The question for the type of one sensor."""
+    """Query of the type of one sensor."""
     return f":TEMP:TRAN:{sensor.kind}:TYPE? {listed([sensor.channel])}".encode()
 
 
 def state_when(sensors: Sequence[Sensor]) -> State:
-    """The state of a scanner that is set up so and waits."""
+    """State of a scanner with this setup that is idle."""
     return State(
         tuple(sensor.channel for sensor in sensors), tuple(sensor.kind for sensor in sensors), ("C",) * len(sensors),
         False,
@@ -112,14 +111,14 @@ def state_when(sensors: Sequence[Sensor]) -> State:
 
 
 def read_state(line: bytes) -> State:
-    """The answer to the question for the state; ValueError."""
+    """Decode the answer to `state_query`; ValueError."""
     scan, kinds, units, condition = scpi.answers(line, 4)
     scanning = Condition.SCANNING in Condition(scpi.integer(condition) & Condition.SCANNING)
     return State(read_channels(scan), tuple(kinds.split(",")), tuple(units.split(",")), scanning)
 
 
 def read_channels(text: str) -> tuple[int, ...]:
-    """The channels of a definite block like `#214(@101,102,103)`; ValueError."""
+    """Decode the channels of a definite block like `#214(@101,102,103)`; ValueError."""
     if not re.match(r"#[1-9]", text, re.ASCII):
         raise ValueError("not a block")
     digits = int(text[1])
@@ -133,13 +132,13 @@ def read_channels(text: str) -> tuple[int, ...]:
 
 
 def read_type(line: bytes) -> str:
-    """The type of a sensor: a letter, or the number 85 or 91 however it is written; ValueError."""
+    """Decode the type of a sensor: a letter, or 85 or 91 in any number format; ValueError."""
     text = line.decode("ascii").strip(" ")
     return text if re.fullmatch("[A-Z]", text, re.ASCII) else f"{scpi.number(text):g}"
 
 
 def read_scan(line: bytes) -> list[Sample]:
-    """The answer to FETC?, channel by channel; ValueError unless every field has its one form."""
+    """Decode the answer to FETC?, channel by channel; ValueError unless every field has its exact format."""
     fields = line.decode("ascii").split(",")
     if len(fields) % 3:
         raise ValueError(f"{len(fields)} fields are no whole readings")
@@ -155,13 +154,13 @@ def _sample(reading: str, since: str, channel: str) -> Sample:
 
 
 def read_identity(line: bytes) -> Identity:
-    """The answer to *IDN?; a 34970A reports 0 for its unknown serial number. ValueError."""
+    """Decode the answer to *IDN?; a 34970A reports 0 for its unknown serial number. ValueError."""
     found = scpi.identity(line)
     return found._replace(serial="", verified=False) if found.serial == "0" else found
 
 
 def read_card(line: bytes) -> str:
-    """The model in a slot, "0" for none; ValueError."""
+    """Decode the model in a slot, "0" for none; ValueError."""
     fields = line.decode("ascii").split(",")
     if len(fields) != 4:
         raise ValueError("not maker,model,serial,firmware")

@@ -1,4 +1,4 @@
-"""Binder's controllers: what is read and written for a chamber."""
+"""Binder's controllers: registers read and written for a chamber."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from drivers.values import Identity
 class _Controller(Connected):
     """The common part of MB1 and MB2; a Controller except for the temperature set point.
 
-    The controller reports no names and no limits: the controller is known by temperatures where this one has them.
+    The controller reports no names and no limits; it is recognised by plausible temperatures in its registers.
     """
 
     can_start = True
@@ -46,16 +46,16 @@ class _Controller(Connected):
         super().__init__(self._registers)
 
     def _identity(self) -> Identity:
-        """The names stated in the bench file; the fingerprint is what the controller reports."""
+        """Names stated in the bench file; the fingerprint is reported by the controller."""
         fingerprint = f"temperatures in the registers of an {self.model}"
         return as_stated(self._pin, fingerprint, maker="Binder", model=self.model)
 
     def kept(self, temperature_c: float) -> float:
-        """The float32 nearest to it."""
+        """Set point as stored: the nearest float32."""
         return value_c(words(temperature_c))
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Never called: outside a program these controllers do not ramp."""
+        """Never called: these controllers do not ramp outside a program."""
         raise NotImplementedError
 
     async def _set(self, temperature_c: float) -> None:
@@ -80,14 +80,14 @@ class _Controller(Connected):
             await self._check_more()
         except (Refused, BadAnswer) as problem:
             raise WrongIdentity(
-                self._link.device, f"this does not answer as an {self.model}", sent=problem.sent,
+                self._link.device, f"the answers do not fit an {self.model}", sent=problem.sent,
                 received=problem.received or problem.problem,
                 remedy="Check options.controller and the address in the bench file.",
             ) from problem  # fmt: skip
         self.limits_c = self._options.range.min, self._options.range.max
 
     async def _check_more(self) -> None:
-        """What only one of them has; raises Refused or BadAnswer."""
+        """Check the properties of one model; raises Refused or BadAnswer."""
 
 
 class Mb1(_Controller):
@@ -96,7 +96,7 @@ class Mb1(_Controller):
     model = "MB1"
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Temperatures, mode and alarm."""
+        """Read temperatures, mode and alarm."""
         (mode,) = await self._registers.read(MODE, 1)
         (alarm,) = await self._registers.read(ALARM, 1)
         control, why = Control.OTHER, f"mode {_mode_name(mode)}"
@@ -112,7 +112,7 @@ class Mb1(_Controller):
         )  # fmt: skip
 
     async def command(self, temperature_c: float) -> None:
-        """Write the set point and read it back; if its mode is in force, the mode is written again after it."""
+        """Write the set point and read it back; if its mode is active, write the mode again after it."""
         await self._set(temperature_c)
         mode = mode_of(self._options.set_point)
         if await self._registers.read(MODE, 1) == (mode,):
@@ -123,8 +123,8 @@ class Mb1(_Controller):
         (alarm,) = await self._registers.read(ALARM, 1)
         if alarm:
             raise InstrumentFault(
-                self._link.device, "an alarm of the controller stands", received=f"{alarm:#x}",
-                remedy="Find its cause, then acknowledge it at the controller, which alone can.",
+                self._link.device, "the controller has an alarm", received=f"{alarm:#x}",
+                remedy="Find its cause, then acknowledge it at the controller; this is not possible by remote.",
             )  # fmt: skip
         await self._registers.set(MODE, (mode_of(self._options.set_point),), "mode", hexadecimal)
 
@@ -143,7 +143,7 @@ class Mb2(_Controller):
     model = "MB2"
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Temperatures and operation lines; a running program is recognised by a different active set point."""
+        """Read temperatures and operation lines; a running program is recognised by a different active set point."""
         (lines,) = await self._registers.read(LINES, 1)
         process_value_c = await self._temperature(self._at.process_value)
         target_c = await self._temperature(self._at.set_point)
@@ -153,16 +153,16 @@ class Mb2(_Controller):
         if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
             in_force_c = await self._followed(target_c)
         if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
-            why = f"set point in force {in_force_c:g} °C, manual set point {target_c:g} °C: perhaps a program runs"
+            why = f"active set point {in_force_c:g} °C, manual set point {target_c:g} °C: a program may be running"
             return Look(process_value_c, in_force_c, target_c, Control.OTHER, why)
         return Look(process_value_c, in_force_c, target_c)
 
     async def command(self, temperature_c: float) -> None:
-        """Writes the set point and reads it back."""
+        """Write the set point and read it back."""
         await self._set(temperature_c)
 
     async def take_control(self) -> None:
-        """Ends idling, or stops a program; InstrumentFault when the set point is not in force then."""
+        """End idling, or stop a program; InstrumentFault if the set point is not active then."""
         target_c = await self._temperature(self._at.set_point)
         (lines,) = await self._registers.read(LINES, 1)
         if lines & IDLE_LINE:
@@ -177,7 +177,7 @@ class Mb2(_Controller):
             )  # fmt: skip
 
     async def _followed(self, target_c: float) -> float:
-        """The set point in force, which is the manual one within some time when nothing else decides it."""
+        """Active set point, which becomes the manual one after some time if nothing else controls."""
         return await READ_BACK.until(
             lambda: self._temperature(self._at.set_point_in_force),
             lambda in_force_c: abs(in_force_c - target_c) <= ARRIVED_WITHIN_C,
@@ -189,7 +189,7 @@ def _mode_name(mode: int) -> str:
 
 
 def _spelled(pair: Words) -> str:
-    """Words as a temperature for a person, and as they were on the wire."""
+    """Registers as a temperature and in hexadecimal, for a message."""
     try:
         return f"{value_c(pair):g} °C ({hexadecimal(pair)})"
     except ValueError:
@@ -197,7 +197,7 @@ def _spelled(pair: Words) -> str:
 
 
 class Binder(Chamber):
-    """A ThermalChamber whose set point goes in steps."""
+    """A ThermalChamber whose set point changes in steps."""
 
     def __init__(self, setup: Setup[BinderOptions, ChamberLimits, ChamberSafe]) -> None:
         made = Mb1 if setup.options.controller == "mb1" else Mb2

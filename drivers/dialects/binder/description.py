@@ -21,16 +21,16 @@ from drivers.schema.wording import telling
 
 
 class BinderOptions(StairOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
-    controller: Kind = Field(description="which one it is: mb1 or mb2")
+    controller: Kind = Field(description="type of the controller: mb1 or mb2")
     range: TemperatureRange = Field(
-        description="of set points, from the chamber's manual; the controller does not report them"
+        description="range of set points, from the chamber's manual; the controller does not report it"
     )
-    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
-    set_point: SetPointName = Field("manual", description="of an mb1: the mode in which it is used")
-    swapped: Flag = Field(False, description="of an mb1: true where the registers of basic and manual are exchanged")
-    answer_timeout: PositiveSeconds = Field(1.0, description="how long an answer may take; it needs up to 250 ms")
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="Modbus address")
+    set_point: SetPointName = Field("manual", description="mode of an mb1")
+    swapped: Flag = Field(False, description="true for an mb1 with exchanged registers of basic and manual")
+    answer_timeout: PositiveSeconds = Field(1.0, description="timeout of an answer, which takes up to 250 ms")
 
     @model_validator(mode="after")
     def _an_mb2_has_one_set_point(self) -> Self:

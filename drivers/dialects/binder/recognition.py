@@ -1,4 +1,4 @@
-"""How a Binder controller is known: by temperatures, and a mode, in the registers of an MB1 or an MB2."""
+"""Recognition of a Binder controller by temperatures, and a mode, in the registers of an MB1 or an MB2."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STARTER: Blocks = {**CHAMBER_STARTER, "options": {"range": {"min": "-40 °C", "m
 
 
 async def ask(port: Port) -> Found:
-    """A controller of either kind."""
+    """Recognise a controller of either kind."""
     kinds: tuple[Kind, ...] = get_args(Kind)
     for kind in kinds:
         try:
@@ -28,12 +28,12 @@ async def ask(port: Port) -> Found:
 
 
 async def _is(port: Port, kind: Kind) -> None:
-    """Raises ValueError unless the controller is of this kind."""
+    """Raise ValueError unless the controller is of this kind."""
     at = registers_of(kind, "manual", swapped=False)
     for address in (at.process_value, at.set_point):
         words = await port.registers(address, 2)
-        if value_c(words) == 0:  # as unused registers are
-            raise ValueError("0 °C to the last bit")
+        if value_c(words) == 0:  # unused registers read as 0
+            raise ValueError("exactly 0 °C")
     (besides,) = await port.registers(_BESIDES[kind], 1)
     if kind == "mb1" and besides not in list(Mode):
         raise ValueError("no mode of an MB1")

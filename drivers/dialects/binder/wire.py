@@ -1,7 +1,7 @@
 """Registers of Binder's MB1 and MB2 controllers ⇄ values, both directions.
 
-Addresses are those on the wire, from drivers that other people wrote. A temperature is a float32 in two registers, its
-low word first. Sources do not agree which of two registers of an MB1 is the basic set point and which the manual one.
+Addresses are those on the wire, from third-party drivers. A temperature is a float32 in two registers, low word first.
+Sources disagree which of two registers of an MB1 is the basic and which the manual set point.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Kind = Literal["mb1", "mb2"]
 SetPointName = Literal["manual", "basic"]
 
 COLDEST_C, HOTTEST_C = -273.15, 2000.0
-SMALLEST_C = 1e-6  # closer to zero than this is a float32 with its words exchanged
+SMALLEST_C = 1e-6  # a value closer to zero is a float32 with swapped words
 
 # MB1
 MODE = 0x1A22
@@ -32,7 +32,7 @@ IDLE_LINE = 1 << 1  # of the operation lines
 
 
 class Mode(IntEnum):
-    """What an MB1 follows."""
+    """Control modes of an MB1."""
 
     IDLE = 0
     PROGRAM = 0x0400
@@ -42,7 +42,7 @@ class Mode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Registers:
-    """Where the temperatures of one controller are."""
+    """Register addresses of the temperatures of one controller."""
 
     process_value: int
     set_point_in_force: int
@@ -50,24 +50,24 @@ class Registers:
 
 
 def registers_of(kind: Kind, name: SetPointName, *, swapped: bool) -> Registers:
-    """Where they are; `swapped` exchanges the basic and the manual set point of an MB1."""
+    """Register addresses; `swapped` exchanges the basic and the manual set point of an MB1."""
     if kind == "mb2":
         return Registers(0x1004, 0x10B2, 0x114C)
     return Registers(0x11A9, 0x1077, BASIC if (name == "basic") != swapped else MANUAL)
 
 
 def mode_of(name: SetPointName) -> Mode:
-    """The mode of an MB1 that follows a set point."""
+    """Mode in which an MB1 follows a set point."""
     return Mode.BASIC if name == "basic" else Mode.MANUAL
 
 
 def words(temperature_c: float) -> Words:
-    """The two registers of a temperature."""
+    """Encode a temperature into two registers."""
     return float32_words(temperature_c, "low_first")
 
 
 def value_c(pair: Sequence[int]) -> float:
-    """The temperature in two registers; ValueError for what is none."""
+    """Decode the temperature in two registers; ValueError if it is implausible."""
     found = float32_value(pair, "low_first")
     if not COLDEST_C <= found <= HOTTEST_C or 0 < abs(found) < SMALLEST_C:
         raise ValueError(f"{found:g} °C is no temperature")

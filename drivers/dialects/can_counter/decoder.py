@@ -1,4 +1,4 @@
-"""The frames of a counter decoded by its DBC."""
+"""Decoder of a counter's frames by its DBC."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from drivers.dialects.can_counter.options import CounterOptions
 
 
 class CounterDecoder(FrameDecoder):
-    """Counts and encoders, paired with their latches; raises UnfitFileError and DbcError."""
+    """Decodes counts and encoders, paired with their latches; raises UnfitFileError and DbcError."""
 
     def __init__(self, options: CounterOptions) -> None:
         self._format = format_of(options, dbc_in(options.dbc))
 
     def outputs(self, block: FrameBlock) -> Mapping[str, Counts]:
-        """The counts of every channel in these frames."""
+        """Decode the counts of every channel."""
         latches = wire.latches_of(self._format, block)
         return {name: wire.decode_counts(self._format, name, block, latches) for name in self._format.channels}
 
     def positions(self, block: FrameBlock) -> Mapping[str, Positions]:
-        """What the encoders read that are latched with the counts."""
+        """Decode the encoder positions latched with the counts."""
         if not self._format.positions:
             return {}
         latches = wire.latches_of(self._format, block)
         return {name: wire.decode_positions(self._format, name, block, latches) for name in self._format.positions}
 
     def watches(self) -> Sequence[Unbroken]:
-        """One that looks at latches and at the counts of all channels."""
+        """Gap detector for the latches and the counts of all channels."""
         return [wire.unbroken(self._format)]

@@ -1,4 +1,4 @@
-"""The pulse counter whose frames a DBC describes."""
+"""Driver of the pulse counter whose frames a DBC describes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from drivers.kinds.frame_source.intake import bound_format
 
 
 class CanCounter(FreeCounter[CounterOptions]):
-    """Reads latches and counts as the DBC places them."""
+    """Pulse counter whose latches and counts are placed by a DBC."""
 
     def __init__(self, setup: Setup[CounterOptions, Nothing, Nothing]) -> None:
         super().__init__(setup, setup.options.period, setup.options.channels)
         self._format: wire.CounterFormat
 
     async def __aenter__(self) -> Self:
-        """Opens the channel and waits for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
+        """Open the channel and wait for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
         bind = partial(format_of, self._options)
         self._format, self._fingerprint = bound_format(self.name, self._options.dbc, bind)
         return await super().__aenter__()

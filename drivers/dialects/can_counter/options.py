@@ -24,9 +24,9 @@ from drivers.schema.wording import problem_at
 class LatchOptions(StrictModel):
     """The frame with the time at which the counters were latched."""
 
-    tick: SignalName = Field(description="the time of the latch")
-    tick_period: PositiveSeconds = Field(description="what one count of the tick lasts")
-    sequence: SignalName = Field(description="the number of the latch")
+    tick: SignalName = Field(description="time of the latch")
+    tick_period: PositiveSeconds = Field(description="duration of one count of the tick")
+    sequence: SignalName = Field(description="sequence number of the latch")
     boot_count: SignalName | None = Field(None, description="counts restarts of the counter")
 
 
@@ -35,14 +35,14 @@ class ChannelOptions(StrictModel):
 
     positive: SignalName = Field(description="the counter of positive pulses")
     negative: SignalName = Field(description="the counter of negative pulses")
-    sequence: SignalName = Field(description="the number of the latch that they belong to")
+    sequence: SignalName = Field(description="sequence number of their latch")
 
 
 class CounterOptions(DbcOptions):
-    """Where in the frames the counters are; names are Message.Signal of the DBC."""
+    """Positions of the counters in the frames; names are Message.Signal of the DBC."""
 
-    period: PositiveSeconds = Field(description="from latch to latch")
-    max_rate: Hertz = Field(description="of the pulses; bounds the gap over which a counter stays unambiguous")
+    period: PositiveSeconds = Field(description="period of the latches")
+    max_rate: Hertz = Field(description="maximum pulse rate; bounds the gap over which a counter stays unambiguous")
     latch: LatchOptions
     channels: Annotated[dict[str, ChannelOptions], NOT_EMPTY]
     positions: dict[str, PositionOptions] = Field(
@@ -51,7 +51,7 @@ class CounterOptions(DbcOptions):
 
     @model_validator(mode="after")
     def _signals_are_in_the_dbc(self) -> Self:
-        if not self.dbc.is_file():  # a bench file kept in a run outlives the files it names
+        if not self.dbc.is_file():  # a bench file stored in a run outlives the files it names
             return self
         named: dict[tuple[str | int, ...], str | None] = {
             ("latch", "tick"): self.latch.tick,
@@ -67,7 +67,7 @@ class CounterOptions(DbcOptions):
         return self
 
     def _scattered(self) -> Iterator[InitErrorDetails]:
-        """What belongs together and is not in one frame, and counters that do not come round alike."""
+        """Problems: signals that must share a frame and do not, and counters with different ranges."""
         groups: dict[tuple[str, ...], tuple[str, dict[str, str | None]]] = {
             ("latch",): (self.latch.sequence, {"tick": self.latch.tick, "boot_count": self.latch.boot_count})
         }
@@ -87,12 +87,12 @@ class CounterOptions(DbcOptions):
             positive, negative = bits_of.get(signals.positive), bits_of.get(signals.negative)
             if None not in (positive, negative) and positive != negative:
                 problem = (
-                    f"'{signals.negative}' has {negative} bits, '{signals.positive}' {positive}: both must be alike"
+                    f"'{signals.negative}' has {negative} bits, '{signals.positive}' {positive}: both must be equal"
                 )
                 yield problem_at(("channels", channel, "negative"), problem)
 
     def _ambiguous(self) -> Iterator[InitErrorDetails]:
-        """Counters that may wrap around between two latches, so that their difference is ambiguous."""
+        """Counters that may wrap between two latches, so that their difference is ambiguous."""
         bits_of, pulses = lengths_bits(text_of(self.dbc)), self.period * self.max_rate
         for channel, signals in self.channels.items():
             for key in ("positive", "negative"):

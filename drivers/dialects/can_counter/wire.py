@@ -1,7 +1,7 @@
 """Counter frames in both directions: blocks of frames ⇄ latches, counts and temperatures.
 
-Frames of one latch carry its sequence number. Lost frames are seen by it and counted, never guessed; what comes twice
-or out of order is dropped and counted.
+Frames of one latch carry its sequence number. By it lost frames are detected and counted, never interpolated;
+duplicated frames and frames out of order are dropped and counted.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from drivers.can.frame_cycles import Cycles, cycles_of
 from drivers.can.gap_detection import Unbroken
 from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
 
-NEWEST_FRAMES = 64  # of a block, among which the newest of each message are as a rule
+NEWEST_FRAMES = 64  # rows searched first for the newest frame of each message
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelFormat:
-    """One pair of counters."""
+    """Signals of one pair of counters."""
 
     positive: Field
     negative: Field
@@ -35,7 +35,7 @@ class ChannelFormat:
 
 @dataclass(frozen=True, slots=True)
 class CounterFormat:
-    """A counter's frames: the latch, channels and encoders by name, and the readings in °C by `Message.Signal`."""
+    """Frame format of a counter: latch, channels and encoders by name, and readings in °C by `Message.Signal`."""
 
     tick: Field
     tick_period_s: float
@@ -53,7 +53,7 @@ def counter_format(
     channels: Mapping[str, Mapping[str, str]],
     positions: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> CounterFormat:
-    """Binds names to the DBC; DbcError names what it does not have."""
+    """Resolve names in the DBC; DbcError names the missing ones."""
 
     def field(dotted: str | None) -> Field:
         return dbc.field(dotted or "")
@@ -75,16 +75,16 @@ def counter_format(
 
 
 def unbroken(form: CounterFormat) -> Unbroken:
-    """Quick check of the frames of an acquisition: whether every latch arrived, with the counts of each channel."""
+    """Gap detector for an acquisition: every latch, with the counts of each channel."""
     return Unbroken.of(form.sequence, form.tick, [pair.sequence for pair in form.channels.values()])
 
 
 @dataclass(frozen=True, slots=True)
 class Latches:
-    """The latches of a block: where they stand and when they came, their ticks and raw numbers, these also unwrapped.
+    """Latches of a block: rows, arrival times, ticks and sequence numbers, raw and unwrapped.
 
-    `fresh` are those with a number above all before them, `newest` is the highest, -1 of no latch. `cycles` are those
-    of the frames that follow them.
+    `fresh` marks numbers above all before them, `newest` is the highest, -1 without a latch. `cycles` are the cycles of
+    the frames that follow them.
     """
 
     rows: NDArray[np.intp]
@@ -99,7 +99,7 @@ class Latches:
 
 
 def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
-    """The latches of a block, which all channels are paired with."""
+    """Latches of a block, with which the frames of all channels are paired."""
     rows = form.sequence.message.rows(block)
     data, raw = _numbered(form.sequence, block, rows)
     ticks, tick_bits = form.tick.signal.raw(data), form.tick.signal.length
@@ -113,7 +113,7 @@ def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
 
 @dataclass(frozen=True, slots=True)
 class _Paired:
-    """Frames of one message, their data (N, 8), the latches that they belong to, and what did not fit."""
+    """Frames of one message, their data (N, 8), their latches, and the number of dropped frames."""
 
     sequence: Integers
     tick: Integers
@@ -127,7 +127,7 @@ class _Paired:
 
 
 def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches: Latches | None = None) -> Counts:
-    """The counts of one channel in a block, paired with their latches; those that are known need not be found again."""
+    """Decode the counts of one channel in a block, paired with its latches, which are found unless given."""
     pair = form.channels[channel]
     found = _paired(form, pair.sequence, block, latches or latches_of(form, block))
     return Counts(
@@ -147,7 +147,7 @@ def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches:
 
 
 def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches: Latches | None = None) -> Positions:
-    """What one encoder read, paired with the latches; rows with one sequence number belong to those of the counts."""
+    """Decode the positions of one encoder, paired with the latches as counts are."""
     encoder = form.positions[name]
     found = _paired(form, encoder.sequence, block, latches or latches_of(form, block))
     return Positions(
@@ -163,7 +163,7 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
 
 
 def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> _Paired:
-    """The frames with a sequence number `other` and their latches."""
+    """Pair the frames with a sequence number `other` with their latches."""
     sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
     data = _in_step(form, other, block, latches)
     if data is not None and len(data) < len(sequence):
@@ -171,7 +171,9 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     elif data is None:
         rows = other.message.rows(block)
         data, raw = _numbered(other, block, rows)
-        bits = min(other.signal.length, form.sequence.signal.length)  # of a longer one the rest is not known of latches
+        bits = min(
+            other.signal.length, form.sequence.signal.length
+        )  # sequence numbers of a longer signal have no counterpart in the latches
         ahead = latches.fresh
         numbers, fresh = numbered_beside(rows, raw, bits, latches.rows[ahead], latches.numbers[ahead])
         sequence, latch_places, other_places = np.intersect1d(
@@ -183,7 +185,7 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     first = int(latches.numbers[0]) if len(latches.rows) else 0
     last = latches.newest
     if len(latches.rows) and (not len(sequence) or sequence[-1] != last):
-        last -= 1  # whose other frames may have come after the end
+        last -= 1  # its other frames may arrive after the end
     return _Paired(
         sequence=sequence,
         tick=tick,
@@ -198,9 +200,9 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
 
 
 def _in_step(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> NDArray[np.uint8] | None:
-    """The data of frames that come with each latch and have its number: when nothing is lost, late or twice; or None.
+    """Data of frames that follow each latch with its number, if none is lost, late or duplicated; else None.
 
-    The last latch may be without one.
+    The last latch may lack its frame.
     """
     rows = latches.cycles.rows(other.message)
     if rows is None or other.signal.length != form.sequence.signal.length or not latches.fresh.all():
@@ -216,7 +218,7 @@ def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[n
 
 
 def newest_counts(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[float, tuple[int, int]]]:
-    """When the last frame of each channel in a block arrived, and its raw counts; without those that have none."""
+    """Arrival time and raw counts of the last frame of each channel in a block, without channels that have none."""
     messages = {name: pair.sequence.message for name, pair in form.channels.items()}
     wanted = {(message.id, message.length) for message in messages.values()}
     rows = _newest_rows(block, max(len(block) - NEWEST_FRAMES, 0))
@@ -233,17 +235,17 @@ def newest_counts(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[flo
 
 
 def _newest_rows(block: FrameBlock, begin: int) -> dict[tuple[int, int], int]:
-    """Where each message stands last from a row on, by its id and its length."""
+    """Row of the last frame of each message from a row on, by id and length."""
     kinds = zip(block.ids[begin:].tolist(), block.dlc[begin:].tolist(), strict=True)
     return {kind: row for row, kind in enumerate(kinds, start=begin)}
 
 
 def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Readings in a block by channel name: arrival times and values in °C."""
+    """Decode readings in a block by channel name: arrival times and values in °C."""
     return readings_of(form.temperatures, block)
 
 
 def _numbered(sequence: Field, block: FrameBlock, rows: NDArray[np.intp]) -> tuple[NDArray[np.uint8], Integers]:
-    """The data of the frames in these rows, and the raw sequence numbers in it."""
+    """Data of the frames in these rows, and their raw sequence numbers."""
     data = block.payloads(rows)
     return data, sequence.signal.raw(data)

@@ -1,4 +1,4 @@
-"""The frame formats of telemetry, from its bench file entry and the DBC named there."""
+"""Frame formats of telemetry, from its bench file entry and the DBC named there."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from drivers.dialects.can_telemetry.wire import SampleFormat, sample_formats
 
 
 def formats_of(options: TelemetryOptions, dbc: Dbc) -> dict[str, SampleFormat]:
-    """The names of each channel bound to the DBC; DbcError names what it does not have, or has in several messages."""
+    """Resolve the names of each channel in the DBC; DbcError names those missing or spread over several messages."""
     return sample_formats(dbc, {name: sample.model_dump() for name, sample in options.channels.items()})
 
 
 def encoders_of(options: TelemetryOptions, dbc: Dbc) -> dict[str, PositionFormat]:
-    """The names of each encoder bound to the DBC; DbcError names what it does not have."""
+    """Resolve the names of each encoder in the DBC; DbcError names the missing ones."""
     return position_formats(dbc, {name: encoder.model_dump() for name, encoder in options.positions.items()})

@@ -1,4 +1,4 @@
-"""The frames of telemetry decoded by its DBC."""
+"""Decoder of telemetry frames by their DBC."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.dialects.can_telemetry.options import TelemetryOptions
 
 
 class TelemetryDecoder(FrameDecoder):
-    """Samples, and the encoders latched with them; raises UnfitFileError and DbcError."""
+    """Decodes samples and the encoders latched with them; raises UnfitFileError and DbcError."""
 
     def __init__(self, options: TelemetryOptions) -> None:
         dbc = dbc_in(options.dbc)
@@ -23,16 +23,16 @@ class TelemetryDecoder(FrameDecoder):
         self.scales = {name: form.scale for name, form in self._formats.items()}
 
     def outputs(self, block: FrameBlock) -> Mapping[str, Samples]:
-        """The samples of every channel in these frames."""
+        """Decode the samples of every channel."""
         return {name: wire.decode_samples(form, block) for name, form in self._formats.items()}
 
     def positions(self, block: FrameBlock) -> Mapping[str, Positions]:
-        """What the encoders read that are latched with samples."""
+        """Decode the encoder positions latched with samples."""
         return {
             name: wire.decode_positions(self._formats[self._channels[name]], encoder, block)
             for name, encoder in self._encoders.items()
         }
 
     def watches(self) -> Sequence[Unbroken]:
-        """One for each message with samples."""
+        """Gap detectors, one for each message with samples."""
         return wire.unbroken(self._formats)

@@ -1,4 +1,4 @@
-"""The telemetry of units under test: takes in frames, checks them during acquisitions, hands out blocks."""
+"""Driver of the telemetry of units under test: receives frames, checks them during acquisitions, delivers blocks."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ from drivers.values import Heard
 
 
 class CanTelemetry(FrameDriver[TelemetryOptions]):
-    """Output sent by the units themselves; nothing is ever sent to them.
+    """Telemetry sent by the units themselves; the driver never sends.
 
-    A unit without power sends nothing, so that silence is a fault only during an acquisition. Lifetime: a task of its
-    own takes frames in from entry to exit. A problem is raised by the next `poll` and by a running acquisition.
+    A unit without power sends nothing, so silence is a fault only during an acquisition. Lifetime: a task of its own
+    receives frames from entry to exit. A problem is raised by the next `poll` and by a running acquisition.
     """
 
     def __init__(self, setup: Setup[TelemetryOptions, Nothing, Nothing]) -> None:
         super().__init__(setup)
         self._heard = dict.fromkeys(self._options.channels, Heard(-math.inf, -math.inf))
-        self._numbers: dict[str, Integers] = {}  # of the last samples, by channel
-        self._codes: dict[str, int] = {}  # the last one of each channel
-        self._others: set[int] = set()  # frames that are none of the channels'
+        self._numbers: dict[str, Integers] = {}  # sequence numbers of the last samples, by channel
+        self._codes: dict[str, int] = {}  # last sample of each channel
+        self._others: set[int] = set()  # frames that belong to no channel
         self._formats: Mapping[str, wire.SampleFormat] = {}
         self._encoders: Mapping[str, PositionFormat] = {}
         self._temperatures: Mapping[str, Field] = {}
 
     async def __aenter__(self) -> Self:
-        """Opens the channel; raises CannotConnect, BadAnswer."""
+        """Open the channel; raises CannotConnect, BadAnswer."""
         self._formats, self._fingerprint = bound_format(self.name, self._options.dbc, self._bind)
         self._begin(await self._open())
         return self
@@ -67,7 +67,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         return formats_of(self._options, dbc)
 
     def _look(self, block: FrameBlock) -> None:
-        """Takes readings and the newest samples from a block; raises when something is wrong with it."""
+        """Decode readings and the newest samples of a block; raises if the block has a problem."""
         self._keep_readings(self._temperatures, block)
         known = {form.value.message.id for form in self._formats.values()}
         known |= {encoder.position.message.id for encoder in self._encoders.values()}
@@ -92,7 +92,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
             )  # fmt: skip
 
     def _check_silence(self) -> None:
-        """Raises if all channels are silent during an acquisition."""
+        """Raise if all channels are silent during an acquisition."""
         since_s = self._intake.acquiring_since_s
         if since_s is None:
             return
@@ -102,7 +102,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
             return
         wanted = frames_named(form.value.message.id for form in self._formats.values())
         raise NoAnswer(
-            self.name, f"no sample ({wanted}) for more than {silent_s:g} s while it is acquired",
+            self.name, f"no sample ({wanted}) for more than {silent_s:g} s during an acquisition",
             received=f"{frames_named(self._others)} besides" if self._others else "no other frame either",
-            remedy="Check that the unit is on, the CAN cable and the bit rate, and that the DBC is that of this unit.",
+            remedy="Check that the unit is on, the CAN cable and the bit rate, and that the DBC belongs to this unit.",
         )  # fmt: skip

@@ -37,36 +37,36 @@ def _known_unit(text: str) -> str:
 class SampleOptions(StrictModel):
     """The signals of one channel, all in one message."""
 
-    value: SignalName = Field(description="the sample of the output")
-    tick: SignalName = Field(description="when it was taken, by the unit's own clock; it wraps")
-    tick_period: PositiveSeconds = Field(description="what one count of the tick lasts")
-    sequence: SignalName = Field(description="the number of the sample; it wraps")
+    value: SignalName = Field(description="sample of the output")
+    tick: SignalName = Field(description="time of the sample by the unit's own clock; it wraps")
+    tick_period: PositiveSeconds = Field(description="duration of one count of the tick")
+    sequence: SignalName = Field(description="sequence number of the sample; it wraps")
     status: SignalName | None = Field(None, description="status bits of the sample")
     invalid_bits: Annotated[WholeNumber, Field(ge=1, le=ALL_BITS)] = Field(
-        ALL_BITS, description="the bits of the status any of which marks a sample that is not to be used"
+        ALL_BITS, description="status bits that mark an invalid sample"
     )
-    period: PositiveSeconds = Field(description="from sample to sample")
+    period: PositiveSeconds = Field(description="period of the samples")
     unit: Annotated[str, Field(min_length=1), AfterValidator(_known_unit)] | None = Field(
         None,
         description="what the value is in when it is decoded by factor and offset of the DBC; without it the codes are "
         "taken as they come, and their unit is code",
     )
     stuck_after: Annotated[WholeNumber, Field(ge=2)] | None = Field(
-        None, description="this many consecutive samples with the same value mean that the unit no longer measures"
+        None, description="number of consecutive equal samples that mean that the unit no longer measures"
     )
     sample: Literal["mean", "instant"] = Field(
         "mean",
-        description="what a sample is: the mean over the period that ends at its tick, or the output at it",
+        description="kind of samples: mean over the period that ends at the tick, or the output at the tick",
     )
 
     @property
     def signals(self) -> Mapping[str, str | None]:
-        """Its signals by their keys here."""
+        """Signals by their keys in the options."""
         return {key: getattr(self, key) for key in ("value", "tick", "sequence", "status")}
 
     @property
     def output(self) -> Sampled:
-        """The output of the unit on this channel."""
+        """Output of the unit on this channel."""
         averaged = self.sample == "mean"
         return Sampled(self.period, self.tick_period, self.unit or CODE, averaged, self.stuck_after)
 
@@ -74,11 +74,11 @@ class SampleOptions(StrictModel):
 class SampledPositionOptions(PositionOptions):
     """The signals of a table's encoder, which is latched at the end of each sample of a channel."""
 
-    channel: str = Field(description="the channel whose samples it is latched with")
+    channel: str = Field(description="channel with whose samples it is latched")
 
 
 class TelemetryOptions(DbcOptions):
-    """Where in the frames the samples are; names are Message.Signal of the DBC."""
+    """Positions of the samples in the frames; names are Message.Signal of the DBC."""
 
     channels: Annotated[dict[str, SampleOptions], NOT_EMPTY]
     positions: dict[str, SampledPositionOptions] = Field(
@@ -87,7 +87,7 @@ class TelemetryOptions(DbcOptions):
 
     @model_validator(mode="after")
     def _signals_are_in_the_dbc(self) -> Self:
-        if not self.dbc.is_file():  # a bench file kept in a run outlives the files it names
+        if not self.dbc.is_file():  # a bench file stored in a run outlives the files it names
             return self
         problems = list(unknown_signals(self.dbc, {
             ("channels", channel, key): name
@@ -105,7 +105,7 @@ class TelemetryOptions(DbcOptions):
         return self
 
     def _misfits(self, channel: str) -> Iterator[InitErrorDetails]:
-        """What does not go together in a channel."""
+        """Inconsistencies of a channel."""
         sample, units, bits = self.channels[channel], signals_of(self.dbc), lengths_bits(text_of(self.dbc))
         message = sample.value.partition(".")[0]
         for key, name in sample.signals.items():
@@ -125,7 +125,7 @@ class TelemetryOptions(DbcOptions):
 
 
 def _alike(said: str, wanted: str) -> bool:
-    """Whether the unit in a DBC is the same in another spelling."""
+    """Return whether the unit in a DBC is the same in another spelling."""
     try:
         return parse_unit(said) == parse_unit(wanted)
     except QuantityError:

@@ -1,8 +1,8 @@
-"""Telemetry frames read: blocks of frames → samples of channels.
+"""Telemetry frames decoded: blocks of frames → samples of channels.
 
-A sample is a code or a decoded value, with the time of the unit's own clock and a number that rises by one. Lost frames
-are seen by it and counted, never guessed; what comes twice or out of order is dropped and counted, and so is what the
-unit itself marks as invalid.
+A sample is a code or a decoded value, with the time of the unit's own clock and a sequence number. By it lost frames
+are detected and counted, never interpolated; samples that are duplicated, out of order or marked invalid by the unit
+are dropped and counted.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_i
 
 @dataclass(frozen=True, slots=True)
 class SampleFormat:
-    """The frames of one channel; all its fields are in one message.
+    """Frame format of one channel; all its fields are in one message.
 
-    Where it is `decoded`, values are in the unit of the DBC, else they are the codes as they came. A sample with any of
-    the `invalid_bits` in its status is not to be used.
+    If `decoded`, values are in the unit of the DBC, else raw codes. A sample with any of the `invalid_bits` in its
+    status is invalid.
     """
 
     value: Field
@@ -39,12 +39,12 @@ class SampleFormat:
 
     @property
     def scale(self) -> Scale:
-        """What makes a value of a code."""
+        """Scale from codes to values."""
         return Scale(self.value.signal.scale, self.value.signal.offset) if self.decoded else Scale()
 
 
 def sample_formats(dbc: Dbc, channels: Mapping[str, Mapping[str, Any]]) -> dict[str, SampleFormat]:
-    """Binds the names of each channel to the DBC; DbcError names what it does not have, or has in several messages."""
+    """Resolve the names of each channel in the DBC; DbcError names those missing or spread over several messages."""
     return {name: _sample_format(dbc, name, entry) for name, entry in channels.items()}
 
 
@@ -65,13 +65,13 @@ def _sample_format(dbc: Dbc, name: str, entry: Mapping[str, Any]) -> SampleForma
 
 
 def unbroken(forms: Mapping[str, SampleFormat]) -> list[Unbroken]:
-    """Quick check of the frames of an acquisition, message by message: whether every sample arrived."""
+    """Gap detectors for an acquisition, by message: every sample."""
     distinct = {(form.sequence.message.id, form.sequence.signal.name): form for form in forms.values()}
     return [Unbroken.of(form.sequence, form.tick) for form in distinct.values()]
 
 
 def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
-    """The samples of one channel in a block."""
+    """Decode the samples of one channel in a block."""
     rows = form.value.message.rows(block)
     data = block.data[rows]
     number, tick = form.sequence.signal, form.tick.signal
@@ -97,13 +97,13 @@ def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
 
 
 def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBlock) -> Positions:
-    """What an encoder read at the ends of the samples of a channel, a row for each usable sample that has one."""
+    """Decode encoder positions at the ends of the samples of a channel, one row for each valid sample that has one."""
     samples = decode_samples(form, block)
     rows, of_samples = encoder.sequence.message.rows(block), form.value.message.rows(block)
     data, number, tick = block.data[of_samples], form.sequence.signal, form.tick.signal
     known = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
     data, own = block.data[rows], encoder.sequence.signal
-    bits = min(own.length, number.length)  # of a longer one the rest is not known of the samples
+    bits = min(own.length, number.length)  # sequence numbers of a longer signal have no counterpart in the samples
     ahead = ascending(known)
     numbers, fresh = numbered_beside(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
     sequence, of_sample, of_encoder = np.intersect1d(
@@ -122,7 +122,7 @@ def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBl
 
 
 def arrivals(form: SampleFormat, block: FrameBlock) -> tuple[Integers, Integers, NDArray[np.float64]]:
-    """Raw sequence numbers and codes of all samples in a block, and when they arrived."""
+    """Raw sequence numbers, codes and arrival times of all samples in a block."""
     rows = form.value.message.rows(block)
     data = block.data[rows]
     return form.sequence.signal.raw(data), form.value.signal.raw(data), block.at_s[rows]

@@ -1,4 +1,4 @@
-"""A CTS chamber: what is asked and set."""
+"""A CTS chamber: queries and settings."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ READ_BACK = ReadBack()
 
 
 class CtsController(Connected):
-    """A Controller; it ramps by itself, in tenths of a degree per minute, from where its set point is.
+    """A Controller that ramps by itself, in tenths of a degree per minute, from its present set point.
 
-    It reports no limits, and its versions instead of names; where those are not asked for, any CTS chamber is the right
-    one. A program that runs is seen by its set points alone.
+    It reports no limits, and versions instead of names; unless the bench file pins those, any CTS chamber is accepted.
+    A running program is recognised only by its set points.
     """
 
     can_start = True
@@ -41,7 +41,7 @@ class CtsController(Connected):
     def __init__(self, setup: Setup[CtsOptions, ChamberLimits, ChamberSafe]) -> None:
         self._device, self._pin, self._options = setup.name, setup.identity, setup.options
         self._address = address = setup.options.address
-        self._ramp: OwnRamp | None = None  # the one that was commanded last
+        self._ramp: OwnRamp | None = None  # last commanded set point
         self._who = Recognised(setup.name, setup.identity)
         proof = Proof(wire.STATUS_QUERY.encode(), wire.of_address(address, wire.read_status))
         self._line = ProvedLine(
@@ -51,17 +51,17 @@ class CtsController(Connected):
         super().__init__(self._line)
 
     def _identity(self) -> Identity:
-        """The names as the bench file states them, the versions as it answers."""
+        """Names as stated in the bench file, versions as reported."""
         return self._who.identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Temperatures, end of the ramp, and state of the chamber."""
+        """Read temperatures, end of the ramp, and state of the chamber."""
         process_value_c, set_point_c, ramp = await self._temperatures()
         control, why = await self._control()
         return Look(process_value_c, set_point_c, ramp.target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
-        """Sends the set point and reads it back."""
+        """Send the set point and read it back."""
         target_c = wire.kept(temperature_c)
         process_value_c, set_point_c, ramp = await self._temperatures()
         control, _ = await self._control()
@@ -78,14 +78,14 @@ class CtsController(Connected):
             )  # fmt: skip
 
     def kept(self, temperature_c: float) -> float:
-        """To a tenth of a degree."""
+        """Set point as stored: rounded to a tenth of a degree."""
         return wire.kept(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Both rates, read back; BeyondLimit for what is no tenth of a degree per minute."""
+        """Set both rates and read them back; BeyondLimit unless a multiple of 0.1 °C/min."""
         if not wire.can_be_set(rate_c_per_min):
             raise BeyondLimit(
-                self._device, f"the chamber cannot be set to {rate_c_per_min:g} °C/min; nothing was sent",
+                self._device, f"the chamber has no rate of {rate_c_per_min:g} °C/min; nothing was sent",
                 remedy="Choose a rate in steps of 0.1 °C/min, which is 6 °C/h.",
             )  # fmt: skip
         commands = wire.ramp_rates(self._options.ramp_channel, rate_c_per_min)
@@ -105,12 +105,12 @@ class CtsController(Connected):
             )  # fmt: skip
 
     async def take_control(self) -> None:
-        """Ends a pause, starts the chamber, sends the set point again; InstrumentFault while there is an error."""
+        """End a pause, start the chamber, send the set point again; InstrumentFault while there is an error."""
         status = await self._ask(wire.STATUS_QUERY, wire.read_status)
         if status.error:
             raise InstrumentFault(
                 self._device, "the chamber has an error", received=f"number '{status.error}'",
-                remedy="See to its cause and acknowledge it at the chamber.",
+                remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
         if status.running:
             await self._order(wire.RESUME)
@@ -123,17 +123,17 @@ class CtsController(Connected):
                 received=why, remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
+            self._ramp = replace(self._ramp, began_s=_now_s())  # it was paused until now
             await self.command(self._ramp.target_c)
 
     async def _control(self) -> tuple[Control, str]:
         return _control(await self._ask(wire.STATUS_QUERY, wire.read_status))
 
     async def _temperatures(self) -> tuple[float, float, Ramp]:
-        """Process value and set point in force, °C, and the ramp.
+        """Process value and active set point, °C, and the ramp.
 
-        During a ramp the chamber reports as its set point the present value of the ramp or, possibly, its end: then the
-        present value follows from the rate and the clock.
+        During a ramp some chambers report the present value of the ramp as set point, others possibly its end: then the
+        present value is computed from rate and time.
         """
         temperatures = await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
         ramp = await self._ask_ramp()

@@ -13,13 +13,13 @@ from drivers.schema.fields import Flag, WholeNumber
 
 
 class CtsOptions(ChamberOptions):
-    """How the chamber is spoken to. Its line is 19200 baud with odd parity: `?baud=19200&parity=O`."""
+    """Protocol settings of the chamber. Its line is 19200 baud with odd parity: `?baud=19200&parity=O`."""
 
     address: Annotated[WholeNumber, Field(ge=ADDRESSES[0], le=ADDRESSES[-1])] = Field(
-        1, description="its address; 1 is 81 hexadecimal on the wire"
+        1, description="address of the chamber; 1 is 81 hexadecimal on the wire"
     )
-    ramp_channel: RampChannel = Field(1, description="the number of the temperature in commands for ramps")
-    versions: Flag = Field(True, description="false for a chamber that does not answer when it is asked for them")
+    ramp_channel: RampChannel = Field(1, description="number of the temperature channel in ramp commands")
+    versions: Flag = Field(True, description="false for a chamber that does not report versions")
 
 
 DESCRIPTION = DriverDescription(

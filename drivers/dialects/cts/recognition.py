@@ -1,4 +1,4 @@
-"""How a CTS chamber is known: by a frame with its status, and its versions."""
+"""Recognition of a CTS chamber by a frame with its status, and its versions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 async def ask(port: Port) -> Found:
-    """The chamber at the address that is the number of the unit."""
+    """Recognise the chamber at the address given by the unit number."""
     await _told(port, wire.STATUS_QUERY, wire.read_status)
     options: dict[str, object] = {"address": port.unit_id}
     versions = ""
@@ -31,7 +31,7 @@ async def _told(port: Port, question: str, read: Callable[[str], T]) -> T:
 
 
 def asks(line: str) -> bool:
-    """Whether a line is a question: it begins with a capital letter."""
+    """Return whether a line is a query: it begins with a capital letter."""
     return line[:1].isupper()
 
 

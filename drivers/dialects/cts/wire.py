@@ -1,9 +1,9 @@
 """Frames of a CTS chamber ⇄ values, both directions; no I/O.
 
-Facts from two drivers of other people. A frame is STX, the address, the text with bit 7 of every byte set, the XOR of
-all of that with bit 7 set, and ETX: `A0` to address 1 is 02 81 c1 b0 f0 03. A question is a capital letter, and its
-answer begins as it does; a setting is a small letter, and its answer is that letter. Temperatures are in °C with one
-decimal, rates in °C/min.
+Source: two third-party drivers. A frame is STX, the address, the text with bit 7 of every byte set, the XOR of all of
+that with bit 7 set, and ETX: `A0` to address 1 is 02 81 c1 b0 f0 03. A query is a capital letter, and its answer begins
+with it; a setting is a small letter, and its answer is that letter. Temperatures are in °C with one decimal, rates in
+°C/min.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ADDRESSES = range(1, 33)
 
 TEMPERATURE_QUERY, STATUS_QUERY, VERSIONS_QUERY = "A0", "S", "C"
 START, RESUME = "s1 1", "s3 1"
-COLDEST_C, HOTTEST_C = -99.9, 999.9  # what a set point can be spelled as
+COLDEST_C, HOTTEST_C = -99.9, 999.9  # range of set points in the format of the protocol
 STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 10
 FULL_SPEED_C_PER_MIN = 999.9  # no ramp
 
@@ -34,7 +34,7 @@ _STATUS = re.compile(r"S([01])([01])([01])[01]{5}(.)", re.ASCII)
 
 @dataclass(frozen=True, slots=True)
 class Temperatures:
-    """The answer to A0, °C."""
+    """Answer to A0, °C."""
 
     process_value_c: float
     set_point_c: float
@@ -42,7 +42,7 @@ class Temperatures:
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """The answer to R: whether set points are ramped, how fast up and down, °C/min, and to where, °C."""
+    """Answer to R: ramping enabled or not, rates up and down, °C/min, and target, °C."""
 
     active: bool
     up_c_per_min: float
@@ -52,7 +52,7 @@ class Ramp:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """The answer to S; `error` is its number as one character, "" without one."""
+    """Answer to S; `error` is the error number as one character, "" without an error."""
 
     running: bool
     paused: bool
@@ -60,13 +60,13 @@ class Status:
 
 
 def frame(address: int, text: bytes) -> bytes:
-    """A text on the wire."""
+    """Encode a text as a frame."""
     body = bytes([HIGH_BIT | address, *(HIGH_BIT | byte for byte in text)])
     return bytes([STX, *body, HIGH_BIT | reduce(xor, body), ETX])
 
 
 def text_of(address: int, received: bytes) -> str:
-    """The text in a frame without its ETX; ValueError for anything but a whole frame of this address."""
+    """Decode the text of a frame without its ETX; ValueError for anything but a complete frame of this address."""
     if len(received) < 4 or received[0] != STX:
         raise ValueError("not a frame")
     *body, checksum = received[1:]
@@ -78,56 +78,56 @@ def text_of(address: int, received: bytes) -> str:
 
 
 def of_address(address: int, read: Callable[[str], T]) -> Callable[[bytes], T]:
-    """Reads a frame of this address."""
+    """Decode a frame of this address."""
     return lambda received: read(text_of(address, received))
 
 
 def set_point(temperature_c: float) -> str:
-    """The command that sets it."""
+    """Command: set point."""
     return f"a0 {kept(temperature_c):05.1f}"
 
 
 def kept(temperature_c: float) -> float:
-    """A set point to the tenth of a degree that is sent."""
+    """Set point rounded to the transmitted tenth of a degree."""
     return round(temperature_c * STEPS_PER_C) / STEPS_PER_C
 
 
 def ramp_rates(channel: RampChannel, rate_c_per_min: float) -> tuple[str, str]:
-    """The commands that set the rates up and down."""
+    """Commands: rates up and down."""
     return f"u{channel} {rate_c_per_min:05.1f}", f"d{channel} {rate_c_per_min:05.1f}"
 
 
 def can_be_set(rate_c_per_min: float) -> bool:
-    """Whether a rate is one of the tenths that can be sent."""
+    """Return whether a rate is a multiple of 0.1 °C/min, as can be sent."""
     return abs(rate_c_per_min * STEPS_PER_C_PER_MIN - round(rate_c_per_min * STEPS_PER_C_PER_MIN)) < 1e-9
 
 
 def read_temperatures(text: str) -> Temperatures:
-    """`A0 023.5 -40.0`."""
+    """Decode `A0 023.5 -40.0`."""
     return Temperatures(*map(float, _groups(_TEMPERATURES, text, "two temperatures")))
 
 
 def read_ramp(text: str) -> Ramp:
-    """`R1 11 0001.00 0001.00 -40.00`: active, running, up, down, target."""
+    """Decode `R1 11 0001.00 0001.00 -40.00`: active, running, up, down, target."""
     _, active, _, up, down, target = _groups(_RAMP, text, "a ramp")
     return Ramp(active == "1", float(up), float(down), float(target))
 
 
 def read_status(text: str) -> Status:
-    """`S101000000`: running, error, not paused, five unused ones, the number of the error."""
+    """Decode `S101000000`: running, error, not paused, five unused digits, error number."""
     running, error, not_paused, number = _groups(_STATUS, text, "a status")
     return Status(running == "1", not_paused == "0", number if error == "1" else "")
 
 
 def read_versions(text: str) -> str:
-    """`C1.23;4.56;1234;`: of its PLC, of its controller, the number of its PLC; kept as they are."""
+    """Decode `C1.23;4.56;1234;`: versions of PLC and controller, number of the PLC; kept as text."""
     if not text.startswith(VERSIONS_QUERY) or not (found := text[1:].strip("; ")):
         raise ValueError("not versions")
     return found
 
 
 def read_done(command: str) -> Callable[[str], bool]:
-    """The letter of a setting, and perhaps its number."""
+    """Decode the acknowledgement of a setting: its letter, and possibly a number."""
 
     def read(text: str) -> bool:
         if text[:1] != command[0]:

@@ -1,4 +1,4 @@
-"""A P300: what is asked and set for a chamber."""
+"""A P300: queries and settings of a chamber."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from drivers.values import Identity
 T = TypeVar("T")
 
 READ_BACK = ReadBack()
-SAME_WITHIN_C = 1.0  # what the air of a chamber may do in the second between two questions
-QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # what drivers of others leave after a question and after a setting
+SAME_WITHIN_C = 1.0  # possible change of the air temperature in the second between two queries
+QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # pauses of third-party drivers after a query and after a setting
 _CONTROL: Mapping[str, Control] = {
     wire.CONSTANT: Control.SET_POINT, wire.OFF: Control.NOBODY, wire.STANDBY: Control.NOBODY,
 }  # fmt: skip
 
 
 class P300(Connected):
-    """A Controller; it has one set point and no ramp.
+    """A Controller with one set point and no ramp.
 
     It reports its kind and firmware version, but no serial number.
     """
@@ -41,7 +41,7 @@ class P300(Connected):
     def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
         self._device, self._pin, self._address = setup.name, setup.identity, setup.options.address
         self._commanded_c = math.nan
-        self._kind = ""  # the answer to TYPE?
+        self._kind = ""  # answer to TYPE?
         self._who = Recognised(setup.name, setup.identity)
         proof = Proof(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
         pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUESTION_GAP_S)
@@ -49,11 +49,11 @@ class P300(Connected):
         super().__init__(self._line)
 
     def _identity(self) -> Identity:
-        """Kind and version as it answers, the serial number as the bench file states it."""
+        """Kind and version as reported, serial number as stated in the bench file."""
         return self._who.identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Temperatures, then the state of the chamber.
+        """Read temperatures, then the state of the chamber.
 
         BadAnswer if the two answers disagree about the process value.
         """
@@ -71,9 +71,10 @@ class P300(Connected):
         return Look(temperatures.process_value_c, set_point_c, set_point_c, control, await self._in_words(monitor))
 
     async def command(self, temperature_c: float) -> None:
-        """Sends the set point and reads it back.
+        """Send the set point and read it back.
 
-        While a program runs it may be refused, and what is read is the program's: then `take_control` sends it again.
+        While a program runs it may be refused, or the program's set point is read back: then `take_control` sends it
+        again.
         """
         self._commanded_c = temperature_c
         command = wire.set_point(temperature_c)
@@ -92,14 +93,14 @@ class P300(Connected):
                 raise
 
     def kept(self, temperature_c: float) -> float:
-        """To a tenth of a degree."""
+        """Set point as stored: rounded to a tenth of a degree."""
         return wire.kept(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Nothing: it has no ramp; the driver sends one set point after the other."""
+        """Do nothing: the controller has no ramp; the driver sends a series of set points."""
 
     async def take_control(self) -> None:
-        """Switches it on and to constant operation, which ends a program, and sends the set point again.
+        """Switch on constant operation, which ends a program, and send the set point again.
 
         InstrumentFault while there is an alarm.
         """
@@ -107,7 +108,7 @@ class P300(Connected):
         if monitor.alarms:
             raise InstrumentFault(
                 self._device, "the chamber has an alarm", received=await self._in_words(monitor),
-                remedy="See to its cause and acknowledge it at the chamber.",
+                remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
         if monitor.mode == wire.OFF:
             await self._order(wire.POWER_ON)
@@ -126,7 +127,7 @@ class P300(Connected):
         limits = await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures)
         fingerprint = f"controller {self._kind}, programs {rom}"
         stated = as_stated(self._pin, fingerprint, maker="ESPEC", model=self._kind, firmware=rom)
-        found = stated._replace(model=self._kind)  # which the wire does tell
+        found = stated._replace(model=self._kind)  # reported by the wire
         self._who.check(found, found.fingerprint)
         self.limits_c = (limits.lowest_c, limits.highest_c)
 
@@ -170,7 +171,7 @@ class P300(Connected):
 
 
 class EspecP300(Chamber):
-    """A ThermalChamber that the driver ramps by many set points."""
+    """A ThermalChamber ramped by a series of set points."""
 
     def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
         super().__init__(setup.name, P300(setup), setup.limits, setup.safe, setup.options)

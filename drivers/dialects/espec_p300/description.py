@@ -12,10 +12,10 @@ from drivers.schema.fields import WholeNumber
 
 
 class P300Options(StairOptions):
-    """Protocol settings, and how it is ramped."""
+    """Protocol settings and ramp of the controller."""
 
     address: Annotated[WholeNumber, Field(ge=1, le=16)] | None = Field(
-        None, description="its address on an RS-485 line; without one on RS-232 and TCP"
+        None, description="address on an RS-485 line; none on RS-232 and TCP"
     )
 
 

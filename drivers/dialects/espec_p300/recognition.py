@@ -1,4 +1,4 @@
-"""How an ESPEC P300 is known: by its type and the version of its programs."""
+"""Recognition of an ESPEC P300 by its type and ROM version."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from drivers.values import Identity
 
 
 async def ask(port: Port) -> Found:
-    """A controller without an address, as on RS-232 and TCP."""
+    """Recognise a controller without an address, as on RS-232 and TCP."""
     kind = wire.read_type(text_of(await port.ask(wire.TYPE_QUERY.encode() + wire.END)))
     programs = wire.read_rom(text_of(await port.ask(wire.ROM_QUERY.encode() + wire.END)))
     return Found(Identity(maker="ESPEC", model=kind, firmware=programs, verified=False))
 
 
 def asks(line: str) -> bool:
-    """Whether a line is a question."""
+    """Return whether a line is a query."""
     return line.endswith("?")
 
 

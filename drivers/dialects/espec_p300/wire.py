@@ -1,8 +1,8 @@
 """Lines of an ESPEC P300 or SCP-220 controller ⇄ values, both directions; no I/O.
 
-Facts from the driver that the maker's American branch publishes, and from drivers that others use with the SH-641 and
-the PR-3J. Lines end with CR LF. A question ends with `?`; a setting is answered by `OK:` and the setting, or refused
-by `NA:` and the reason. Temperatures are in °C with one decimal.
+Sources: the driver published by the maker's American branch, and third-party drivers for the SH-641 and the PR-3J.
+Lines end with CR LF. A query ends with `?`; a setting is answered by `OK:` and the setting, or refused by `NA:` and the
+reason. Temperatures are in °C with one decimal.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ POWER_ON, CONSTANT_MODE = "POWER,ON", "MODE,CONSTANT"
 OFF, STANDBY, CONSTANT = "OFF", "STANDBY", "CONSTANT"
 
 TENTHS = 10
-STEADY_WITHIN_C = 0.25  # what the air of a chamber may do from one answer to the next: two steps of its resolution
+STEADY_WITHIN_C = 0.25  # possible change of the air temperature between two answers: two steps of its resolution
 REFUSALS: Mapping[str, str] = {
     "ADDR ERR": "wrong address",
-    "CHB NOT READY": "the chamber cannot do that now",
-    "CMD ERR": "a command that it does not know",
-    "DATA NOT READY": "there is no such program",
+    "CHB NOT READY": "the chamber is not ready for that",
+    "CMD ERR": "an unknown command",
+    "DATA NOT READY": "no such program",
     "DATA OUT OF RANGE": "a value beyond its limits",
-    "INVALID REQ": "it has no such function",
-    "PARA ERR": "a parameter that is missing or not understood",
+    "INVALID REQ": "no such function",
+    "PARA ERR": "a missing or invalid parameter",
     "PROTECT ON": "its settings are protected at the front panel",
 }
 
@@ -44,7 +44,7 @@ _ALARMS = re.compile(r"(\d{1,2})((?:,\d{1,3})*)", re.ASCII)
 
 @dataclass(frozen=True, slots=True)
 class Temperatures:
-    """The answer to TEMP?, °C; the limits are those of the set point."""
+    """Answer to TEMP?, °C; the limits are those of the set point."""
 
     process_value_c: float
     set_point_c: float
@@ -58,7 +58,7 @@ class Temperatures:
 
 @dataclass(frozen=True, slots=True)
 class Monitor:
-    """The answer to MON?: the air, °C, what the chamber does, and how many alarms are there."""
+    """Answer to MON?: air temperature, °C, operating state, and number of alarms."""
 
     process_value_c: float
     mode: str
@@ -66,28 +66,28 @@ class Monitor:
 
 
 def alike(one: Temperatures, other: Temperatures) -> bool:
-    """Whether two answers, one right after the other, may be of the same state: only the air moves by itself."""
+    """Return whether two consecutive answers agree: only the air temperature may differ."""
     near = abs(one.process_value_c - other.process_value_c) <= STEADY_WITHIN_C
     return near and replace(one, process_value_c=other.process_value_c) == other
 
 
 def set_point(temperature_c: float) -> str:
-    """The command that sets it."""
+    """Command: set point."""
     return f"TEMP, S{kept(temperature_c):.1f}"
 
 
 def kept(temperature_c: float) -> float:
-    """A set point as it is sent, to a tenth of a degree."""
+    """Set point rounded to the transmitted tenth of a degree."""
     return round(temperature_c * TENTHS) / TENTHS
 
 
 def addressed(command: str, address: int | None) -> str:
-    """A command to one of several controllers on an RS-485 line."""
+    """Add an RS-485 address to a command."""
     return command if address is None else f"{address},{command}"
 
 
 def unless_refused(read: Callable[[str], T]) -> Callable[[bytes], T | Refusal]:
-    """Reads an answer that may be a refusal instead; ValueError when it is neither."""
+    """Decode an answer; Refused for a refusal, ValueError if it is neither."""
 
     def read_line(line: bytes) -> T | Refusal:
         text = line.decode("ascii")
@@ -100,24 +100,24 @@ def unless_refused(read: Callable[[str], T]) -> Callable[[bytes], T | Refusal]:
 
 
 def read_done(text: str) -> None:
-    """`OK:` and the setting."""
+    """Decode `OK:` and the setting."""
     if not text.startswith("OK:"):
         raise ValueError("neither OK: nor NA:")
 
 
 def read_temperatures(text: str) -> Temperatures:
-    """`23.1,25.0,100.0,-40.0`."""
+    """Decode `23.1,25.0,100.0,-40.0`."""
     return Temperatures(*map(float, _groups(_TEMPERATURES, text, "four temperatures")))
 
 
 def read_monitor(text: str) -> Monitor:
-    """`23.1,50,CONSTANT,0`; the humidity may be empty."""
+    """Decode `23.1,50,CONSTANT,0`; the humidity may be empty."""
     process_value, mode, alarms = _groups(_MONITOR, text, "temperature, humidity, mode and alarms")
     return Monitor(float(process_value), mode, int(alarms))
 
 
 def read_alarms(text: str) -> tuple[int, ...]:
-    """`2,1,7`: how many, then the code of each."""
+    """Decode `2,1,7`: number of alarms, then the code of each."""
     count, codes = _groups(_ALARMS, text, "a number of alarms and their codes")
     found = tuple(map(int, codes.split(",")[1:]))
     if len(found) != int(count):
@@ -126,12 +126,12 @@ def read_alarms(text: str) -> tuple[int, ...]:
 
 
 def read_type(text: str) -> str:
-    """The controller's name out of `T,T,S2,160.0`: sensors, name, hottest temperature."""
+    """Decode the controller's name from `T,T,S2,160.0`: sensors, name, highest temperature."""
     return _groups(_TYPE, text, "sensors, controller and temperature")[0]
 
 
 def read_rom(text: str) -> str:
-    """The version of its programs, a line of any form."""
+    """Decode the ROM version, a line of any format."""
     if not text.isprintable() or not text.strip():
         raise ValueError("not a version")
     return text.strip()

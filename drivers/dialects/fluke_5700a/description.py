@@ -18,7 +18,7 @@ KNOWN_RANGE = range_of(RANGES_A, "A", "220 µA, 2.2 mA, 22 mA, 220 mA or 2.2 A")
 
 
 class FlukeOptions(StrictModel):
-    """How the calibrator is used: DC current at its own terminals, in one locked range.
+    """Use of the calibrator as DC current source at its own terminals, in one locked range.
 
     Its remote interface must be set to COMPUTER (as delivered it is TERMINAL, which is for people). `terminator` and
     the baud rate of the connection must be those of its RS-232 menu; where that says XON, the connection ends with

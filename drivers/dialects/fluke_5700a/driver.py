@@ -1,4 +1,4 @@
-"""A Fluke 5700A as a current source: a locked range, every setting read back and settled, standby only at 0 A."""
+"""A Fluke 5700A as a current source: locked range, every setting read back and settled, standby only at 0 A."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from drivers.timing.readback import ReadBack
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading, SourceReading
 
-SETTLE_LOOK_S = 1.0  # how often a setting is looked at until it has settled, and how long after it for the first time
+SETTLE_LOOK_S = 1.0  # interval of polls until a setting has settled, and delay of the first one
 READ_BACK = ReadBack()  # relays delay the status after a command
 MINUTE_S = 60.0
 _DISTORTING = {
@@ -33,10 +33,10 @@ _DISTORTING = {
 class Fluke5700A:
     """One calibrator; a Source of amperes.
 
-    Every command is sent once and what it did is read back. Every poll compares the settings with the last ones sent: a
-    second master, or local control, is a fault and is not overridden.
+    Every command is sent once and read back. Every poll compares the settings with the last ones sent: a second master,
+    or local control, is a fault and is not overridden.
 
-    Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
+    Concurrency: a new `set` and `make_safe` supersede the running `set`, which then raises Refused.
     """
 
     def __init__(self, setup: Setup[FlukeOptions, SourceLimits, Nothing]) -> None:
@@ -44,27 +44,27 @@ class Fluke5700A:
         self._options, self._limits = setup.options, setup.limits
         self._link = FlukeLink(setup, end=wire.TERMINATORS[setup.options.terminator])
         self._band_a = wire.band_a(setup.options.range)
-        self._latest: Latest[Setting] = Latest(setup.name, "setting")  # its result was read back
-        self._range_chosen = False  # by this driver, and locked since
-        self._first_min: int | None = None  # the answer to ETIME? when it was first known to be on
+        self._latest: Latest[Setting] = Latest(setup.name, "setting")  # setting that was read back
+        self._range_chosen = False  # range set and locked by this driver
+        self._first_min: int | None = None  # answer to ETIME? when the power was first known to be on
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies; raises CannotConnect, WrongIdentity, or BadAnswer from a terminal mode."""
+        """Connect and identify; raises CannotConnect, WrongIdentity, or BadAnswer from a terminal mode."""
         await self._link.open()
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the wire; the output stays as it is, and the calibrator in remote."""
+        """Close the wire; the output stays as it is, and the calibrator in remote."""
         self._link.close()
 
     async def identify(self) -> Identity:
-        """Who is there, by *IDN?; raises WrongIdentity."""
+        """Query the identity by *IDN?; raises WrongIdentity."""
         return await self._link.identify()
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """The current that flows, whether it has settled (1 or 0), and for how long the power is known to be on.
+        """Output current, settled (1 or 0), and the minimum time since power-on.
 
-        Raises InstrumentFault when there is a fault, or when the calibrator is no longer set as it was.
+        Raises InstrumentFault if there is a fault, or if settings have changed.
         """
         state = await self._agreed_state()
         if self._latest.result is not None:
@@ -75,14 +75,14 @@ class Fluke5700A:
         return {channel: [Reading(at_s, value)] for channel, value in values.items()}
 
     async def read(self) -> SourceReading:
-        """The level while it operates, else 0; a calibrator measures neither current nor voltage."""
+        """Level while the output operates, else 0; a calibrator measures neither current nor voltage."""
         state = await self._agreed_state()
         return SourceReading(None, state.flowing_a, Status.OPERATING in state.status)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
-        """Locks the range, sets the level (A), operates, and returns when the output has settled.
+        """Lock the range, set the level (A), operate, and return when the output has settled.
 
-        `limit` is the compliance (V), which a calibrator does not let be set: it must be that of the bench file. With
+        `limit` is the compliance (V), which cannot be set on a calibrator: it must be that of the bench file. With
         `output` False only goes to 0 A and to standby. Raises BeyondLimit before anything is sent, Refused when a
         setting is not carried out, InstrumentFault for a trip, an offset or a takeover, NotSettled.
         """
@@ -109,7 +109,7 @@ class Fluke5700A:
         self._latest.done(order, wanted)
 
     async def make_safe(self) -> None:
-        """Takes control, goes to 0 A, then to standby, within 5 s, proved by reading back.
+        """Take control, go to 0 A, then to standby, within 5 s, proved by reading back.
 
         Raises NoAnswer, BadAnswer or Refused when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
         """
@@ -124,14 +124,14 @@ class Fluke5700A:
     async def _reach(self, order: Order, wanted: Setting) -> None:
         """Send one command after the other until the calibrator reports the wanted settings.
 
-        Each is sent once and given some time; a fault in the queue ends the way to anything but OFF.
+        Each is sent once and given some time; a fault in the queue stops the change to any state but OFF.
         """
         sent, faults, now = "", list[str](), await self._state()
         while step := wire.next_step(now, wanted, self._band_a):
             order.check()
             if step == sent:
                 raise Refused(
-                    self.name, "a setting was not carried out", sent=sent, received="; ".join([str(now), *faults]),
+                    self.name, "a setting was not executed", sent=sent, received="; ".join([str(now), *faults]),
                     remedy="Look at the display of the calibrator: a message, a menu left open, or local control.",
                 )  # fmt: skip
             sent, faults = step, await self._link.write(step)
@@ -152,7 +152,7 @@ class Fluke5700A:
         )
 
     async def _settle(self, order: Order, wanted: Setting) -> None:
-        """Returns when the output is within its specification, with no fault in the queue."""
+        """Return when the output is within its specification, with no fault in the queue."""
         deadline = Deadline(self._options.settle_within)
         while True:
             await asyncio.sleep(SETTLE_LOOK_S)
@@ -182,8 +182,8 @@ class Fluke5700A:
     async def _events(self, state: State) -> Event:
         """Events since the last query, which are reported only once.
 
-        If the answer is missing, all that may have been in it: errors, and a power failure unless the calibrator is
-        still as only this driver sets it.
+        If the answer is missing, all possible events: errors, and a power failure unless the calibrator still has the
+        settings of this driver.
         """
         try:
             return await self._link.ask_once(wire.EVENTS_QUERY, wire.read_events)
@@ -195,8 +195,8 @@ class Fluke5700A:
     async def _on_time_s(self, state: State) -> float:
         """Minimum time for which the power has been on: since the first query, or since it was last switched on.
 
-        ETIME? counts the minutes of the calibrator's whole life, so that two answers give a time, less one minute
-        for what is left of each. The event that tells a power failure begins it anew.
+        ETIME? counts the minutes of the calibrator's whole life, so the difference of two answers, less one minute for
+        rounding, is a time. A power failure event restarts it.
         """
         events = await self._events(state)
         minutes = await self._link.takes.agreed("its time in minutes", self._minutes, alike=_within_a_minute)
@@ -221,7 +221,7 @@ class Fluke5700A:
             )  # fmt: skip
 
     def _check_ours(self, now: State, made: Setting | None) -> None:
-        """Raises if another master took control, or changed the meaning of a level."""
+        """Raise if another master took control, or changed the meaning of a level."""
         found = [words for bit, words in _DISTORTING.items() if bit in now.status]
         if made is not None and Status.REMOTE not in now.status:
             found.append("it was switched to local control, or switched off")
@@ -232,14 +232,14 @@ class Fluke5700A:
             )  # fmt: skip
 
     async def _check_still(self, state: State, made: Setting) -> None:
-        """Raises, with the faults in the queue, when the calibrator is not set any more as it was."""
+        """Raise, with the faults in the queue, if settings have changed."""
         if made.output:
             self._check_ours(state, made)
         if wire.next_step(state, made, self._band_a):
             faults = await self._link.faults()
             raise InstrumentFault(
                 self.name, f"the calibrator was set to {made}", received="; ".join([str(state), *faults]),
-                remedy="Look for an open or too large load, which trips it, a power failure, or who else sets it.",
+                remedy="Look for an open or too large load, which trips it, a power failure, or another master.",
             )  # fmt: skip
 
     def _fault(self, problem: str, faults: Sequence[str]) -> InstrumentFault:

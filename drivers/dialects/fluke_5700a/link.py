@@ -1,4 +1,4 @@
-"""The conversation with a Fluke 5700A: identified, its fault queue drained after each command, opened again."""
+"""Dialogue with a Fluke 5700A: identified, its fault queue drained after each command, reconnected after a loss."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from drivers.values import Identity
 
 T = TypeVar("T")
 
-ANSWER_S = 5.0  # a calibrator that changes its range keeps commands waiting
+ANSWER_S = 5.0  # a calibrator delays commands while it changes its range
 FAULTS_AT_MOST = 32
 
 
 class FlukeLink:
     """The line to one calibrator.
 
-    Every message is one command or one question, and the next one waits for an answer: its input buffer of 128 bytes
-    is never full. `takes` are of what enters a result. Lifetime: `open`, then `close`; `reopen` when the wire was lost.
-    Concurrency: callers queue.
+    Every message is one command or one query, and the next one waits for an answer: the input buffer of 128 bytes never
+    overflows. `takes` confirms readings that enter a result. Lifetime: `open`, then `close`; `reopen` when the wire was
+    lost. Concurrency: callers queue.
     """
 
     def __init__(self, setup: Setup[Any, Any, Any], *, end: bytes) -> None:
@@ -37,15 +37,15 @@ class FlukeLink:
         self.takes = self._dialogue.takes
 
     async def open(self) -> None:
-        """Connects, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""
+        """Connect, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""
         try:
             await self._dialogue.open()
-            await once_more(self.faults, self._note)  # of before
+            await once_more(self.faults, self._note)  # errors of earlier sessions
         except BadAnswer as problem:
             self.close()
             raise BadAnswer(
                 self._device, problem.problem, sent=problem.sent, received=problem.received,
-                remedy="If it repeats what it is sent: set its remote interface to COMPUTER, not TERMINAL. "
+                remedy="If it echoes commands: set its remote interface to COMPUTER, not TERMINAL. "
                 "Else check baud rate, parity and terminator in its RS-232 menu and in the bench file.",
             ) from problem  # fmt: skip
         except BaseException:
@@ -53,45 +53,45 @@ class FlukeLink:
             raise
 
     async def reopen(self) -> bool:
-        """Connects and identifies again if the wire was lost; whether it was."""
+        """Connect and identify again if the connection was lost; return whether it was."""
         lost = await self._dialogue.reopen()
         if lost:
             await once_more(self.faults, self._note)
         return lost
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
         self._dialogue.close()
 
     async def identify(self) -> Identity:
-        """Who is there now; raises WrongIdentity when it is not who was there before."""
+        """Query the identity; raises WrongIdentity if it has changed."""
         return await self.ask(wire.IDENTITY_QUERY, self._recognise)
 
     async def ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        """One question that may be asked again; see Dialogue.ask."""
+        """Send a query that may be repeated; see Dialogue.ask."""
         return await self._dialogue.ask(question, read)
 
     async def ask_once(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        """One question that the instrument answers only once; see Dialogue.ask_once."""
+        """Send a query that the instrument answers only once; see Dialogue.ask_once."""
         return await self._dialogue.ask_once(question, read)
 
     async def write(self, command: str) -> list[str]:
-        """Sends a command, once; the faults that are in the queue after it.
+        """Send a command once; return the faults in the queue after it.
 
-        Returns as well when the answer is missing or garbled: what the caller reads back decides.
+        Also returns if the answer is missing or garbled: the caller decides by reading back.
         """
         message = command.encode() + self._end + wire.FAULT_QUERY
         fault = await self._dialogue.order(message, wire.read_integer)
         return await self.faults() if fault is None else await self._faults_from(fault)
 
     def cut_in(self, *commands: str) -> None:
-        """Sends commands at once, before anything else; see LineExchange.cut_in."""
+        """Send commands at once, ahead of everything queued; see LineExchange.cut_in."""
         self._dialogue.line.cut_in(self._end.join(command.encode() for command in commands))
 
     async def faults(self) -> list[str]:
-        """Every fault in the queue, with what it means; the queue is empty after it.
+        """Read every fault of the queue with its text; the queue is empty after it.
 
-        NoAnswer if one of them may have been lost: each is reported only once.
+        Raises NoAnswer if one may have been lost: each is reported only once.
         """
         return await self._faults_from(await self.ask_once(wire.FAULT_QUERY, wire.read_integer))
 
@@ -105,11 +105,11 @@ class FlukeLink:
         return found
 
     def _recognise(self, line: bytes) -> Identity:
-        """Reads an identity and compares it with the bench file and with who was there before."""
+        """Decode an identity and compare it with the bench file and with that of earlier connections."""
         found = scpi.identity(line)
         if found.model not in wire.MODELS:
             raise WrongIdentity(
-                self._device, f"a {found.model} is none of {', '.join(wire.MODELS)}; its status may mean other things",
+                self._device, f"a {found.model} is none of {', '.join(wire.MODELS)}; its status may be different",
                 received=line.decode("ascii"), remedy="Correct driver or connection in the bench file.",
             )  # fmt: skip
         return self._who.check(found, line.decode("ascii"))

@@ -1,4 +1,4 @@
-"""How a Fluke 5700A, 5720A or 5730A is known."""
+"""Recognition of a Fluke 5700A, 5720A or 5730A."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Messages of a Fluke 5700A in both directions, and what is to be sent next to reach a setting.
+"""Messages of a Fluke 5700A in both directions, and the sequence of commands to a setting.
 
-After the operators manuals of the 5700A/5720A Series II and the 5730A: words of Fluke's own beside the common commands
-of IEEE 488.2, no colons; answers as in computer mode. They leave open what else OUT? answers (three fields are read
-here), and how answers to several questions in one message are joined (one question is asked at a time).
+Sources: the operators manuals of the 5700A/5720A Series II and the 5730A. Headers are Fluke's own, without colons,
+beside the common commands of IEEE 488.2; answers as in computer mode. The manuals do not specify further fields of OUT?
+(three are decoded here), and how answers to several queries in one message are joined (one query is sent at a time).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ZERO = "OUT 0 A, 0 HZ"
 
 
 class Status(IntFlag):
-    """Bits of the instrument status register that are used here."""
+    """Used bits of the instrument status register."""
 
     OPERATING = 1 << 0
     BOOST = 1 << 3
@@ -43,7 +43,7 @@ class Status(IntFlag):
 
 
 class Event(IntFlag):
-    """Bits of the event status register that are used here."""
+    """Used bits of the event status register."""
 
     QUERY_ERROR = 1 << 2
     DEVICE_ERROR = 1 << 3
@@ -57,7 +57,7 @@ ERRORS = Event.QUERY_ERROR | Event.DEVICE_ERROR | Event.EXECUTION_ERROR | Event.
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What an output is to do; `range_locked` None leaves the range as it is."""
+    """Wanted setting of the output; `range_locked` None leaves the range unchanged."""
 
     level_a: float
     output: bool
@@ -72,19 +72,19 @@ OFF = Setting(0.0, False)
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Settings and status of a calibrator; `level_a` is None when that is no DC current."""
+    """Settings and status of a calibrator; `level_a` is None if the output is not DC current."""
 
     status: Status
     level_a: float | None
 
     @property
     def flowing_a(self) -> float:
-        """The current at its terminals, as far as it is one: 0 in standby."""
+        """Output current: 0 in standby."""
         return (self.level_a or 0.0) if Status.OPERATING in self.status else 0.0
 
     @property
     def settled(self) -> bool:
-        """Whether it operates, and within its specification."""
+        """True if it operates, within its specification."""
         return Status.OPERATING | Status.SETTLED in self.status
 
     def __str__(self) -> str:
@@ -95,22 +95,22 @@ class State:
 
 
 def set_level(level_a: float) -> str:
-    """The command for a DC current, in plain amperes: to a calibrator, MA may be mega as well as milli."""
+    """Command: DC current in plain amperes; a calibrator may take MA as mega or milli."""
     return f"OUT {level_a + 0.0:.9G} A, 0 HZ"
 
 
 def explain_query(fault: int) -> bytes:
-    """The question for what a fault means."""
+    """Query of the text of a fault code."""
     return f"EXPLAIN? {fault}".encode()
 
 
 def read_integer(line: bytes) -> int:
-    """A register, a count or a fault code; ValueError."""
+    """Decode a register, a count or a fault code; ValueError."""
     return scpi.integer(line.decode("ascii").strip(" "))
 
 
 def read_text(line: bytes) -> str:
-    """A string in quotation marks; ValueError."""
+    """Decode a string in quotation marks; ValueError."""
     text = line.decode("ascii").strip(" ")
     if len(text) < 2 or text[0] != '"' or text[-1] != '"':
         raise ValueError("not a text in quotation marks")
@@ -118,17 +118,17 @@ def read_text(line: bytes) -> str:
 
 
 def read_status(line: bytes) -> Status:
-    """The answer to ISR?; ValueError."""
+    """Decode the answer to ISR?; ValueError."""
     return Status(read_integer(line) & sum(Status))
 
 
 def read_events(line: bytes) -> Event:
-    """The answer to *ESR?; ValueError."""
+    """Decode the answer to *ESR?; ValueError."""
     return Event(read_integer(line) & sum(Event))
 
 
 def read_output(line: bytes) -> float | None:
-    """The answer to OUT?, amplitude, unit and frequency: a DC current (A), None for anything else; ValueError."""
+    """Decode the answer to OUT? (amplitude, unit, frequency): DC current (A), None for anything else; ValueError."""
     fields = [field.strip(" ") for field in line.decode("ascii").split(",")]
     if len(fields) < 3 or not fields[1].isalpha():
         raise ValueError("not amplitude,unit,frequency")
@@ -137,21 +137,21 @@ def read_output(line: bytes) -> float | None:
 
 
 def band_a(range_a: float) -> float:
-    """How far a level that is read back may be from the one that was sent: a millionth of the range."""
+    """Tolerance of a level read back: a millionth of the range."""
     return 1e-6 * range_a
 
 
 def choosing_range(range_a: float) -> tuple[Setting, Setting]:
-    """Settings in standby that choose a range and lock it: a level that the range below does not take, and the lock.
+    """Settings in standby that select and lock a range: a level beyond the range below, then the lock.
 
-    A calibrator has no command for a range: it takes the smallest one for a level, unless the range is locked.
+    A calibrator has no command for a range: it selects the smallest one for a level, unless the range is locked.
     """
     level_a = 0.105 * range_a
     return Setting(level_a, False, False), Setting(level_a, False, True)
 
 
 def next_step(now: State, wanted: Setting, band_a: float) -> str:
-    """The next command on the way to a setting, "" when it is reached.
+    """Next command on the way to a setting, "" when it is reached.
 
     Control is taken first. The range is locked or freed in standby, the polarity changes through 0 A, the level comes
     before the output operates, and a current goes to 0 A before standby. In standby, OFF leaves other functions alone.

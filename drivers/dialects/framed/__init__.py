@@ -1,1 +1,1 @@
-"""Heads and rate tables that speak in frames of fixed length, as a file describes them."""
+"""Heads and rate tables with fixed-length frames, described by a profile file."""

@@ -1,4 +1,4 @@
-"""An axis behind frames, as the logic of heads and that of rate tables see it."""
+"""An axis with a frame protocol, as used by the logic of heads and rate tables."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MODES = {"off": Mode.OFF, "position": Mode.POSITION, "rate": Mode.RATE, "sine":
 
 
 class _FramedAxis:
-    """What both have in common."""
+    """Common part of head and table axes."""
 
     def __init__(self, controller: FramedController) -> None:
         self._controller = controller
@@ -35,15 +35,15 @@ class _FramedAxis:
         await self._controller.line.open()
 
     async def reopen(self) -> None:
-        """Connects again if the wire was lost; else nothing."""
+        """Connect again if the wire was lost; else nothing."""
         await self._controller.line.reopen()
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
         self._controller.line.close()
 
     async def identify(self) -> Identity:
-        """Who is there, the same as before; raises WrongIdentity."""
+        """Query the identity; raises WrongIdentity if it has changed."""
         return await self._controller.identify()
 
     def _at_once(self) -> None:
@@ -51,9 +51,9 @@ class _FramedAxis:
 
 
 class FramedHeadAxis(_FramedAxis):
-    """An Axis of a head; `acceleration_dps2` goes with every move whose frame has a place for it."""
+    """An Axis of a head; `acceleration_dps2` is sent with every move whose frame has a field for it."""
 
-    limits: OwnLimits | None = None  # it tells none
+    limits: OwnLimits | None = None  # the controller does not report it
 
     def __init__(self, setup: Setup[FramedHeadOptions, Any, Any]) -> None:
         super().__init__(FramedController(setup, setup.options))
@@ -61,12 +61,12 @@ class FramedHeadAxis(_FramedAxis):
         self._acceleration_dps2 = setup.options.acceleration
 
     async def angle(self) -> Reading:
-        """The encoder's angle (°)."""
+        """Encoder angle (°)."""
         status = await self._controller.look()
         return Reading(asyncio.get_running_loop().time(), status.angle_deg)
 
     async def state(self) -> AxisState:
-        """The bits of a status."""
+        """Status bits."""
         status = await self._controller.look()
         return AxisState(
             homed=status.homed, enabled=status.enabled, moving=status.moving, in_position=status.in_position,
@@ -74,7 +74,7 @@ class FramedHeadAxis(_FramedAxis):
         )  # fmt: skip
 
     async def check_faults(self) -> None:
-        """Raises InstrumentFault with the names of the faults there are, and when others command the axis."""
+        """Raise InstrumentFault with the names of the present faults, or if another master commands the axis."""
         status = await self._controller.look()
         self._controller.check_faults(status)
         if not status.remote:
@@ -88,14 +88,14 @@ class FramedHeadAxis(_FramedAxis):
         await self._controller.enable()
 
     async def prepare(self, rate_dps: float) -> None:
-        """Nothing: the rate is sent with each move."""
+        """Do nothing: the rate is sent with each move."""
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
-        """Sends the axis to an angle, once; returns when the status after it was read. Raises Refused."""
+        """Start a move to an angle, sent once; return when the status after it was read. Raises Refused."""
         await self._controller.order("move", angle=angle_deg, rate=rate_dps, acceleration=self._acceleration_dps2)
 
     async def abort(self) -> None:
-        """Make the axis decelerate and hold."""
+        """Decelerate and hold."""
         await self._controller.order("stop")
 
     def abort_at_once(self) -> None:
@@ -104,7 +104,7 @@ class FramedHeadAxis(_FramedAxis):
 
 
 class FramedTableAxis(_FramedAxis):
-    """A TableAxis. Where the status tells no mode, it is what the axis was last told; at first, whether it moves."""
+    """A TableAxis. If the status reports no mode, it is that of the last command; initially derived from the motion."""
 
     def __init__(self, setup: Setup[FramedTableOptions, TableLimits, Any]) -> None:
         super().__init__(FramedController(setup, setup.options))
@@ -116,21 +116,21 @@ class FramedTableAxis(_FramedAxis):
         self._here_deg, self._sine = 0.0, (0.0, 0.0)
 
     async def look(self) -> State:
-        """What the axis does now, its angle over whole turns."""
+        """State of the axis, its angle over whole turns."""
         return self._understood(await self._controller.look())
 
     async def check_fault(self, state: State, sent: str = "") -> None:
-        """Raises InstrumentFault with its reasons when the state has a fault, which `sent` met; clears nothing."""
+        """Raise InstrumentFault with its reasons if the state has a fault, met by `sent`; clears nothing."""
         if state.drive is Drive.FAULT:
             raise self._controller.fault(state.words, sent, str(state))
 
     async def make_ready(self) -> State:
-        """Energises the motor, unless that is so already; what the axis then does. Raises InstrumentFault, Refused."""
+        """Energise the motor, unless that is so already; return the state after it. Raises InstrumentFault, Refused."""
         status = await self._controller.look()
         self._controller.check_faults(status)
         if not status.homed:
             raise InstrumentFault(
-                self._controller.device, "the axis has not been homed, so its angles mean nothing",
+                self._controller.device, "the axis has not been homed, so its angles are undefined",
                 received=str(status), remedy="Home it at the controller, where you can see it move.",
             )  # fmt: skip
         if not status.enabled:
@@ -139,28 +139,28 @@ class FramedTableAxis(_FramedAxis):
         return self._understood(status)
 
     async def give_back(self) -> None:
-        """Nothing: who is obeyed is set at the controller."""
+        """Do nothing: the active interface is selected at the controller."""
 
     async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:
-        """Keeps what goes with the next command; the controller slows down as it is set."""
+        """Store parameters for the next command; the controller's own deceleration applies."""
         if mode is not Mode.OFF:
             self._rate_dps, self._acceleration_dps2 = rate_dps, acceleration_dps2
 
     async def demand_here(self, mode: Mode, angle_deg: float) -> None:
-        """Keeps the angle, for POSITION to begin with."""
+        """Store the angle from which POSITION starts."""
         self._here_deg = angle_deg
 
     async def demand_sine(self, amplitude_deg: float, frequency_hz: float, run_up_s: float) -> None:
-        """Keeps the sine; how it grows is the controller's own. Raises Refused where it cannot swing."""
+        """Store the sine; its run-up is the controller's own. Raises Refused if the axis cannot oscillate."""
         if self._controller.profile.commands.sine is None:
             raise Refused(
-                self._controller.device, "the controller does not swing by itself: its profile has no commands.sine",
-                remedy="Take the sine out of the sequence, or use a table that has it.",
+                self._controller.device, "the controller cannot oscillate: its profile has no commands.sine",
+                remedy="Remove the sine from the sequence, or use a table that can oscillate.",
             )  # fmt: skip
         self._sine = (amplitude_deg, frequency_hz)
 
     async def enter(self, mode: Mode) -> None:
-        """Goes to where the axis stands, turns at rate zero, or swings: a command is the only way into a mode."""
+        """Go to the present angle, turn at rate zero, or oscillate: a mode is entered only by a command."""
         self._told = mode
         if mode is Mode.SYNTHESIS:
             amplitude_deg, frequency_hz = self._sine
@@ -171,23 +171,23 @@ class FramedTableAxis(_FramedAxis):
             await self.go(self._here_deg)
 
     async def go(self, angle_deg: float) -> None:
-        """Sends the axis to an angle, within a turn where angles wrap."""
+        """Move the axis to an angle, within a turn if angles wrap."""
         within_deg = angle_deg % TURN_DEG if self._wraps and self._endless else angle_deg
         await self._controller.order(
             "move", angle=within_deg, rate=self._rate_dps, acceleration=self._acceleration_dps2
         )  # fmt: skip
 
     async def turn(self, rate_dps: float) -> None:
-        """Sends the axis to a rate."""
+        """Turn the axis at a rate."""
         await self._controller.order("rate", rate=rate_dps, acceleration=self._acceleration_dps2)
 
     async def stop(self) -> None:
-        """Slows down and holds."""
+        """Decelerate and hold."""
         self._told = Mode.OFF
         await self._controller.order("stop")
 
     def stop_at_once(self) -> None:
-        """As `stop`, before anything else that is to be said; raises LinkLost."""
+        """As `stop`, ahead of all queued messages; raises LinkLost."""
         self._told = Mode.OFF
         self._at_once()
 

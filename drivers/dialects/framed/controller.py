@@ -1,4 +1,4 @@
-"""The conversation about one axis with a controller that speaks in frames, whatever it moves."""
+"""Dialogue about one axis with a controller with a frame protocol, head or table."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ READ_BACK = ReadBack()
 
 
 class FramedController:
-    """Looks and commands; a command is proved by the status after it.
+    """Reads the status and sends commands; every command is proved by the status after it.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
     """
@@ -41,22 +41,22 @@ class FramedController:
         )  # fmt: skip
 
     async def identify(self) -> Identity:
-        """Who is there; names are stated, and what the status tells of them is compared. Raises WrongIdentity."""
+        """Query the identity: names as stated, the status compared with them. Raises WrongIdentity."""
         return self._recognise(await self.look())
 
     async def look(self) -> Status:
-        """What the axis does now; raises WrongIdentity when the status is another controller's."""
+        """State of the axis; raises WrongIdentity if the status comes from another controller."""
         status = await self.line.status()
         self._take(status)
         return status
 
     def check_faults(self, status: Status, sent: str = "") -> None:
-        """Raises InstrumentFault with the names of the faults there are, which `sent` met; clears nothing."""
+        """Raise InstrumentFault with the names of the present faults, met by `sent`; clears nothing."""
         if status.faults:
             raise self.fault(", ".join(status.faults), sent, str(status))
 
     def fault(self, names: str, sent: str, received: str) -> InstrumentFault:
-        """The error of a fault that the controller reports."""
+        """Exception for a fault reported by the controller."""
         return InstrumentFault(
             self.device, f"the controller reports a fault: {names}", sent=sent, received=received,
             remedy="Remove the cause, clear the fault at the controller, then run again.",
@@ -76,15 +76,15 @@ class FramedController:
         return status
 
     async def order(self, name: str, **values: float) -> None:
-        """Sends a command once, with those of the values that its frame has a place for.
+        """Send a command once, with those values that its frame has a field for.
 
-        Where the status tells what the controller is to do, it must not be something else than was sent; a command that
-        seems not to have come is not repeated: the axis decides. Raises BeyondLimit, Refused, InstrumentFault.
+        If the status reports the active command, it must not differ from the one sent; a command that seems lost is not
+        repeated: the motion of the axis decides. Raises BeyondLimit, Refused, InstrumentFault.
         """
         self._check_limits(values)
         told = self._raw(name, values)
         echo = {"move": ("angle", "target_angle"), "rate": ("rate", "target_rate")}.get(name)
-        before = self._last  # asking here would let a stop be sent before the command
+        before = self._last  # waiting here would let a stop be sent before the command
         await self.line.order(name, told.values())
         if before is None or echo is None:
             return
@@ -93,7 +93,7 @@ class FramedController:
         self._check_taken(name, told[echo[0]], echo[1], before, after)
 
     def _check_limits(self, values: Mapping[str, float]) -> None:
-        """Raises BeyondLimit if a motion exceeds the controller's limits in the profile."""
+        """Raise BeyondLimit if a motion exceeds the controller's limits in the profile."""
         allowed, rate_dps, angle_deg = self.profile.limits, values.get("rate"), values.get("angle")
         problem = ""
         if allowed.rate is not None and rate_dps is not None and abs(rate_dps) > allowed.rate.max:
@@ -107,7 +107,7 @@ class FramedController:
             )  # fmt: skip
 
     def _raw(self, name: str, values: Mapping[str, float]) -> dict[str, tuple[NumberFormat, Raw]]:
-        """Each value in the units of the wire; Refused when its place does not hold it."""
+        """Convert values to wire units; Refused if one does not fit its field."""
         found = {}
         for key, value in values.items():
             number = getattr(self.profile.shape(name), key, None)
@@ -117,7 +117,7 @@ class FramedController:
                     found[key] = (form, form.raw(value))
                 except OverflowError as problem:
                     raise Refused(
-                        self.device, f"no frame holds this {key}: {problem}; nothing was sent", sent=name,
+                        self.device, f"this {key} does not fit its frame: {problem}; nothing was sent", sent=name,
                         remedy="Correct the sequence, or type and scale in the profile if they are wrong.",
                     ) from problem  # fmt: skip
         return found
@@ -125,7 +125,7 @@ class FramedController:
     def _check_taken(
         self, name: str, told: tuple[NumberFormat, Raw], key: str, before: Status, after: Status
     ) -> None:  # fmt: skip
-        """Raises Refused if the controller's order is neither the one sent nor the previous one."""
+        """Raise Refused if the active command is neither the one sent nor the previous one."""
         number: Number | None = getattr(self.profile.status, key)
         if number is None:
             return
@@ -135,7 +135,7 @@ class FramedController:
             raise Refused(
                 self.device, f"the controller took another {key.replace('_', ' ')} than commanded",
                 sent=f"{name} {sent_form.value(sent):g} ({wanted})", received=f"{form.value(kept):g} ({kept})",
-                remedy="Look for a limit of the controller, or for who else commands it.",
+                remedy="Look for a limit of the controller, or for another master.",
             )  # fmt: skip
 
     def _take(self, status: Status) -> None:
@@ -143,7 +143,7 @@ class FramedController:
         self._last = status
 
     def _recognise(self, status: Status) -> Identity:
-        """Who sent a status, compared with the bench file and with who was there before."""
+        """Compare the sender of a status with the bench file and with that of earlier connections."""
         serial, firmware = status.serial_number, status.firmware
         pin, profile = self._pin, self.profile
         found = Identity(

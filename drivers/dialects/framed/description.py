@@ -19,29 +19,27 @@ from drivers.schema.wording import problem_at
 
 
 class FramedOptions(StrictModel):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     profile: Annotated[DocumentFile[FrameProfile], ModelBeside(FrameProfile)] = Field(
-        description="describes its frames"
+        description="profile file of its frames"
     )
-    answer_timeout: Annotated[float, InUnit("s", above=0, at_most=2)] = Field(
-        0.5, description="how long a status may take"
-    )
+    answer_timeout: Annotated[float, InUnit("s", above=0, at_most=2)] = Field(0.5, description="timeout of a status")
 
 
 class FramedHeadOptions(HeadOptions, FramedOptions):
-    """How the axis is moved."""
+    """Motion settings of the axis."""
 
     @model_validator(mode="after")
     def _angles_do_not_wrap(self) -> Self:
         profile = self.profile.content
         if profile is not None and profile.angle_wraps:
-            raise _refusal(self, "its angles begin again after a turn, which only framed_table counts")
+            raise _refusal(self, "its angles wrap after a turn, which only framed_table supports")
         return self
 
 
 class FramedTableOptions(TableOptions, FramedOptions):
-    """How the axis is moved."""
+    """Motion settings of the axis."""
 
     @model_validator(mode="after")
     def _it_turns(self) -> Self:

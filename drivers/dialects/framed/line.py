@@ -1,8 +1,8 @@
-"""The line to a controller with a frame protocol: fresh status frames, commands that are sent once.
+"""Line to a controller with a frame protocol: fresh status frames, and commands that are sent once.
 
-A status that is read after a command tells of what came after it: until the `reaction` of the profile has passed, what
-comes is not looked at. After a silence in which a late answer may still come, and after a status that nobody asked for,
-the line is not trusted: what comes is thrown away until it has been silent for as long as an answer may take.
+A status read after a command reflects that command: frames received before the `reaction` time of the profile has
+passed are ignored. After a timeout, which a late answer may follow, and after an unsolicited status, the line is out of
+sync: received frames are discarded until it has been silent for as long as an answer may take.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from drivers.transport.exchange import printable_hex
 from drivers.transport.wires import Wires
 
 DRAIN_LIMIT_S = 5.0
-SILENT_PERIODS = 5  # what a controller that sends by itself may be silent for at the least
+SILENT_PERIODS = 5  # lower limit of the timeout of a cyclic controller
 TELL_EVERY_S = 60.0
-SILENCES = 2  # one after the other on a network connection: it may be open at one end only
+SILENCES = 2  # after so many timeouts a network connection is closed: it may be open at one end only
 
 Numbers = Iterable[tuple[NumberFormat, Raw]]
 
 
 class FramedLine:
-    """One line after the other to the same controller.
+    """Successive lines to the same controller.
 
-    Reading the status looks once more when there is none, and connects again when the wire was lost: at once, then
-    after longer and longer pauses; a command does neither. `check` sees the first status of every connection, and
-    raises when it is another controller's. `note` is told what was looked at again, what was dropped or is missing,
-    once a minute at most, and that the wire was lost and is there again.
+    Reading the status retries once without an answer, and reconnects after a loss: at once, then after increasing
+    pauses; a command does neither. `check` gets the first status of every connection, and raises if it is another
+    controller's. `note` receives repeated reads, dropped and missing frames, once a minute at most, and the loss and
+    return of the connection.
 
-    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers take turns.
+    Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class FramedLine:
             await once_more(self._connect, self._note)
 
     async def reopen(self) -> None:
-        """Connects again if the wire was lost; else nothing, at once."""
+        """Reconnect at once if the connection was lost; else do nothing."""
         if self._is_open:
             return
         async with self._turn:
@@ -81,15 +81,15 @@ class FramedLine:
         return self._stream is not None and not self._stream.lost
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
         self._closed = True
         if self._stream is not None:
             self._stream.close()
 
     async def status(self) -> Status:
-        """What the controller does now, after the last command; on a new connection if the wire was lost.
+        """Status after the last command; on a new connection if the old one was lost.
 
-        Raises NoAnswer, BadAnswer, LinkLost, Refused when something cut in, and what connecting raises.
+        Raises NoAnswer, BadAnswer, LinkLost, Refused if preempted, and errors of connecting.
         """
         async with self._turn:
             if self._stream is not None and self._stream.lost:
@@ -100,7 +100,7 @@ class FramedLine:
     async def order(self, name: str, numbers: Numbers = ()) -> None:
         """Send a command once; its effect is in the status. Raises LinkLost, and Refused if it was not sent.
 
-        Where commands are answered it returns after the answer, or when that is missing.
+        If commands are acknowledged, it returns after the acknowledgement or its timeout.
         """
         cut_ins, frame = self._cut_ins, self._frame(name, numbers)
         async with self._turn:
@@ -117,9 +117,9 @@ class FramedLine:
                     await self._expected(stream, _spelled(name, frame))
 
     def cut_in(self, name: str) -> None:
-        """Sends a command at once: for what makes an instrument safe; raises LinkLost.
+        """Send a command that makes the instrument safe, ahead of everything queued; raises LinkLost.
 
-        What waits for a status ends with Refused, and commands that wait for their turn are not sent any more.
+        A pending status read ends with Refused, and queued commands are not sent any more.
         """
         self._cut_ins += 1
         self._doubtful = True
@@ -128,7 +128,7 @@ class FramedLine:
         stream.interrupt()
 
     def _frame(self, name: str, numbers: Numbers) -> bytes:
-        """A frame with the next running number, where it has a place for one."""
+        """Build a frame with the next sequence number, if it has a field for one."""
         shape = self._profile.shape(name)
         if shape.counter is not None:
             form = self._profile.number(shape.counter)
@@ -137,7 +137,7 @@ class FramedLine:
         return self._profile.format(name).build(numbers)
 
     async def _look(self, stream: StatusStream) -> Status:
-        """The next status, asked for where it has to be."""
+        """Read the next status, requested if the controller needs a request."""
         await self._trust(stream)
         while (early_s := self._sent_at_s + self._profile.reaction - _now_s()) > 0:  # noqa: ASYNC110 - cut_in moves it
             await asyncio.sleep(early_s)
@@ -157,13 +157,13 @@ class FramedLine:
             return self._reader.read(found)
         except ValueError as problem:
             raise BadAnswer(
-                self._device, f"a status with a number that is none: {problem}", received=printable_hex(found),
+                self._device, f"a status with an invalid number: {problem}", received=printable_hex(found),
                 remedy="Look at the controller for a fault of its encoder, and at the types in the profile.",
             ) from problem  # fmt: skip
 
     async def _expected(self, stream: StatusStream, sent: str) -> bytes:
         dropped, repeated = stream.dropped, stream.repeated
-        self._doubtful = True  # until it is here
+        self._doubtful = True  # until it arrives
         try:
             async with patience(self._answer_s):
                 found = await stream.expected()
@@ -178,7 +178,7 @@ class FramedLine:
         return found
 
     async def _trust(self, stream: StatusStream) -> None:
-        """Drains a line that answers, if it may still hold what was asked before."""
+        """Drain a line that answers requests, if a late answer is possible."""
         if self._profile.cyclic is not None or not (self._doubtful or stream.strays):
             return
         deadline_s = _now_s() + DRAIN_LIMIT_S
@@ -194,7 +194,7 @@ class FramedLine:
                 raise LinkLost(self._device, str(problem)) from problem
             if _now_s() > deadline_s:
                 raise BadAnswer(
-                    self._device, f"does not stop talking within {DRAIN_LIMIT_S:g} s",
+                    self._device, f"is not silent within {DRAIN_LIMIT_S:g} s",
                     remedy="Check whether it sends its status by itself: its profile then says cyclic, not request.",
                 )  # fmt: skip
 
@@ -204,7 +204,7 @@ class FramedLine:
             await asyncio.sleep(early_s)
 
     def _send(self, stream: StatusStream, name: str, frame: bytes) -> None:
-        """Sends a command, after which a status may still be that of before."""
+        """Send a command, after which a status may still be an old one."""
         self._write(stream, name, frame)
         self._sent_at_s = _now_s()
 
@@ -214,7 +214,7 @@ class FramedLine:
         except ConnectionError as problem:
             raise LinkLost(self._device, str(problem), sent=_spelled(name, frame)) from problem
 
-    # The life of the wire
+    # Connection
 
     async def _connect(self) -> None:
         self._closed, why = False, ""
@@ -224,7 +224,7 @@ class FramedLine:
         try:
             self._stream = await self._wires.stream(self._device, self._address, self._new_stream)
             self._doubtful, self._silences, self._told = self._address.is_serial_line, 0, (0, 0)
-            self._sent_at_s = _now_s()  # something on the way may hold what was sent before
+            self._sent_at_s = _now_s()  # a serial server may hold earlier data
             self._check(await self._look(self._stream))
         except BaseException:
             if self._stream is not None:
@@ -236,7 +236,7 @@ class FramedLine:
             self._note(f"connected and identified again at {self._address}: {why}")
 
     async def _revive(self) -> None:
-        """Connects again, unless it is not time yet."""
+        """Reconnect, unless the pause is not over."""
         if self._closed:
             raise LinkLost(self._device, "is not connected")
         if (wait_s := self._pauses.left_s()) > 0:
@@ -251,13 +251,13 @@ class FramedLine:
             raise LinkLost(self._device, "is not connected")
         return self._stream
 
-    # What is sent
+    # Sending
 
     def _silence(self, stream: StatusStream, sent: str, dropped: int, repeated: int) -> NoAnswer:
         problem, received = f"no status within {self._answer_s:g} s", ""
         remedy = "Check that the controller is on, the cable, and the settings of the line."
         if stream.repeated > repeated:
-            problem = f"only the same status again and again for {self._answer_s:g} s"
+            problem = f"only repetitions of the same status for {self._answer_s:g} s"
             remedy = "Check the controller: its status is not updated."
         elif stream.dropped > dropped:
             received = f"{stream.dropped - dropped} bytes that belong to no frame, {printable_hex(stream.last_dropped)}"
@@ -265,15 +265,15 @@ class FramedLine:
         return NoAnswer(self._device, problem, sent=sent, received=received, remedy=remedy)
 
     def _tell(self, stream: StatusStream) -> None:
-        """Notes what was lost, when there is more of it and the last note is not too fresh."""
+        """Note lost frames, if there are more and the last note is old enough."""
         missing = stream.missing if self._profile.cyclic is not None else 0
         found = (stream.dropped, missing)
         if found != self._told and _now_s() >= self._told_at_s + TELL_EVERY_S:
             self._told, self._told_at_s = found, _now_s()
             self._note(
-                f"since it was connected {stream.dropped} bytes belonged to no frame"
+                f"since the connection {stream.dropped} bytes belonged to no frame"
                 + (f", the last {printable_hex(stream.last_dropped)}" if stream.dropped else "")
-                + (f"; {missing} statuses did not come" if missing else "")
+                + (f"; {missing} statuses were lost" if missing else "")
             )
 
 

@@ -1,4 +1,4 @@
-"""What the frames of a profile are made of: constants, numbers with their units, codes and bits."""
+"""Parts of the frames of a profile: constants, numbers with units, codes and bits."""
 
 from __future__ import annotations
 
@@ -49,33 +49,33 @@ Offset = Annotated[WholeNumber, Field(ge=0, le=255)]
 
 
 class LineSettings(StrictModel):
-    """A serial line, in the words of its address."""
+    """Settings of a serial line, with the keys of its address."""
 
-    baud: Annotated[WholeNumber, Field(ge=300, le=4_000_000)] | None = Field(None, description="bits in a second")
+    baud: Annotated[WholeNumber, Field(ge=300, le=4_000_000)] | None = Field(None, description="bit rate")
     bytesize: Literal[7, 8] = Field(8, description="data bits of a byte")
     parity: Literal["N", "E", "O"] = Field("N", description="none, even or odd")
     stopbits: Literal[1, 2] = Field(1, description="at the end of a byte")
 
     @property
     def bits_per_byte(self) -> int:
-        """How many bits a byte is on the line."""
+        """Number of bits per byte on the line."""
         return 1 + self.bytesize + (self.parity != "N") + self.stopbits
 
     def options(self) -> dict[str, str]:
-        """As an address says it."""
+        """Options of an address."""
         return {key: str(value) for key, value in self.model_dump(exclude_none=True).items()}
 
 
 class ChecksumSettings(StrictModel):
-    """The checksum of every frame, at its end but for the trailer."""
+    """The checksum of every frame, at its end, before the trailer."""
 
-    kind: ChecksumKind = Field(description="how it is worked out")
-    from_: Offset = Field(0, alias="from", description="the first byte that it covers; the last is that before it")
-    byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
-    polynomial: Word | None = Field(None, description="of crc16, such as 0x1021")
-    initial: Word = Field(0, description="of crc16, such as 0xFFFF")
+    kind: ChecksumKind = Field(description="algorithm")
+    from_: Offset = Field(0, alias="from", description="first byte covered; the last is the one before the checksum")
+    byte_order: ByteOrder | None = Field(None, description="if different from that of the profile")
+    polynomial: Word | None = Field(None, description="polynomial of crc16, such as 0x1021")
+    initial: Word = Field(0, description="initial value of crc16, such as 0xFFFF")
     reflected: Flag = Field(False, description="of crc16: least significant bit of a byte first")
-    xor_out: Word = Field(0, description="of crc16: what the result is XORed with")
+    xor_out: Word = Field(0, description="of crc16: final XOR value")
 
     @model_validator(mode="after")
     def _parameters_of_crc16(self) -> Self:
@@ -87,7 +87,7 @@ class ChecksumSettings(StrictModel):
         return self
 
     def of(self, order: ByteOrder) -> Checksum:
-        """As the codec computes it."""
+        """Checksum for the codec."""
         return Checksum(
             self.kind, self.from_, self.byte_order or order, self.polynomial or 0, self.initial, self.reflected,
             self.xor_out,
@@ -95,50 +95,50 @@ class ChecksumSettings(StrictModel):
 
 
 class Place(StrictModel):
-    """Something at a place of a frame, whose first byte is 0."""
+    """A field at a place of a frame, whose first byte is 0."""
 
-    at: Offset = Field(description="the byte where it begins")
+    at: Offset = Field(description="first byte")
 
     @property
     def count(self) -> int:
-        """How many bytes it fills."""
+        """Number of bytes."""
         return 1
 
     @property
     def shares(self) -> bool:
-        """Whether others may share the byte."""
+        """True if other fields may share the byte."""
         return False
 
 
 class Constant(Place):
-    """Bytes that are always the same."""
+    """Constant bytes."""
 
     bytes: HexBytes = Field(description="in hexadecimal")
 
     @property
     def count(self) -> int:
-        """How many bytes it fills."""
+        """Number of bytes."""
         return len(self.bytes)
 
 
 class Count(Place):
-    """A whole number without a unit."""
+    """An integer without a unit."""
 
-    type: CountType = Field("u8", description="how it is written")
-    byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
+    type: CountType = Field("u8", description="number format")
+    byte_order: ByteOrder | None = Field(None, description="if different from that of the profile")
 
     @property
     def count(self) -> int:
-        """How many bytes it fills."""
+        """Number of bytes."""
         return self.form("little").end - self.at
 
     def form(self, order: ByteOrder) -> NumberFormat:
-        """How it is written."""
+        """Number format for the codec."""
         return NumberFormat(self.at, self.type, self.byte_order or order)
 
 
 class Code(Count):
-    """A number for the servo mode; an unlisted one is another mode."""
+    """A code of the servo mode; an unlisted one is another mode."""
 
     off: WholeNumber = Field(description="it holds")
     position: WholeNumber = Field(description="an angle")
@@ -156,9 +156,9 @@ class Code(Count):
 class Number(Place):
     """A number with a unit: the raw value times `scale`, plus `offset`."""
 
-    type: NumberType = Field(description="how it is written: unsigned, signed or floating, and its bits")
-    byte_order: ByteOrder | None = Field(None, description="where it is not that of the profile")
-    scale: float = Field(description="what one count means")
+    type: NumberType = Field(description="number format: unsigned, signed or floating, and bits")
+    byte_order: ByteOrder | None = Field(None, description="if different from that of the profile")
+    scale: float = Field(description="value of one count")
     offset: float = Field(0.0, description="what 0 means")
 
     @model_validator(mode="after")
@@ -169,83 +169,87 @@ class Number(Place):
 
     @property
     def count(self) -> int:
-        """How many bytes it fills."""
+        """Number of bytes."""
         return self.form("little").end - self.at
 
     def form(self, order: ByteOrder) -> NumberFormat:
-        """How it is written."""
+        """Number format for the codec."""
         return NumberFormat(self.at, self.type, self.byte_order or order, self.scale, self.offset)
 
 
 class AngleNumber(Number):
     """An angle."""
 
-    scale: Annotated[float, InUnit("°")] = Field(description="what one count means; below 0 it counts the other way")
+    scale: Annotated[float, InUnit("°")] = Field(description="value of one count; negative for the opposite direction")
     offset: Annotated[float, InUnit("°")] = Field(0.0, description="the angle at raw value 0")
 
 
 class AmplitudeNumber(Number):
     """The amplitude of a sine."""
 
-    scale: Annotated[float, InUnit("°", above=0)] = Field(description="what one count means")
+    scale: Annotated[float, InUnit("°", above=0)] = Field(description="value of one count")
     offset: Annotated[float, InUnit("°")] = Field(0.0, description="the amplitude at raw value 0")
 
 
 class RateNumber(Number):
     """A rate."""
 
-    scale: Annotated[float, InUnit("°/s")] = Field(description="what one count means; below 0 it counts the other way")
+    scale: Annotated[float, InUnit("°/s")] = Field(
+        description="value of one count; negative for the opposite direction"
+    )
     offset: Annotated[float, InUnit("°/s")] = Field(0.0, description="the rate at raw value 0")
 
 
 class AccelerationNumber(Number):
     """An acceleration."""
 
-    scale: Annotated[float, InUnit("°/s²", above=0)] = Field(description="what one count means")
+    scale: Annotated[float, InUnit("°/s²", above=0)] = Field(description="value of one count")
     offset: Annotated[float, InUnit("°/s²")] = Field(0.0, description="the acceleration at raw value 0")
 
 
 class FrequencyNumber(Number):
     """A frequency."""
 
-    scale: Annotated[float, InUnit("Hz", above=0)] = Field(description="what one count means")
+    scale: Annotated[float, InUnit("Hz", above=0)] = Field(description="value of one count")
     offset: Annotated[float, InUnit("Hz")] = Field(0.0, description="the frequency at raw value 0")
 
 
 class Bit(Place):
     """One bit of a state."""
 
-    bit: Annotated[WholeNumber, Field(ge=0, le=7)] = Field(description="of the byte; 0 is the lowest")
-    is_: Literal[0, 1] = Field(1, alias="is", description="what it is while the state is there")
+    bit: Annotated[WholeNumber, Field(ge=0, le=7)] = Field(description="bit of the byte; 0 is the lowest")
+    is_: Literal[0, 1] = Field(1, alias="is", description="its value while the state is active")
 
     @property
     def shares(self) -> bool:
-        """Bits share a byte."""
+        """True: bits share a byte."""
         return True
 
     def read(self, frame: bytes) -> bool:
-        """Whether the state is there."""
+        """Return whether the state bit is active."""
         return frame[self.at] >> self.bit & 1 == self.is_
 
 
 class Fault(Place):
     """A bit that reports a fault, or a byte with its code."""
 
-    means: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="what it is, such as 'overspeed'")
+    means: Annotated[str, Field(min_length=1, max_length=80)] = Field(
+        description="name of the fault, such as 'overspeed'"
+    )
     bit: Annotated[WholeNumber, Field(ge=0, le=7)] | None = Field(
-        None, description="of the byte, 1 while the fault is there; without it, the whole byte is a code"
+        None, description="bit of the byte, 1 during the fault; without it, the whole byte is a code"
     )
     quiet: Annotated[list[Annotated[WholeNumber, Field(ge=0, le=255)]], NOT_EMPTY] = Field(
-        [0], description="the codes that are no fault"
+        [0], description="codes that are no fault"
     )
 
     @property
     def shares(self) -> bool:
-        """Bits share a byte."""
+        """True for a bit: bits share a byte."""
         return self.bit is not None
 
     def told(self, frame: bytes) -> str:
-        """The fault in words; "" while there is none."""
+        """Description of the fault; "" while there is none."""
         byte = frame[self.at]
         if self.bit is not None:
             return self.means if byte >> self.bit & 1 else ""

@@ -1,4 +1,4 @@
-"""The file that describes the frames of a table or a head: their layout, and the meaning of their numbers."""
+"""Profile file of the frames of a table or a head: layout, and meaning of numbers."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ Where = tuple[str | int, ...]
 class FrameShape(StrictModel):
     """Common keys of all frames; undescribed bytes are sent as 0, and ignored on reception."""
 
-    length: Annotated[WholeNumber, Field(ge=3, le=256)] = Field(description="in bytes, with header and checksum")
-    header: HexBytes | None = Field(None, description="where it is not that of the profile")
-    constants: list[Constant] = Field([], description="bytes that are always the same, such as a kind of frame")
-    counter: Count | None = Field(None, description="goes up by one from frame to frame")
+    length: Annotated[WholeNumber, Field(ge=3, le=256)] = Field(description="length in bytes, with header and checksum")
+    header: HexBytes | None = Field(None, description="if different from that of the profile")
+    constants: list[Constant] = Field([], description="constant bytes, such as a kind of frame")
+    counter: Count | None = Field(None, description="sequence number, rises by one from frame to frame")
 
     def parts(self) -> Iterator[tuple[Where, Place]]:
-        """Its parts, with their places in the file."""
+        """Parts of the frame, with their places in the file."""
         for name in type(self).model_fields:
             found = getattr(self, name)
             if isinstance(found, Place):
@@ -58,49 +58,51 @@ class FrameShape(StrictModel):
 
 
 class MoveFrame(FrameShape):
-    """Goes to an angle."""
+    """Move to an angle."""
 
     angle: AngleNumber
-    rate: RateNumber | None = Field(None, description="how fast; without it that is set at the controller")
+    rate: RateNumber | None = Field(
+        None, description="rate of the move; without it the controller's own setting applies"
+    )
     acceleration: AccelerationNumber | None = None
 
 
 class RateFrame(FrameShape):
-    """Turns on and on."""
+    """Rotate at a rate."""
 
     rate: RateNumber
     acceleration: AccelerationNumber | None = None
 
 
 class SineFrame(FrameShape):
-    """Swings about the present angle."""
+    """Oscillate about the present angle."""
 
     amplitude: AmplitudeNumber
     frequency: FrequencyNumber
 
 
 class Commands(StrictModel):
-    """Commands to the controller. The driver never sends `home`, `clear_fault` and `disable`; others may."""
+    """Commands to the controller. The driver never sends `home`, `clear_fault` and `disable`; other programs may."""
 
-    stop: FrameShape = Field(description="slows down and holds")
+    stop: FrameShape = Field(description="decelerates and holds")
     move: MoveFrame
     enable: FrameShape | None = Field(None, description="energises the motor")
     disable: FrameShape | None = None
     rate: RateFrame | None = Field(None, description="for a rate table")
-    sine: SineFrame | None = Field(None, description="for a rate table that swings by itself")
+    sine: SineFrame | None = Field(None, description="for a rate table with an oscillation command")
     home: FrameShape | None = None
     clear_fault: FrameShape | None = None
 
 
 class States(StrictModel):
-    """Bits with the state of the axis."""
+    """State bits of the axis."""
 
-    moving: Bit = Field(description="it is on its way: going, turning, swinging or slowing down")
+    moving: Bit = Field(description="the axis moves: to an angle, at a rate, in a sine, or decelerating")
     enabled: Bit | None = Field(None, description="the motor is energised; without it, it always is")
-    homed: Bit | None = Field(None, description="angles mean something; without it, they always do")
+    homed: Bit | None = Field(None, description="the axis is homed; without it, it always is")
     in_position: Bit | None = Field(None, description="it is at its target")
     at_sine: Bit | None = Field(None, description="a sine has its full amplitude")
-    remote: Bit | None = Field(None, description="commands over this line are obeyed; without it, they always are")
+    remote: Bit | None = Field(None, description="commands on this line are executed; without it, they always are")
     emergency_stop: Bit | None = Field(None, description="the emergency stop is pressed")
 
 
@@ -109,24 +111,24 @@ class StatusFrame(FrameShape):
 
     angle: AngleNumber
     rate: RateNumber | None = Field(None, description="needed of a rate table")
-    target_angle: AngleNumber | None = Field(None, description="the angle of the last move that it took")
-    target_rate: RateNumber | None = Field(None, description="the rate of the last `rate` that it took")
-    answers: Count | None = Field(None, description="the counter of the request that this answers")
+    target_angle: AngleNumber | None = Field(None, description="angle of the last accepted move")
+    target_rate: RateNumber | None = Field(None, description="rate of the last accepted `rate`")
+    answers: Count | None = Field(None, description="counter of the answered request")
     serial_number: Count | None = Field(None, description="compared with the bench file")
     firmware: Count | None = Field(None, description="compared with the bench file")
-    mode: Code | None = Field(None, description="what the servo follows")
+    mode: Code | None = Field(None, description="servo mode")
     states: States
-    faults: list[Fault] = Field([], description="what is wrong, in words")
+    faults: list[Fault] = Field([], description="faults with their names")
 
 
 class Cycle(StrictModel):
-    """The controller sends its status by itself."""
+    """Cyclic transmission of the status by the controller."""
 
-    period: Annotated[float, InUnit("s", above=0, at_most=1)] = Field(description="from one status to the next")
+    period: Annotated[float, InUnit("s", above=0, at_most=1)] = Field(description="period of the status")
 
 
 class ControllerLimits(StrictModel):
-    """What the axis and its controller bear; those of the bench file hold as well."""
+    """Limits of the axis and its controller; those of the bench file apply as well."""
 
     angle: AngleRange | None = Field(None, description="of moves, as encoded in their frame")
     rate: RateRange | None = Field(None, description="of moves and of turning")
@@ -135,28 +137,28 @@ class ControllerLimits(StrictModel):
 class FrameProfile(StrictModel):
     """One kind of controller."""
 
-    schema_: Literal["itb-table/1"] = Field(alias="schema", description="what kind of file this is")
-    maker: Meaning = Field(description="who makes the controller")
+    schema_: Literal["itb-table/1"] = Field(alias="schema", description="kind of this file")
+    maker: Meaning = Field(description="maker of the controller")
     model: Meaning = Field(description="its name")
-    source: Meaning = Field(description="where these numbers are from: a document and its edition, or who tried them")
+    source: Meaning = Field(description="source of these numbers: a document and its edition, or a test")
     line: LineSettings = Field(LineSettings(), description="of a serial line, unless given in the address")
-    byte_order: ByteOrder = Field(description="of numbers of more than one byte")
+    byte_order: ByteOrder = Field(description="byte order of numbers of more than one byte")
     header: HexBytes = Field(description="the bytes that every frame begins with")
     trailer: HexBytes = Field(b"", description="the bytes after every checksum")
     checksum: ChecksumSettings
-    cyclic: Cycle | None = Field(None, description="where the controller sends its status by itself")
-    request: FrameShape | None = Field(None, description="where it has to be asked: the frame that asks")
-    commands_answered: Flag = Field(False, description="whether a command is answered with a status as well")
+    cyclic: Cycle | None = Field(None, description="for a controller that sends its status unsolicited")
+    request: FrameShape | None = Field(None, description="for a controller that is polled: the request frame")
+    commands_answered: Flag = Field(False, description="true if commands are answered with a status, too")
     gap: Annotated[float, InUnit("s", at_least=0, at_most=2)] = Field(
-        0.0, description="what the controller needs between two frames that it is sent"
+        0.0, description="minimum pause between two frames to the controller"
     )
     reaction: Annotated[float, InUnit("s", at_least=0, at_most=2)] = Field(
         description="time after a command in which a status may still be an earlier one"
     )
     angle_wraps: Flag = Field(
-        False, description="angles begin again after a turn, and moves take the shorter way; for rate tables only"
+        False, description="angles wrap after a turn, and moves take the shorter way; for rate tables only"
     )
-    limits: ControllerLimits = Field(ControllerLimits(), description="beyond them no motion is sent")
+    limits: ControllerLimits = Field(ControllerLimits(), description="limits of the motions that are sent")
     status: StatusFrame
     commands: Commands
 
@@ -167,23 +169,23 @@ class FrameProfile(StrictModel):
         return self
 
     def number(self, number: Number | Count | Code) -> NumberFormat:
-        """How a number is written."""
+        """Number format of a part."""
         return number.form(self.byte_order)
 
     def shape(self, name: str) -> FrameShape:
-        """A frame by its place in the file: `status`, `request` or the name of a command."""
+        """Frame by its place in the file: `status`, `request` or the name of a command."""
         return self._shapes[name]
 
     def format(self, name: str) -> FrameFormat:
-        """How it is written."""
+        """Frame format for the codec."""
         return self._formats[name]
 
     def command_names(self) -> list[str]:
-        """The commands that it has."""
+        """Names of the available commands."""
         return [name for name in Commands.model_fields if getattr(self.commands, name) is not None]
 
     def fingerprint(self) -> str:
-        """The features that distinguish its frames from others, as far as the profile describes them."""
+        """Features that distinguish its frames from others, as far as the profile describes them."""
         status = self.format("status")
         fixed = ", ".join(f"{data.hex(' ').upper()} at {at}" for at, data in status.fixed)
         return f"frames of {status.length} bytes with {fixed}, {self.checksum.kind}"
@@ -203,19 +205,19 @@ class FrameProfile(StrictModel):
 
     def _missing(self) -> Iterator[InitErrorDetails]:
         if (self.cyclic is None) == (self.request is None):
-            yield problem_at((), "needs either cyclic or request: how its status is come by")
+            yield problem_at((), "needs either cyclic or request for its status")
         if self.cyclic is not None and (baud := self.line.baud) is not None:
             takes_s = self.status.length * self.line.bits_per_byte / baud
             if takes_s > self.cyclic.period:
                 yield problem_at(("cyclic", "period"), f"a status takes {takes_s * 1000:.3g} ms at {baud} baud")
         if self.cyclic is not None and self.commands_answered:
-            yield problem_at(("commands_answered",), "is for a controller that has to be asked")
+            yield problem_at(("commands_answered",), "is for a controller that is polled")
         if self.status.answers is not None and (self.request is None or self.request.counter is None):
-            yield problem_at(("status", "answers"), "needs request.counter: what it answers with")
+            yield problem_at(("status", "answers"), "needs request.counter, which it answers with")
         if self.commands.enable is not None and self.status.states.enabled is None:
-            yield problem_at(("commands", "enable"), "needs status.states.enabled: where its effect is seen")
+            yield problem_at(("commands", "enable"), "needs status.states.enabled, which shows its effect")
         if self.commands.sine is not None and self.status.states.at_sine is None:
-            yield problem_at(("commands", "sine"), "needs status.states.at_sine: where its effect is seen")
+            yield problem_at(("commands", "sine"), "needs status.states.at_sine, which shows its effect")
 
     def _misplaced(self) -> Iterator[InitErrorDetails]:
         """Parts that overlap, or extend beyond the end of their frame."""
@@ -224,7 +226,9 @@ class FrameProfile(StrictModel):
             form = self.format(name)
             end, header = form.checksum_at, shape.header or self.header
             if end < max(len(header), self.checksum.from_):
-                yield problem_at((*at, "length"), f"{shape.length} bytes do not hold header, checksum and trailer")
+                yield problem_at(
+                    (*at, "length"), f"{shape.length} bytes are too short for header, checksum and trailer"
+                )
                 continue
             holders: dict[int, str] = dict.fromkeys(range(len(header)), "the header")
             for where, part in shape.parts():
@@ -243,7 +247,7 @@ class FrameProfile(StrictModel):
 
 
 def _settle(holders: dict[int, str], where: Where, part: Place, end: int) -> Iterator[InitErrorDetails]:
-    """Puts a part into the bytes that it fills; bits may share theirs with other bits."""
+    """Assign a part to its bytes; bits may share theirs with other bits."""
     name = ".".join(map(str, where[1:]))
     mark = "bits" if part.shares else name
     for place in range(part.at, part.at + part.count):
@@ -252,5 +256,5 @@ def _settle(holders: dict[int, str], where: Where, part: Place, end: int) -> Ite
             yield problem_at((*where, "at"), f"byte {place} is beyond the last before the checksum, {end - 1}")
             return
         if before != mark:
-            yield problem_at((*where, "at"), f"byte {place} is that of {before} already")
+            yield problem_at((*where, "at"), f"byte {place} is used by {before} already")
             return

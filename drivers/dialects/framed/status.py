@@ -13,9 +13,9 @@ _MODES = ("off", "position", "rate", "sine")
 
 
 class Status(NamedTuple):
-    """One status: °, °/s; None where the profile does not describe it. Targets are as they are on the wire.
+    """One status: °, °/s; None if the profile does not describe it. Targets are in wire units.
 
-    `mode` is a key of the profile's mode, or the number of one that it does not list; "" where it tells none.
+    `mode` is a key of the profile's modes, or the number of an unlisted one; "" if the status reports none.
     """
 
     angle_deg: float
@@ -57,7 +57,7 @@ class StatusReader:
         self.counter_range = 1 << 8 * (self._counter.end - self._counter.at) if self._counter is not None else 0
 
     def counter(self, frame: bytes) -> Raw | None:
-        """The running number of a status, where it has one."""
+        """Sequence number of a status, if it has one."""
         return None if self._counter is None else self._counter.read(frame)
 
     def answers(self, frame: bytes) -> Raw | None:
@@ -65,7 +65,7 @@ class StatusReader:
         return None if self._answers is None else self._answers.read(frame)
 
     def read(self, frame: bytes) -> Status:
-        """Content of a frame; ValueError for a number that is not finite."""
+        """Decode a frame; ValueError for a number that is not finite."""
         states = self._states
         pressed = states.emergency_stop is not None and states.emergency_stop.read(frame)
         faults = [told for fault in self._faults if (told := fault.told(frame))]
@@ -91,7 +91,7 @@ class StatusReader:
 
 
 def _holds(bit: Bit | None, frame: bytes) -> bool:
-    """A state that is always true if no bit reports it."""
+    """Evaluate a state; it is always true if no bit reports it."""
     return bit is None or bit.read(frame)
 
 

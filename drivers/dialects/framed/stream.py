@@ -1,4 +1,4 @@
-"""One connection over which a controller sends its status in frames."""
+"""One connection over which a controller sends status frames."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from drivers.dialects.framed.status import StatusReader
 from drivers.dialects.framed.wire import FrameFormat, Raw, Splitter
 from drivers.errors import Refused
 
-SPLICE_S = 0.05  # the rest of a frame that has not come by then does not come any more
+SPLICE_S = 0.05  # the rest of a frame that has not arrived by then is lost
 
 
 class StatusStream(asyncio.Protocol):
-    """Takes status frames in: that which was expected is `fresh`, the others are `strays`; both begin with `expect`.
+    """Receives status frames: the expected one is `fresh`, others are `strays`; `expect` resets both.
 
-    A status with the counter of the last is neither, since nothing new is in it: `repeated` counts those, `missing`
-    what the counter says that did not come. A frame that was begun and not gone on with for `rest_s` is dropped, so
-    that two halves make no frame. Concurrency: one waits for the next bytes at a time.
+    A status with the counter of the last one is neither, because it has nothing new: `repeated` counts those, `missing`
+    the lost ones by the counter. An incomplete frame is dropped after `rest_s`, so that two halves make no frame.
+    Concurrency: one caller at a time waits for bytes.
     """
 
     def __init__(self, device: str, status: FrameFormat, reader: StatusReader, rest_s: float) -> None:
@@ -34,11 +34,11 @@ class StatusStream(asyncio.Protocol):
         self.lost = "not connected"
 
     def expect(self, answers: Raw | None = None) -> None:
-        """The next status is the fresh one, or the next that answers a request with this counter."""
+        """Take the next status as fresh, or the next that answers a request with this counter."""
         self._expecting, self._answers, self.fresh = True, answers, None
 
     async def expected(self) -> bytes:
-        """Returns the fresh status; ConnectionError when none will come, Refused after `interrupt`."""
+        """Return the fresh status; ConnectionError if the connection closes, Refused after `interrupt`."""
         try:
             while self.fresh is None:
                 await self.more()
@@ -48,22 +48,22 @@ class StatusStream(asyncio.Protocol):
 
     @property
     def dropped(self) -> int:
-        """How many bytes belonged to no frame."""
+        """Number of bytes that belonged to no frame."""
         return self._splitter.dropped
 
     @property
     def last_dropped(self) -> bytes:
-        """Some of them."""
+        """Last bytes that belonged to no frame."""
         return self._splitter.last_dropped
 
     def send(self, frame: bytes) -> None:
-        """Sends a frame; ConnectionError when the connection is closed."""
+        """Send a frame; ConnectionError when the connection is closed."""
         if self._transport is None or self.lost:
             raise ConnectionError(self.lost)
         self._transport.write(frame)
 
     async def more(self) -> None:
-        """Waits for the next bytes; ConnectionError when none will come, Refused after `interrupt`."""
+        """Wait for the next bytes; ConnectionError if the connection closes, Refused after `interrupt`."""
         if self.lost:
             raise ConnectionError(self.lost)
         self._waiter = asyncio.get_running_loop().create_future()
@@ -73,17 +73,17 @@ class StatusStream(asyncio.Protocol):
             self._waiter = None
 
     def interrupt(self) -> None:
-        """Ends what waits for bytes."""
+        """End a wait for bytes."""
         if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_exception(Refused(self._device, "cut short, the instrument is being made safe"))
+            self._waiter.set_exception(Refused(self._device, "aborted, the instrument is being made safe"))
 
     def forget(self) -> None:
-        """Drops what came and was not expected."""
+        """Drop received frames that were not expected."""
         self.strays = 0
         self._splitter.forget()
 
     def close(self, why: str = "the connection was closed by this program") -> None:
-        """Closes the connection; closing twice is harmless."""
+        """Close the connection; closing twice is harmless."""
         self.lost = self.lost or why
         if self._transport is not None:
             self._transport.close()
@@ -104,13 +104,13 @@ class StatusStream(asyncio.Protocol):
     # asyncio.Protocol
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The connection is open."""
+        """Store the transport."""
         if not isinstance(transport, asyncio.Transport):
             raise TypeError("a stream transport is needed")
         self._transport, self.lost = transport, ""
 
     def data_received(self, data: bytes) -> None:
-        """Bytes from the controller."""
+        """Receive bytes of the controller."""
         now_s = asyncio.get_running_loop().time()
         if self._splitter.unfinished and now_s - self._heard_at_s > self._rest_s:
             self._splitter.forget()
@@ -121,7 +121,7 @@ class StatusStream(asyncio.Protocol):
             self._waiter.set_result(None)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The connection is closed; who waits learns it now."""
+        """Notify waiting tasks that the connection is closed."""
         self.lost = self.lost or f"the connection was closed ({exc or 'by the other end'})"
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_exception(ConnectionError(self.lost))

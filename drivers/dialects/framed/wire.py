@@ -1,6 +1,6 @@
-"""Frames of fixed length ⇄ numbers: how numbers and checksums are written, and where a frame begins.
+"""Fixed-length frames ⇄ numbers: number formats, checksums, and detection of frame starts.
 
-Nothing here knows of an instrument: a profile says what stands where.
+Independent of any instrument: a profile defines the fields.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ NumberType = Literal["u8", "i8", "u16", "i16", "u32", "i32", "i64", "f32", "f64"
 ByteOrder = Literal["little", "big"]
 ChecksumKind = Literal["sum8", "xor8", "sum16", "crc16", "crc32"]
 Raw = int | float
-"""A number as it stands on the wire."""
+"""Raw number on the wire."""
 
 _CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "i64": "q", "f32": "f", "f64": "d"}
 _CHECKSUM_BYTES = {"sum8": 1, "xor8": 1, "sum16": 2, "crc16": 2, "crc32": 4}
 
-_DIGITS = 9  # after the point; what a scale leaves behind them is no part of a value
+_DIGITS = 9  # decimals; the rounding residue of a scale beyond them is dropped
 
 
 @dataclass(frozen=True, slots=True)
 class NumberFormat:
-    """How one number is written, and where in a frame: a value is its raw number times `scale`, plus `offset`."""
+    """Format and place of one number in a frame: a value is its raw number times `scale`, plus `offset`."""
 
     at: int
     type: NumberType
@@ -37,11 +37,11 @@ class NumberFormat:
 
     @property
     def end(self) -> int:
-        """Where the next byte is."""
+        """Offset of the next byte."""
         return self.at + struct.calcsize(self._code)
 
     def raw(self, value: float) -> Raw:
-        """A value in the units of the wire, rounded to what can be written; OverflowError when it does not fit."""
+        """Convert a value to wire units, rounded; OverflowError if it does not fit."""
         raw: Raw = (value - self.offset) / self.scale
         try:
             kept: Raw = struct.unpack(self._code, struct.pack(self._code, raw if self._is_float else round(raw)))[0]
@@ -50,15 +50,15 @@ class NumberFormat:
         return kept
 
     def value(self, raw: Raw) -> float:
-        """What a raw number means."""
+        """Convert a raw number to a value."""
         return round(raw * self.scale + self.offset, _DIGITS)
 
     def write(self, frame: bytearray, raw: Raw) -> None:
-        """Puts a raw number into its place."""
+        """Write a raw number into its place."""
         struct.pack_into(self._code, frame, self.at, raw)
 
     def read(self, frame: bytes) -> Raw:
-        """The raw number in its place; ValueError for a float that is not finite, or means nothing finite."""
+        """Read the raw number in its place; ValueError for a float that is not finite or has no finite value."""
         raw: Raw = struct.unpack_from(self._code, frame, self.at)[0]
         if not math.isfinite(raw) or not math.isfinite(raw * self.scale + self.offset):
             raise ValueError(f"{raw} at {self.at}")
@@ -75,9 +75,9 @@ class NumberFormat:
 
 @dataclass(frozen=True, slots=True)
 class Checksum:
-    """The last bytes of a frame but for its trailer.
+    """Checksum in the last bytes of a frame, before its trailer.
 
-    It covers what stands from `first` on up to it. Sums are of bytes; crc16 has the parameters of the CRC catalogue
+    It covers the bytes from `first` up to it. Sums are of bytes; crc16 has the parameters of the CRC catalogue
     (reveng), `reflected` meaning input and output; crc32 is that of Ethernet and zip.
     """
 
@@ -91,11 +91,11 @@ class Checksum:
 
     @property
     def count(self) -> int:
-        """How many bytes it has."""
+        """Number of bytes."""
         return _CHECKSUM_BYTES[self.kind]
 
     def of(self, data: bytes) -> int:
-        """The checksum of bytes."""
+        """Checksum of bytes."""
         match self.kind:
             case "sum8":
                 return sum(data) & 0xFF
@@ -111,7 +111,7 @@ class Checksum:
         return self._crc16(data)
 
     def written(self, frame: bytes | bytearray, end: int) -> bytes:
-        """The checksum of a frame as its bytes from `end` on are."""
+        """Checksum of a frame in wire order, whose bytes end at `end`."""
         return self.of(bytes(frame[self.first : end])).to_bytes(self.count, self.byte_order)
 
     def _crc16(self, data: bytes) -> int:
@@ -129,7 +129,7 @@ class Checksum:
 
 @dataclass(frozen=True, slots=True)
 class FrameFormat:
-    """A kind of frame: `fixed` are bytes that are always the same, each with its place; the others are numbers or 0."""
+    """Format of a frame: `fixed` are constant bytes, each with its place; the others are numbers or 0."""
 
     name: str
     length: int
@@ -139,11 +139,11 @@ class FrameFormat:
 
     @property
     def checksum_at(self) -> int:
-        """Where the checksum begins."""
+        """Offset of the checksum."""
         return self.length - len(self.trailer) - self.checksum.count
 
     def build(self, numbers: Iterable[tuple[NumberFormat, Raw]]) -> bytes:
-        """A frame with these numbers in it."""
+        """Build a frame with these numbers."""
         frame = bytearray(self.length)
         for form, raw in numbers:
             form.write(frame, raw)
@@ -154,14 +154,14 @@ class FrameFormat:
         return bytes(frame)
 
     def may_begin(self, received: bytes | bytearray, at: int) -> bool:
-        """Whether what was received from `at` on, be it whole or not, has the bytes that are always the same."""
+        """Return whether the bytes from `at` on, complete or not, have the constant bytes of the frame."""
         return all(
             received[at + place : at + place + len(data)] == data[: max(0, len(received) - at - place)]
             for place, data in self.fixed
         )
 
     def fits(self, received: bytes | bytearray, at: int) -> bool:
-        """Whether a whole frame of this kind begins at `at`, its checksum and its trailer right."""
+        """Return whether a complete frame with valid checksum and trailer begins at `at`."""
         if len(received) < at + self.length or not self.may_begin(received, at):
             return False
         frame, end = received[at : at + self.length], self.checksum_at
@@ -169,10 +169,10 @@ class FrameFormat:
 
 
 class Splitter:
-    """Finds frames in what is received, in any portions, whatever comes between them.
+    """Finds frames in received bytes, in any portions, with anything in between.
 
-    A frame begins only where one fits as a whole. What belongs to none is dropped: `dropped` counts its bytes, and
-    `last_dropped` are some of them.
+    A frame is accepted only if it is valid as a whole. Other bytes are dropped: `dropped` counts them, and
+    `last_dropped` are the last of them.
     """
 
     def __init__(self, formats: Sequence[FrameFormat]) -> None:
@@ -183,11 +183,11 @@ class Splitter:
 
     @property
     def unfinished(self) -> bool:
-        """Whether something is kept that may be the beginning of a frame."""
+        """True if the buffer may hold the beginning of a frame."""
         return bool(self._rest)
 
     def feed(self, data: bytes) -> list[tuple[FrameFormat, bytes]]:
-        """The frames that these bytes complete, in order."""
+        """Frames completed by these bytes, in order."""
         self._rest += data
         found = []
         while (frame := self._next()) is not None:
@@ -195,11 +195,11 @@ class Splitter:
         return found
 
     def forget(self) -> None:
-        """Drops what was kept."""
+        """Clear the buffer."""
         self._drop(len(self._rest))
 
     def _next(self) -> tuple[FrameFormat, bytes] | None:
-        begins = len(self._rest)  # where a frame may begin that is not whole yet
+        begins = len(self._rest)  # start of a possibly incomplete frame
         for at in range(len(self._rest)):
             for form in self._formats:
                 if form.fits(self._rest, at):

@@ -18,7 +18,7 @@ KNOWN_RANGE = range_of(RANGES_A, "A", "one of 2 nA to 20 mA in decades, or 100 m
 
 
 class KeithleyOptions(StrictModel):
-    """How the source is used.
+    """Use of the source.
 
     `terminator` ends lines in both directions and must be the one in the instrument's communication menu: on RS-232 it
     acts on a CR, with or without an LF after it; over TCP (6221) `lf` is usual.
@@ -28,7 +28,7 @@ class KeithleyOptions(StrictModel):
         description="the one range for all levels, 2 nA to 20 mA in decades or 100 mA"
     )
     compliance: Annotated[float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V)] = Field(
-        description="the most that a sequence may ask for"
+        description="maximum compliance of a sequence"
     )
     terminator: Terminator = "crlf"
 

@@ -14,7 +14,7 @@ from drivers.kinds.source.output import Dialect, Fault
 
 _FAULTS = {
     Condition.INTERLOCK: ("its interlock is open", "Close the interlock at the rear connector."),
-    Condition.OVER_TEMPERATURE: ("it is too hot", "Let it cool down and clear its air inlets."),
+    Condition.OVER_TEMPERATURE: ("over-temperature", "Let it cool down and clear its air inlets."),
     Condition.COMPLIANCE: (
         "it is in compliance: the load does not take the current", "Check the load, its cable, and the compliance.",
     ),
@@ -22,7 +22,7 @@ _FAULTS = {
 
 
 def _faults(state: State) -> Sequence[Fault]:
-    """What the measurement condition tells; over-temperature matters with the output off as well."""
+    """Faults in the measurement condition; over-temperature is one with the output off, too."""
     received = f"measurement condition {int(state.condition)}"
     return [
         Fault(problem, received, remedy, always=bit is Condition.OVER_TEMPERATURE)
@@ -35,7 +35,7 @@ DIALECT = Dialect(wire.COMMANDS.cut_off, wire.STATE_QUERY, wire.read_state, wire
 
 
 class Keithley6220(ScpiSource[State]):
-    """One source; it measures neither current nor voltage, and reports a load that does not take the current."""
+    """One source; it measures neither current nor voltage, and detects a load that does not take the current."""
 
     def __init__(self, setup: Setup[KeithleyOptions, SourceLimits, Nothing]) -> None:
         options = setup.options

@@ -1,4 +1,4 @@
-"""How a Keithley 6220 or 6221 is known."""
+"""Recognition of a Keithley 6220 or 6221."""
 
 from __future__ import annotations
 

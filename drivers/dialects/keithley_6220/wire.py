@@ -1,6 +1,6 @@
-"""Keithley 6220 headers and answers, and what is to be sent next to reach a setting.
+"""Keithley 6220 headers and answers, and the sequence of commands to a setting.
 
-Facts from the reference manual and the specification of the 6220/6221.
+Sources: the reference manual and the specification of the 6220/6221.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from drivers.protocols import scpi
 Terminator = Literal["cr", "lf", "crlf"]
 TERMINATORS: Mapping[Terminator, bytes] = {"cr": b"\r", "lf": b"\n", "crlf": b"\r\n"}
 
-# Headers as a simulator matches them
+# Headers for the simulator
 LEVEL = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
 RANGE = "[SOURce:]CURRent:RANGe"
 AUTO_RANGE = "[SOURce:]CURRent:RANGe:AUTO"
@@ -34,7 +34,7 @@ COMPLIANCE_MIN_V, COMPLIANCE_MAX_V, COMPLIANCE_STEP_V = 0.1, 105.0, 0.01
 
 
 class Condition(IntFlag):
-    """Bits of the measurement condition register that are used here."""
+    """Used bits of the measurement condition register."""
 
     INTERLOCK = 1 << 1
     OVER_TEMPERATURE = 1 << 2
@@ -42,7 +42,7 @@ class Condition(IntFlag):
 
 
 class State(NamedTuple):
-    """What a source is set to, and what it says of itself."""
+    """Settings and condition of a source."""
 
     setting: Setting
     auto_range: bool
@@ -50,12 +50,12 @@ class State(NamedTuple):
 
 
 def step_a(range_a: float) -> float:
-    """What a level is rounded to in a range: the specification has 100 nA at 2 mA, 1 µA at 20 mA, 10 µA at 100 mA."""
+    """Resolution of a level in a range: by the specification 100 nA at 2 mA, 1 µA at 20 mA, 10 µA at 100 mA."""
     return range_a * (1e-4 if range_a == RANGES_A[-1] else 5e-5)
 
 
 def read_state(line: bytes) -> State:
-    """The answer to STATE_QUERY; ValueError."""
+    """Decode the answer to STATE_QUERY; ValueError."""
     range_, auto, level, compliance, output, condition = scpi.answers(line, 6)
     setting = Setting(scpi.number(range_), scpi.number(level), scpi.number(compliance), scpi.boolean(output))
     return State(setting, scpi.boolean(auto), Condition(scpi.integer(condition) & sum(Condition)))

@@ -20,9 +20,9 @@ KNOWN_RANGE = range_of(RANGES_A, "A", "100 nA, 1 µA, 10 µA, 100 µA, 1 mA, 10 
 
 
 class AmmeterOptions(MeterOptions):
-    """How DC current is measured, in series with a source; auto-zero is always on.
+    """Measurement of DC current, in series with a source; auto-zero is always on.
 
-    It is reached as the voltmeter `keysight_3458a` is, through a gateway between TCP and GPIB.
+    It is connected like the voltmeter `keysight_3458a`, through a gateway between TCP and GPIB.
     """
 
     range: Annotated[float, InUnit("A", above=0), KNOWN_RANGE] = Field(
@@ -32,7 +32,7 @@ class AmmeterOptions(MeterOptions):
 
     @property
     def burden_ohm(self) -> float:
-        """What its input resists at the most: the burden voltage of the maker's data sheet over the range."""
+        """Maximum input resistance: the burden voltage of the maker's data sheet over the range."""
         return BURDEN_V[self.range] / self.range
 
 

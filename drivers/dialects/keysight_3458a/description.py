@@ -24,16 +24,16 @@ def _known_nplc(nplc: float) -> float:
 
 
 class MeterOptions(StrictModel):
-    """What volts and currents have in common."""
+    """Options common to voltage and current measurement."""
 
     range: float = Field(description="the one range for all readings")
     nplc: Annotated[Number, AfterValidator(_known_nplc)] = Field(
-        10.0, description="over how many cycles of the power line a reading integrates: 1 to 10, or 20 to 100 in tens"
+        10.0, description="integration time of a reading in power line cycles: 1 to 10, or 20 to 100 in tens"
     )
 
 
 class VoltmeterOptions(MeterOptions):
-    """How DC volts are measured; auto-zero is always on.
+    """Measurement of DC voltage; auto-zero is always on.
 
     The instrument has GPIB only: the address is that of a gateway between TCP and GPIB that passes lines on as they are
     and reads an answer after each (on a Prologix, once: `++mode 1`, `++addr 22`, `++auto 1`, `++eoi 1`, `++eos 2`,
@@ -47,10 +47,10 @@ class VoltmeterOptions(MeterOptions):
 
 
 class VoltmeterUncertainty(StrictModel):
-    """What a certificate states of the voltmeter in its range, expanded."""
+    """Expanded uncertainty of the voltmeter in its range, from its certificate."""
 
-    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the reading, such as 8 ppm")
-    offset: Annotated[float, InUnit("V", at_least=0)] = Field(0.0, description="the same at every reading")
+    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="relative to the reading, such as 8 ppm")
+    offset: Annotated[float, InUnit("V", at_least=0)] = Field(0.0, description="constant part")
 
 
 DESCRIPTION = DriverDescription(

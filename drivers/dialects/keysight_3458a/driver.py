@@ -1,4 +1,4 @@
-"""A Keysight 3458A as a meter: one range, every measurement begun by asking how it is set."""
+"""A Keysight 3458A as a meter: one range, settings verified before every measurement."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from drivers.values import Identity, Reading
 T = TypeVar("T")
 
 READ_BACK = ReadBack()
-ERRORS_AT_MOST = 32  # more than its two registers have bits
-KEPT_READINGS = 10_000  # for a poll that never comes
+ERRORS_AT_MOST = 32  # more than the bits of its two registers
+KEPT_READINGS = 10_000  # so that readings nobody polls do not accumulate
 _SLOWEST_LINE_HZ = 45.0
 _SLACK_S = 1.0
 _LONGEST_S = wire.takes_s(wire.NPLCS[-1], _SLOWEST_LINE_HZ) + _SLACK_S
@@ -31,10 +31,10 @@ _LONGEST_S = wire.takes_s(wire.NPLCS[-1], _SLOWEST_LINE_HZ) + _SLACK_S
 class Keysight3458A:
     """One meter, here for DC volts.
 
-    A second master, a power failure and a front panel in use show in the settings, which are read before every
-    measurement: they are a fault, not set right again in silence.
+    A second master, a power failure or a front panel in use changes settings, which are read before every measurement:
+    a change is a fault and is not corrected silently.
 
-    Concurrency: measurements queue. A `poll` meanwhile gives what the one under way has read so far.
+    Concurrency: measurements queue. A `poll` during a measurement returns its readings so far.
     """
 
     _function = wire.DC_VOLTS
@@ -44,22 +44,22 @@ class Keysight3458A:
         self.name = setup.name
         self._options, self._pin = setup.options, setup.identity
         proof = Proof(wire.IDENTITY_QUESTION, self._recognise)
-        # A reading whose asker has gone is still to come, so the line is quiet only when the longest is over.
+        # An abandoned reading may still arrive, so the line is silent only after the duration of the longest one.
         pace = Pace(quiet_s=_LONGEST_S)
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace, note=setup.note
         )
         self._turn, self._note = asyncio.Lock(), setup.note
         self._who = Recognised(setup.name, setup.identity)
-        self._set: Setting | None = None  # what was made and read back
+        self._set: Setting | None = None  # settings that were made and read back
         self._line_hz = _SLOWEST_LINE_HZ
         self._fresh: deque[Reading] = deque(maxlen=KEPT_READINGS)
 
     async def __aenter__(self) -> Self:
-        """Connects, identifies, sets the instrument up; raises CannotConnect, WrongIdentity, InstrumentFault."""
+        """Connect, identify, set up the instrument; raises CannotConnect, WrongIdentity, InstrumentFault."""
         await self._dialogue.open()
         try:
-            await once_more(self._errors, self._note)  # what others sent wrongly is forgotten
+            await once_more(self._errors, self._note)  # errors caused by other masters are discarded
             self._line_hz = await self._ask(wire.LINE_FREQUENCY_QUESTION, wire.read_number)
             await self._set_up(self._setting(self._options.nplc))
         except BaseException:
@@ -68,13 +68,13 @@ class Keysight3458A:
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the wire; the instrument waits for a trigger that does not come."""
+        """Close the connection; the instrument keeps waiting for a trigger."""
         self._dialogue.close()
 
     async def identify(self) -> Identity:
-        """Who is there: the serial number as the bench file states it, since the wire tells none.
+        """Query the identity; the serial number is the stated one, because the wire does not report it.
 
-        The fingerprint is how often it has been calibrated. Raises WrongIdentity, also when anything has changed.
+        The fingerprint is the calibration count. Raises WrongIdentity, also when anything has changed.
         """
         async with self._turn:
             told = await self._ask(wire.IDENTITY_QUESTION, self._recognise)
@@ -87,7 +87,7 @@ class Keysight3458A:
         return self._who.check(found, str(found))
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """One reading, or those of the measurement under way; InstrumentFault as `measure`."""
+        """Take one reading, or return those of the running measurement; InstrumentFault as `measure`."""
         if not self._turn.locked():
             async with self._turn:
                 await self._read(1)
@@ -96,11 +96,11 @@ class Keysight3458A:
         return {self._channel: fresh}
 
     async def measure(self, count: int, *, nplc: float | None) -> Sequence[Reading]:
-        """`count` readings (V, or A of an ammeter), one after the other, each with the time of its middle.
+        """Take `count` consecutive readings (V, or A of an ammeter), each with its mid-integration time.
 
-        Each integrates over `nplc` cycles of the power line, 1 to 10 or 20 to 100 in tens; None is as the bench file
-        says. Raises BeyondLimit before anything is sent, Refused when the instrument does not take the setting,
-        InstrumentFault when it is no longer set as it was, has an error, or its input is beyond the range.
+        Each integrates over `nplc` cycles of the power line, 1 to 10 or 20 to 100 in tens; None takes that of the bench
+        file. Raises BeyondLimit before anything is sent, Refused if the setting is rejected, InstrumentFault if
+        settings have changed, there is an error, or the input is over range.
         """
         wanted = self._setting(self._options.nplc if nplc is None else nplc)
         if wanted.nplc not in wire.NPLCS:
@@ -114,31 +114,31 @@ class Keysight3458A:
             return await self._read(count)
 
     async def make_safe(self) -> None:
-        """Nothing to do: a meter energises nothing."""
+        """Do nothing: a meter energises nothing."""
 
     def _setting(self, nplc: float) -> Setting:
         return Setting(self._options.range, nplc, self._function)
 
     async def _set_up(self, setting: Setting) -> None:
-        """Sets the instrument up and reads back; raises Refused."""
+        """Set up the instrument and read the settings back; raises Refused."""
         self._set = None
         message = wire.set_up(setting)
         await self._dialogue.order(message, wire.read_numbers)
         problem = "; ".join(await once_more(self._errors, self._note))
         if problem := problem or await READ_BACK.until(lambda: self._misfit(setting), lambda misfit: not misfit):
             raise Refused(
-                self.name, "a setting was not carried out", sent=message.decode(), received=problem,
+                self.name, "a setting was not executed", sent=message.decode(), received=problem,
                 remedy="Look at its display, and check range and nplc in the bench file.",
             )  # fmt: skip
         self._set = setting
 
     async def _read(self, count: int) -> Sequence[Reading]:
-        """Readings with the setting that was made, checked before and after; raises InstrumentFault."""
+        """Take readings, with settings verified before and after; raises InstrumentFault."""
         setting = self._set
         if setting is None or (misfit := await self._misfit(setting)):
             raise InstrumentFault(
-                self.name, "is no longer set as it was", received="" if setting is None else misfit,
-                remedy="Look for a power failure, a front panel in use, or who else sets it; then run again.",
+                self.name, "its settings have changed", received="" if setting is None else misfit,
+                remedy="Look for a power failure, a front panel in use, or another master; then run again.",
             )  # fmt: skip
         readings, errors = await self._proved(setting, count)
         if errors:
@@ -146,9 +146,9 @@ class Keysight3458A:
         return readings
 
     async def _proved(self, setting: Setting, count: int) -> tuple[Sequence[Reading], list[str]]:
-        """Readings, and the errors that the instrument tells after them.
+        """Readings confirmed by an error query after them.
 
-        It tells an error only once: where that answer is missing, the readings before it are not believed.
+        An error is reported only once: if its answer is missing, the readings before it are rejected.
         """
         readings = [await self._reading(setting) for _ in range(count)]
         try:
@@ -172,7 +172,7 @@ class Keysight3458A:
         return reading
 
     async def _misfit(self, setting: Setting) -> str:
-        """The first answer that tells of another setting, "" when there is none."""
+        """First answer with a different setting, "" if there is none."""
         for question, expected in wire.state_when(setting).items():
             found = await self._ask(question, wire.read_numbers)
             if found[: len(expected)] != expected:
@@ -181,7 +181,7 @@ class Keysight3458A:
         return ""
 
     async def _errors(self) -> list[str]:
-        """All that its error registers hold, which are empty then; raises InstrumentFault for faults of its own."""
+        """Read and clear all error registers; raises InstrumentFault for faults of the instrument itself."""
         errors: list[str] = []
         faults: list[str] = []
         for _ in range(ERRORS_AT_MOST):
@@ -202,14 +202,14 @@ class Keysight3458A:
         return await self._dialogue.ask(question, read)
 
     def _recognise(self, line: bytes) -> Identity:
-        """Maker and model; raises WrongIdentity when they are not those of the bench file."""
+        """Query maker and model; raises WrongIdentity if they are not those of the bench file."""
         found = wire.read_identity(line)
         check_identity(self.name, self._pin.model_copy(update={"firmware": None}), found)
         return found
 
 
 class Keysight3458AAmmeter(Keysight3458A):
-    """The same for DC current; its input resists, which whatever drives the current has to overcome."""
+    """The same for DC current; its burden voltage loads the source."""
 
     _function = wire.DC_CURRENT
     _channel = "current"

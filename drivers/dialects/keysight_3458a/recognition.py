@@ -1,4 +1,4 @@
-"""How a 3458A is known: by ID?, once it is quiet."""
+"""Recognition of a 3458A by ID?, after its output has stopped."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from drivers.discovery.recognition import Found, Language, Port, Recognition, fo
 
 
 async def ask(port: Port) -> Found:
-    """The voltmeter, which then waits for a trigger, as it does for its driver.
+    """Recognise the voltmeter, and leave it waiting for a trigger, as the driver does.
 
-    The errors that questions in other languages have left in its register are forgotten.
+    Errors caused by queries in other languages are cleared from its register.
     """
     identity = wire.read_identity(text_of(await port.ask(wire.IDENTITY_QUESTION + wire.END)).encode())
     revision = wire.read_numbers(text_of(await port.ask(wire.REVISION_QUESTION + wire.END)).encode())
@@ -18,7 +18,7 @@ async def ask(port: Port) -> Found:
 
 
 def asks(line: str) -> bool:
-    """Whether every command of a line is a question."""
+    """Return whether every command of a line is a query."""
     return all(command.strip().endswith("?") for command in line.split(";"))
 
 

@@ -1,10 +1,10 @@
 """Keysight 3458A messages and answers; its language is its own, older than SCPI.
 
-Facts from the user's guide (03458-90014: chapters 3, 4 and 6, appendix on throughput). How answers look is as others
-have recorded them from instruments, such as `10.0000000E+00` to NPLC? and `1, .1` to FUNC?.
+Sources: the user's guide (03458-90014: chapters 3, 4 and 6, appendix on throughput). Formats of answers are those
+recorded from instruments by third parties, such as `10.0000000E+00` to NPLC? and `1, .1` to FUNC?.
 
-A message may hold several commands, separated by semicolons, but only one question: one answer takes the place of
-the other. Answers end with CR and LF.
+A message may hold several commands, separated by semicolons, but only one query: a second answer overwrites the first.
+Answers end with CR and LF.
 """
 
 from __future__ import annotations
@@ -18,33 +18,39 @@ from drivers.protocols import scpi
 from drivers.protocols.scpi import ErrorEntry
 from drivers.values import Identity
 
-END = b"\n"  # a CR before it would be the end of a command already, and the LF that of an empty one
+END = b"\n"  # a CR before it would end the command, and the LF an empty one
 RANGES_V = (0.1, 1.0, 10.0, 100.0, 1000.0)
 RANGES_A = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0)
-NPLCS = (*range(1, 11), *range(20, 101, 10))  # what the instrument takes as it is; it rounds others up
-OVERLOAD = 1e38  # in V or A; told of an input beyond the range
+NPLCS = (*range(1, 11), *range(20, 101, 10))  # values accepted without rounding up
+OVERLOAD = 1e38  # in V or A; reported for an input over range
 
-# The instrument measures on and on until its trigger is held, and its readings would be taken for answers; a gateway
-# sees where an answer ends once END is ALWAYS.
+# The instrument measures continuously until its trigger is held, and its readings would be taken for answers; a gateway
+# detects the end of answers only with END ALWAYS.
 IDENTITY_QUESTION = b"TARM HOLD;END ALWAYS;ID?"
 REVISION_QUESTION = b"REV?"
 CALIBRATIONS_QUESTION = b"CALNUM?"
 LINE_FREQUENCY_QUESTION = b"LFREQ?"
 ERROR_QUESTION = b"ERRSTR?"
-TRIGGER = b"TARM SGL"  # answered by the reading, when it is there
+TRIGGER = b"TARM SGL"  # answered by the reading, at its end
 
 _ON, _OFF, _HOLD = 1.0, 0.0, 4.0
 _CONTINUOUS_NPLC = 10  # a longer reading is the mean of several of this length
-_OWN_ERRORS = {100, 101, 108, 109, 110}  # hardware, calibration, overload that destroys, out of calibration, due for it
-_AUXILIARY_ERRORS = 200  # and above: what of the hardware
+_OWN_ERRORS = {
+    100,
+    101,
+    108,
+    109,
+    110,
+}  # errors of hardware, calibration, destructive overload, out of calibration, calibration due
+_AUXILIARY_ERRORS = 200  # from this bit on: parts of the hardware
 
-_AROUND = " \r"  # what may be around a number; Python alone would take control characters for spaces as well
+_AROUND = " \r"  # whitespace around a number; Python alone would accept control characters, too
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d{1,2})?", re.ASCII)
 _IDENTITY = re.compile(r"(HP|Agilent|Keysight) ?(3458A)", re.ASCII | re.IGNORECASE)
 
 
 class Function(NamedTuple):
-    """What is measured: the command for it, what FUNC? answers, and in which unit its readings are."""
+    """Function: its command, the answer to FUNC?, and the unit of its readings."""
 
     command: str
     code: float
@@ -56,7 +62,7 @@ DC_CURRENT = Function("DCI", 6.0, "A")
 
 
 class Setting(NamedTuple):
-    """How it measures: in which range (V or A), over how many cycles of the power line, and what."""
+    """Measurement setting: range (V or A), integration time in power line cycles, and function."""
 
     full_scale: float
     nplc: float
@@ -64,9 +70,9 @@ class Setting(NamedTuple):
 
 
 def set_up(setting: Setting) -> bytes:
-    """What sets the instrument up, whatever it was doing, and makes it wait for a trigger; it answers as to TARM?.
+    """Message that sets up the instrument from any state and makes it wait for a trigger; it is acknowledged as TARM?.
 
-    The input buffer lets the bus go while a reading is taken, so that a gateway is not held up. It is off after a power
+    The input buffer releases the bus during a reading, so that a gateway is not held up. It is off after a power
     failure, which shows in `state_when`.
     """
     return (
@@ -76,9 +82,9 @@ def set_up(setting: Setting) -> bytes:
 
 
 def state_when(setting: Setting) -> Mapping[bytes, tuple[float, ...]]:
-    """The answers, question by question, of an instrument that is set up so and waits for a trigger.
+    """Expected answers, query by query, of an instrument with this setup that waits for a trigger.
 
-    An answer may have more numbers than those here.
+    An answer may have further numbers.
     """
     measured = (setting.function.code, setting.full_scale)
     return {
@@ -88,22 +94,22 @@ def state_when(setting: Setting) -> Mapping[bytes, tuple[float, ...]]:
 
 
 def takes_s(nplc: float, line_hz: float) -> float:
-    """How long a reading takes with its zeros, which are measured for as long as the input."""
+    """Duration of a reading including its zero, which is measured for as long as the input."""
     return 2 * nplc / line_hz
 
 
 def last_zero_s(nplc: float, line_hz: float) -> float:
-    """How long the last zero is measured; before it, the input (and in long readings other zeros, in turn)."""
+    """Duration of the last zero; before it, the input (and in long readings other zeros, alternating) is measured."""
     return min(nplc, _CONTINUOUS_NPLC) / line_hz
 
 
 def middle_before_answer_s(nplc: float, line_hz: float) -> float:
-    """How long before it is answered the middle of a reading was."""
+    """Time from the middle of a reading to its answer."""
     return (takes_s(nplc, line_hz) + last_zero_s(nplc, line_hz)) / 2
 
 
 def read_identity(line: bytes) -> Identity:
-    """The answer to ID?: maker and model, which is all the wire tells; ValueError."""
+    """Decode the answer to ID?: maker and model, all that the wire reports; ValueError."""
     match = _IDENTITY.fullmatch(line.decode("ascii").strip(_AROUND))
     if match is None:
         raise ValueError("not a 3458A")
@@ -111,7 +117,7 @@ def read_identity(line: bytes) -> Identity:
 
 
 def read_numbers(line: bytes) -> tuple[float, ...]:
-    """The numbers of an answer, which commas separate; ValueError."""
+    """Decode the comma-separated numbers of an answer; ValueError."""
     texts = [text.strip(_AROUND) for text in line.decode("ascii").split(",")]
     for text in texts:
         if _NUMBER.fullmatch(text) is None or not math.isfinite(float(text)):
@@ -120,7 +126,7 @@ def read_numbers(line: bytes) -> tuple[float, ...]:
 
 
 def read_number(line: bytes) -> float:
-    """An answer of one number, such as a reading (V or A), which is ± OVERLOAD beyond the range; ValueError."""
+    """Decode an answer of one number, such as a reading (V or A), which is ± OVERLOAD over range; ValueError."""
     numbers = read_numbers(line)
     if len(numbers) != 1:
         raise ValueError(f"{len(numbers)} numbers, expected one")
@@ -128,10 +134,10 @@ def read_number(line: bytes) -> float:
 
 
 def read_error(line: bytes) -> ErrorEntry:
-    """The answer to ERRSTR?, like `106,"PARAMETER OUT OF RANGE"`, and 0 when there is no more; ValueError."""
+    """Decode the answer to ERRSTR?, like `106,"PARAMETER OUT OF RANGE"`, code 0 if there is none; ValueError."""
     return scpi.error_entry(line.strip(_AROUND.encode()))
 
 
 def is_own_fault(entry: ErrorEntry) -> bool:
-    """Whether an error is one of the instrument itself, not of what it was sent."""
+    """Return whether an error is a fault of the instrument itself, not of a message."""
     return entry.code in _OWN_ERRORS or entry.code >= _AUXILIARY_ERRORS

@@ -1,1 +1,1 @@
-"""Chambers whose controller speaks Modbus and is described by a file: its registers, modes, ramp and alarms."""
+"""Chambers with a Modbus controller described by a profile file: registers, modes, ramp and alarms."""

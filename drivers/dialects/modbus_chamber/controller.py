@@ -1,4 +1,4 @@
-"""A controller as its profile describes it: what is read and written for a chamber."""
+"""A controller described by a profile: registers read and written for a chamber."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ COLDEST_C, HOTTEST_C = -273.15, 2000.0
 
 
 class ProfiledController(Connected):
-    """A Controller; the wire tells what the profile says that it tells.
+    """A Controller; what it reports depends on its profile.
 
-    Every controller is told a set point only when another is there, since many wear out a memory with each.
+    A set point is written only if the register holds another value, because writes wear out the memory of many
+    controllers.
     """
 
     def __init__(self, setup: Setup[Any, ChamberLimits, ChamberSafe], profile: ChamberProfile) -> None:
@@ -39,7 +40,7 @@ class ProfiledController(Connected):
         super().__init__(self._registers)
 
     def _identity(self) -> Identity:
-        """The names as the bench file and the profile state them; the fingerprint is what the wire tells."""
+        """Names stated in the bench file and the profile; the fingerprint is reported by the wire."""
         low_c, high_c = self.limits_c or (0.0, 0.0)
         told = [each.means for each in self._profile.must_be]
         if self._profile.limits is not None:
@@ -48,7 +49,7 @@ class ProfiledController(Connected):
         return as_stated(self._pin, fingerprint, maker=self._profile.maker, model=self._profile.model)
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Alarms, mode and temperatures."""
+        """Read alarms, mode and temperatures."""
         control, why = await self._control()
         target_c = in_force_c = await self._value(self._profile.set_point)
         if self._profile.set_point_in_force is not None:
@@ -56,14 +57,14 @@ class ProfiledController(Connected):
         return Look(await self._value(self._profile.process_value), in_force_c, target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
-        """Writes the set point, unless it is there already, and reads it back."""
+        """Write the set point, unless the register holds it already, and read it back."""
         register = self._profile.set_point
         words = self._profile.form(register).words(temperature_c)
         if await self._registers.read(register.address, register.count, function=register.read) != words:
             await self._set(register, temperature_c, "set point")
 
     def kept(self, temperature_c: float) -> float:
-        """As the register of the set point holds it; as it is where that cannot."""
+        """Set point as its register stores it; unchanged if the register cannot hold it."""
         form = self._profile.form(self._profile.set_point)
         try:
             return form.value(form.words(temperature_c))
@@ -71,7 +72,7 @@ class ProfiledController(Connected):
             return temperature_c
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Tells the rate, then switches the ramp on."""
+        """Write the rate, then switch the ramp on."""
         ramp = self._profile.ramp
         if ramp is None:
             raise NotImplementedError
@@ -80,22 +81,22 @@ class ProfiledController(Connected):
             await self._switch(ramp.on, ramp.on.value, "ramp switch")
 
     async def take_control(self) -> None:
-        """Writes the mode in which the set point decides; InstrumentFault where it cannot, or while an alarm stands."""
+        """Write the mode in which the set point controls; InstrumentFault if there is none, or during an alarm."""
         if alarm := await self._alarm():
             raise InstrumentFault(
-                self._link.device, "an alarm of the controller stands", received=alarm,
+                self._link.device, "the controller has an alarm", received=alarm,
                 remedy="Find its cause, then acknowledge it at the controller.",
             )  # fmt: skip
         mode = self._profile.mode
         if mode is None or mode.start is None:
             raise InstrumentFault(
                 self._link.device, "the chamber does not follow its set point", received=(await self._control())[1],
-                remedy="Switch it over at the controller; look for who switched it.",
+                remedy="Select its set-point mode at the controller, and find out who changed it.",
             )  # fmt: skip
         await self._switch(mode, mode.start, "mode")
 
     async def _control(self) -> tuple[Control, str]:
-        """The master of the temperature, with a message."""
+        """Current temperature control, with a message."""
         if alarm := await self._alarm():
             return Control.OTHER, alarm
         mode = self._profile.mode
@@ -107,10 +108,10 @@ class ProfiledController(Connected):
         if found in mode.off:
             return Control.NOBODY, f"mode {found}, off"
         names = [name for name, number in mode.other.items() if number == found]
-        return Control.OTHER, f"mode {found}, {names[0] if names else 'which the profile does not know'}"
+        return Control.OTHER, f"mode {found}, {names[0] if names else 'which is not in the profile'}"
 
     async def _alarm(self) -> str:
-        """The alarms that stand, in words; empty when there is none."""
+        """Text of active alarms; empty without an alarm."""
         found = [(each, await self._code(each)) for each in self._profile.alarms]
         return ", ".join(f"{each.means} ({code})" for each, code in found if code not in each.quiet)
 
@@ -127,7 +128,7 @@ class ProfiledController(Connected):
             words = form.words(value)
         except OverflowError as problem:
             raise Refused(
-                self._link.device, f"no register holds this {what}: {problem}; nothing was sent",
+                self._link.device, f"no register can hold this {what}: {problem}; nothing was sent",
                 remedy="Correct the sequence, or the scale in the profile if it is wrong.",
             ) from problem  # fmt: skip
         await self._registers.set(
@@ -145,7 +146,7 @@ class ProfiledController(Connected):
         for each in self._profile.must_be:
             (found,) = await self._link.read(each.address, 1, function=each.read)
             if found != each.is_:
-                raise self._other(f"this must hold, and does not: {each.means}", f"{found}, expected {each.is_}",
+                raise self._other(f"a register has the wrong value: {each.means}", f"{found}, expected {each.is_}",
                                   f"read 1 register at {each.address}")  # fmt: skip
         limits_c = await self._read_limits()
         if self.limits_c not in (None, limits_c):
@@ -154,7 +155,7 @@ class ProfiledController(Connected):
         at = self._profile.process_value
         process_value_c = self._number(at, await self._link.read(at.address, at.count, function=at.read))
         if not COLDEST_C <= process_value_c <= HOTTEST_C:
-            raise self._other("the process value is no temperature", f"{process_value_c:g} °C")
+            raise self._other("the process value is implausible", f"{process_value_c:g} °C")
         self.limits_c = limits_c
 
     async def _read_limits(self) -> tuple[float, float]:
@@ -166,7 +167,7 @@ class ProfiledController(Connected):
             for each in (limits.min, limits.max)
         ]
         if low_c < COLDEST_C or high_c > HOTTEST_C or low_c >= high_c:
-            raise self._other("the set-point limits of the controller make no sense", f"{low_c:g} to {high_c:g} °C")
+            raise self._other("the set-point limits of the controller are implausible", f"{low_c:g} to {high_c:g} °C")
         return low_c, high_c
 
     def _number(self, register: ValueRegister, words: Words) -> float:
@@ -179,7 +180,7 @@ class ProfiledController(Connected):
             ) from problem  # fmt: skip
 
     def _spelled(self, register: ValueRegister, words: Words) -> str:
-        """Words as a number for a person, and as they were on the wire."""
+        """Registers as a number and in hexadecimal, for a message."""
         try:
             return f"{self._profile.form(register).value(words):g} ({hexadecimal(words)})"
         except ValueError:
@@ -193,7 +194,7 @@ class ProfiledController(Connected):
 
 
 class ModbusChamber(Chamber):
-    """A ThermalChamber that ramps by itself, or whose set point goes in steps, as its profile says."""
+    """A ThermalChamber that ramps by itself, or whose set point changes in steps, depending on its profile."""
 
     def __init__(self, setup: Setup[ModbusChamberOptions, ChamberLimits, ChamberSafe]) -> None:
         options, profile = setup.options, setup.options.profile.content

@@ -14,12 +14,12 @@ from drivers.schema.wording import problem_at
 
 
 class ModbusChamberOptions(StairOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     profile: Annotated[DocumentFile[ChamberProfile], ModelBeside(ChamberProfile)] = Field(
-        description="describes the controller"
+        description="profile file of the controller"
     )
-    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="Modbus address")
 
     @model_validator(mode="after")
     def _steps_are_for_controllers_without_a_ramp(self) -> Self:

@@ -1,4 +1,4 @@
-"""The file that describes a chamber's controller: where its values are and what its numbers mean."""
+"""Profile file of a chamber's controller: addresses and meaning of its registers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LAST_ADDRESS = 0xFFFF
 
 
 def _address(raw: object) -> int:
-    """A register's number, also as the manuals of controllers print it: 0x11A9."""
+    """Validate a register address, also in the form of manuals: 0x11A9."""
     number = raw
     if isinstance(raw, str) and raw.lower().startswith("0x"):
         try:
@@ -27,7 +27,7 @@ def _address(raw: object) -> int:
         except ValueError:
             number = raw
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number <= LAST_ADDRESS:
-        raise expected("the wire's address of a register, 0 to 65535 or 0x0000 to 0xFFFF", raw)
+        raise expected("a register address on the wire, 0 to 65535 or 0x0000 to 0xFFFF", raw)
     return number
 
 
@@ -50,56 +50,56 @@ WriteFunction = Literal[6, 16]
 class CodeRegister(StrictModel):
     """One register that holds a code."""
 
-    address: RegisterAddress = Field(description="on the wire, where the first register is 0")
-    read: ReadFunction = Field(3, description="the function that reads it: 3 holding, 4 input registers")
+    address: RegisterAddress = Field(description="address on the wire; the first register is 0")
+    read: ReadFunction = Field(3, description="read function: 3 holding, 4 input registers")
 
     @property
     def count(self) -> int:
-        """How many registers it fills."""
+        """Number of registers."""
         return 1
 
 
 class ValueRegister(CodeRegister):
     """One or two registers that hold a number."""
 
-    type: ValueType = Field("int16", description="how it is written")
-    scale: Annotated[Number, Field(gt=0)] = Field(1.0, description="what one count means, such as 0.1 for tenths")
-    word_order: WordOrder | None = Field(None, description="of two registers, where it is not that of the profile")
+    type: ValueType = Field("int16", description="number format")
+    scale: Annotated[Number, Field(gt=0)] = Field(1.0, description="value of one count, such as 0.1 for tenths")
+    word_order: WordOrder | None = Field(None, description="of two registers, if different from that of the profile")
 
     @property
     def count(self) -> int:
-        """How many registers it fills."""
+        """Number of registers."""
         return ValueFormat(self.type).count
 
 
 class WrittenRegister(ValueRegister):
-    """The same, and written."""
+    """A register that is written as well as read."""
 
-    write: WriteFunction = Field(6, description="the function that writes it; two registers always take 16")
+    write: WriteFunction = Field(6, description="write function; always 16 for two registers")
 
 
 class Expectation(CodeRegister):
-    """A register that tells whether this is the controller that the profile describes, set as it must be."""
+    """A register whose value identifies the controller, or a setting that it must have."""
 
-    is_: Word = Field(alias="is", description="what it must hold")
+    is_: Word = Field(alias="is", description="required value")
     means: Meaning = Field(description="its meaning, such as 'the display unit is °C'")
 
 
 class LimitRegisters(StrictModel):
-    """Where the controller keeps the lowest and the highest set point."""
+    """Registers of the lowest and the highest set point."""
 
     min: ValueRegister
     max: ValueRegister
 
 
 class ModeRegister(CodeRegister):
-    """The register that tells what decides the temperature; a number that is not listed is something else."""
+    """The register of the control mode; an unlisted number is another mode."""
 
-    follows: Annotated[list[Word], NOT_EMPTY] = Field(description="while the set point decides")
-    off: list[Word] = Field([], description="while nothing does")
-    other: dict[Meaning, Word] = Field({}, description="while something else does: what, in words, and its number")
+    follows: Annotated[list[Word], NOT_EMPTY] = Field(description="codes of the modes that follow the set point")
+    off: list[Word] = Field([], description="codes of the modes off and idle")
+    other: dict[Meaning, Word] = Field({}, description="other modes: name and code")
     start: Word | None = Field(
-        None, description="written to make the set point decide; without it only a person may do that"
+        None, description="code written to select the set-point mode; without it only a person may do that"
     )
     write: WriteFunction = Field(6, description="the function that writes it")
 
@@ -107,16 +107,16 @@ class ModeRegister(CodeRegister):
     def _numbers_mean_one_thing(self) -> Self:
         listed = [*self.follows, *self.off, *self.other.values()]
         if twice := sorted({number for number in listed if listed.count(number) > 1}):
-            raise _refusal(self, [problem_at(("follows",), f"the number {twice[0]} stands for two things")])
+            raise _refusal(self, [problem_at(("follows",), f"the number {twice[0]} is listed twice")])
         if self.start is not None and self.start not in self.follows:
             raise _refusal(self, [problem_at(("start",), f"is {self.start}, which is none of follows")])
         return self
 
 
 class Switch(CodeRegister):
-    """A register that has to hold a number before something else has an effect."""
+    """A register that must hold a number before another setting takes effect."""
 
-    value: Word = Field(description="what it has to hold")
+    value: Word = Field(description="value to be written")
     write: WriteFunction = Field(6, description="the function that writes it")
 
 
@@ -124,37 +124,41 @@ class RampRegisters(StrictModel):
     """The controller's own ramp to a set point."""
 
     rate: WrittenRegister
-    per: Literal["minute", "hour"] = Field(description="the time in which the set point moves by the rate, in °C")
-    on: Switch | None = Field(None, description="what switches the ramp on, written after the rate")
+    per: Literal["minute", "hour"] = Field(description="time unit of the rate")
+    on: Switch | None = Field(None, description="register that switches the ramp on, written after the rate")
 
 
 class AlarmRegister(CodeRegister):
-    """A register that tells of an alarm."""
+    """A register that reports an alarm."""
 
-    quiet: Annotated[list[Word], NOT_EMPTY] = Field([0], description="while there is none")
-    means: Meaning = Field(description="what it is, such as 'over-temperature'")
+    quiet: Annotated[list[Word], NOT_EMPTY] = Field([0], description="value without an alarm")
+    means: Meaning = Field(description="name of the alarm, such as 'over-temperature'")
 
 
 class ChamberProfile(StrictModel):
     """One kind of controller."""
 
-    schema_: Literal["itb-chamber/1"] = Field(alias="schema", description="what kind of file this is")
-    maker: Meaning = Field(description="who makes the controller")
+    schema_: Literal["itb-chamber/1"] = Field(alias="schema", description="kind of this file")
+    maker: Meaning = Field(description="maker of the controller")
     model: Meaning = Field(description="its name")
-    source: Meaning = Field(description="where these numbers are from: a manual and its edition, or who tried them")
-    word_order: WordOrder | None = Field(None, description="of values in two registers")
+    source: Meaning = Field(description="source of these numbers: a manual and its edition, or a test")
+    word_order: WordOrder | None = Field(None, description="word order of values in two registers")
     gap: Annotated[float, InUnit("s", at_least=0, at_most=2)] = Field(
-        0.03, description="what the controller needs between an answer and the next request on a serial line"
+        0.03, description="minimum pause between an answer and the next request on a serial line"
     )
-    must_be: list[Expectation] = Field([], description="looked at whenever it connects")
+    must_be: list[Expectation] = Field([], description="checked at every connection")
     process_value: ValueRegister
     set_point: WrittenRegister
-    set_point_in_force: ValueRegister | None = Field(None, description="where it is not the set point: on a ramp")
-    range: TemperatureRange | None = Field(None, description="of set points, if no registers hold it")
-    limits: LimitRegisters | None = Field(None, description="the registers that hold it")
-    mode: ModeRegister | None = Field(None, description="where the controller can do something else")
-    ramp: RampRegisters | None = Field(None, description="where it ramps by itself; else it gets many set points")
-    alarms: list[AlarmRegister] = Field([], description="looked at with every poll")
+    set_point_in_force: ValueRegister | None = Field(
+        None, description="register of the active set point, if it differs during a ramp"
+    )
+    range: TemperatureRange | None = Field(None, description="range of set points, if no registers hold it")
+    limits: LimitRegisters | None = Field(None, description="registers of the range")
+    mode: ModeRegister | None = Field(None, description="register of the mode, if the controller has several")
+    ramp: RampRegisters | None = Field(
+        None, description="registers of the controller's own ramp; without one the driver sends a series of set points"
+    )
+    alarms: list[AlarmRegister] = Field([], description="read at every poll")
 
     @model_validator(mode="after")
     def _complete_and_unambiguous(self) -> Self:
@@ -163,12 +167,12 @@ class ChamberProfile(StrictModel):
         return self
 
     def form(self, register: ValueRegister) -> ValueFormat:
-        """How a value is written."""
+        """Format of a value."""
         order = register.word_order or self.word_order or "high_first"
         return ValueFormat(register.type, register.scale, order)
 
     def registers(self) -> Iterator[tuple[tuple[str | int, ...], CodeRegister]]:
-        """Every register with its place in the file."""
+        """All registers with their places in the file."""
         found: dict[tuple[str | int, ...], CodeRegister | None] = {
             ("process_value",): self.process_value,
             ("set_point",): self.set_point,
@@ -185,9 +189,9 @@ class ChamberProfile(StrictModel):
 
     def _missing(self) -> Iterator[InitErrorDetails]:
         if (self.range is None) == (self.limits is None):
-            yield problem_at((), "needs either range or limits: what set points the chamber takes")
+            yield problem_at((), "needs either range or limits of the set points")
         if self.ramp is not None and self.set_point_in_force is None:
-            yield problem_at(("ramp",), "needs set_point_in_force as well: where it is seen how far the ramp is")
+            yield problem_at(("ramp",), "needs set_point_in_force as well, which shows the progress of the ramp")
 
     def _orders(self) -> Iterator[InitErrorDetails]:
         for place, register in self.registers():
@@ -197,13 +201,13 @@ class ChamberProfile(StrictModel):
                 yield problem_at((*place, "type"), f"{register.type} fills two registers: give word_order")
 
     def _shared(self) -> Iterator[InitErrorDetails]:
-        """A register that stands for two values; holding and input registers are numbered by themselves."""
+        """Registers used for two values; holding and input registers are numbered separately."""
         holders: dict[tuple[int, int], str] = {}
         for place, register in self.registers():
             name = ".".join(map(str, place))
             for address in range(register.address, register.address + register.count):
                 if before := holders.get((register.read, address)):
-                    yield problem_at((*place, "address"), f"register {address} is that of {before} already")
+                    yield problem_at((*place, "address"), f"register {address} is used by {before} already")
                     break
                 holders[register.read, address] = name
 

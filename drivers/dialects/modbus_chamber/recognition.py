@@ -1,4 +1,4 @@
-"""How a controller is known that only a profile could describe: something answers in Modbus."""
+"""Recognition of a controller that needs a profile: any answer in Modbus."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from drivers.values import Identity
 
 
 async def ask(port: Port) -> Found:
-    """Whoever answers a request for a register, be it by a refusal."""
+    """Recognise anything that answers a register request, even with an exception."""
     with suppress(NoSuchRegister):
         await port.registers(0, 1)
     return Found(
         Identity(verified=False), {"options": {"profile": "profile.yaml", "unit_id": port.unit_id}},
-        missing="something answers in Modbus that no driver knows; if it is a chamber, write its profile first",
+        missing="an unknown instrument answers in Modbus; if it is a chamber, write its profile first",
     )  # fmt: skip
 
 

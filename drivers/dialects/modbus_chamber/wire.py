@@ -1,4 +1,4 @@
-"""Values ⇄ registers, as a profile says that they are written; bytes inside a word are always high first."""
+"""Values ⇄ registers, in the formats of a profile; bytes inside a word are always high first."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _BOUNDS = {
     "int32": (-(1 << 31), (1 << 31) - 1),
     "uint32": (0, (1 << 32) - 1),
 }
-_DIGITS = 9  # after the point; what a scale leaves behind them is no part of a value
+_DIGITS = 9  # decimals; the rounding residue of a scale beyond them is dropped
 
 
 @dataclass(frozen=True, slots=True)
 class ValueFormat:
-    """How one value is written; `scale` is what one count of it means, `word_order` that of two registers."""
+    """Format of one value; `scale` is the value of one count, `word_order` that of two registers."""
 
     type: ValueType = "int16"
     scale: float = 1.0
@@ -29,11 +29,11 @@ class ValueFormat:
 
     @property
     def count(self) -> int:
-        """How many registers it fills."""
+        """Number of registers."""
         return 1 if self.type in ("int16", "uint16") else 2
 
     def words(self, value: float) -> Words:
-        """The registers of a value, rounded to whole counts; OverflowError when it does not fit."""
+        """Encode a value into registers, rounded to whole counts; OverflowError if it does not fit."""
         if self.type == "float32":
             return float32_words(value / self.scale, self.word_order)
         count = round(value / self.scale)
@@ -46,7 +46,7 @@ class ValueFormat:
         return (lower, upper) if self.word_order == "low_first" else (upper, lower)
 
     def value(self, words: Sequence[int]) -> float:
-        """What the registers say; ValueError for a float that is not finite."""
+        """Decode the value in registers; ValueError for a float that is not finite."""
         if self.type == "float32":
             return float32_value(words, self.word_order) * self.scale
         high_first = words[::-1] if self.word_order == "low_first" else words

@@ -1,8 +1,8 @@
-"""The conversation about one axis with an XPS: three connections, questions, calls, and what its answers mean.
+"""Dialogue about one axis with an XPS: three connections, queries, calls, and the evaluation of answers.
 
-A connection on which a call is under way refuses the next one, and a move is answered when it has arrived. Drivers of
-others therefore keep a connection for moves (BLISS, EPICS). Stopping has one of its own too: it never waits for an
-answer to a question, and is never refused because of one.
+A connection with a pending call refuses the next one, and a move is answered when it is finished. Moves therefore have
+a connection of their own, as in other drivers (BLISS, EPICS). So does stopping: it never waits for the answer to a
+query, and is never refused because of one.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from drivers.values import Identity, Reading
 
 T = TypeVar("T")
 
-PROFILE_TOLERANCE = 1e-5  # relative: the controller may round what it is told
+PROFILE_TOLERANCE = 1e-5  # relative: the controller may round a setting
 
 
 class XpsAxis:
@@ -40,7 +40,7 @@ class XpsAxis:
         self._device, self._stated = setup.name, setup.identity
         self._group, self._positioner = options.group, f"{options.group}.{options.positioner}"
         self._acceleration_dps2 = options.acceleration
-        # Its maker is stated: it tells none.
+        # The maker is stated, because the controller does not report it.
         self._who = Recognised(setup.name, setup.identity.model_copy(update={"maker": None}))
         self.limits: OwnLimits | None = None
         self._asking, self._moving, self._stopping = (self._connection(setup) for _ in range(3))
@@ -53,7 +53,7 @@ class XpsAxis:
         )  # fmt: skip
 
     async def open(self) -> None:
-        """Connects and learns the controller's own limits; raises CannotConnect, WrongIdentity, Refused."""
+        """Connect and read the controller's own limits; raises CannotConnect, WrongIdentity, Refused."""
         try:
             for connection in (self._asking, self._moving, self._stopping):
                 await connection.open()
@@ -65,19 +65,19 @@ class XpsAxis:
         self.limits = OwnLimits(low_deg, high_deg, rate_dps)
 
     async def reopen(self) -> None:
-        """Connects again what was lost of what stopping needs; else nothing."""
+        """Reconnect lost connections that stopping needs; else do nothing."""
         await self._stopping.reopen()
         await self._asking.reopen()
 
     def close(self) -> None:
-        """Closes the connections; closing twice is harmless."""
+        """Close the connections; closing twice is harmless."""
         for connection in (self._asking, self._moving, self._stopping):
             connection.close()
 
     async def identify(self) -> Identity:
-        """Model and firmware as the controller tells them; its serial number is stated, the wire does not tell it.
+        """Query model and firmware; the serial number is the stated one, because the wire does not report it.
 
-        Raises WrongIdentity when model or firmware are others than in the bench file, or have changed.
+        Raises WrongIdentity if model or firmware differ from the bench file, or have changed.
         """
         firmware = await self._asking.ask(wire.ASK_FIRMWARE.encode(), self._recognise)
         rate_dps, acceleration_dps2 = await self._ask(wire.ask_fastest(self._positioner), _numbers(2))
@@ -88,12 +88,12 @@ class XpsAxis:
         )  # fmt: skip
 
     async def angle(self) -> Reading:
-        """The encoder's angle (°)."""
+        """Encoder angle (°)."""
         (angle_deg,) = await self._ask(wire.ask_angle(self._positioner), _numbers(1))
         return Reading(asyncio.get_running_loop().time(), angle_deg)
 
     async def state(self) -> AxisState:
-        """The group's status, in words where it cannot move."""
+        """Status of the group, with the controller's text if it cannot move."""
         status = await self._ask(wire.ask_status(self._group), wire.read_integer)
         state = wire.group_state(status)
         at_rest = state is GroupState.READY
@@ -108,7 +108,7 @@ class XpsAxis:
         )
 
     async def check_faults(self, sent: str = "") -> None:
-        """Raises InstrumentFault with the positioner's error, or why the group is disabled; `sent` met them."""
+        """Raise InstrumentFault with the positioner's error, or the reason why the group is disabled; met by `sent`."""
         error = await self._ask(wire.ask_error(self._positioner), wire.read_integer)
         if error:
             words = await self._words(wire.ask_error_words(error), error)
@@ -139,7 +139,7 @@ class XpsAxis:
             )  # fmt: skip
 
     async def prepare(self, rate_dps: float) -> None:
-        """Sets rate and acceleration unless they are so, and reads them back; raises Refused."""
+        """Set rate and acceleration unless they are set already, and read them back; raises Refused."""
         await self._moving.reopen()
         found = await self._profile()
         wanted = found._replace(rate_dps=rate_dps, acceleration_dps2=self._acceleration_dps2)
@@ -152,31 +152,31 @@ class XpsAxis:
             raise Refused(
                 self._device, f"{self._positioner} would move at {found.rate_dps:g} °/s and "
                 f"{found.acceleration_dps2:g} °/s², expected {rate_dps:g} °/s and {self._acceleration_dps2:g} °/s²",
-                sent=call, remedy="Look for another program that uses the controller; nothing was moved.",
+                sent=call, remedy="Find the other program that uses the controller; nothing was moved.",
             )  # fmt: skip
 
     async def _profile(self) -> Profile:
         return Profile(*await self._ask(wire.ask_profile(self._positioner), _numbers(4)))
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
-        """Sends the axis to an angle, once, as prepared; the answer comes when it has arrived.
+        """Start a move to an angle, sent once, as prepared; the answer arrives at its end.
 
-        Returns then, or within `answer_s` when the answer is missing: the angle decides. Raises Refused,
+        Returns then, or after `answer_s` if the answer is missing: the caller decides by the angle. Raises Refused,
         InstrumentFault.
         """
         await self._order(self._moving, wire.move_absolute(self._positioner, angle_deg), answer_s=answer_s)
 
     async def abort(self) -> None:
-        """Lets the axis decelerate and hold; that nothing moves is as good. A move that waits is not sent any more."""
+        """Decelerate and hold; an axis at rest is no error. A queued move is not sent any more."""
         await self._stopping.reopen()
         self._cut_in(self._moving)
         await self._order(self._stopping, wire.abort(self._group), also=wire.NOT_ALLOWED)
 
     def abort_at_once(self) -> None:
-        """As `abort`, whatever is under way; raises LinkLost.
+        """As `abort`, ahead of any pending call; raises LinkLost.
 
-        Said on the other connections too, where it is refused while a call is under way: a move that waits there is
-        not sent any more, and of a connection that nothing is said on, nobody learns that its other end is gone.
+        Also sent on the other connections, which refuse it during a call: a queued move there is not sent any more, and
+        a dead connection is noticed only by sending on it.
         """
         self._stopping.line.cut_in(wire.abort(self._group).encode())
         for connection in (self._moving, self._asking):
@@ -187,7 +187,7 @@ class XpsAxis:
             connection.line.cut_in(wire.abort(self._group).encode())
 
     async def _ask(self, question: str, read: Callable[[str], T]) -> T:
-        """What `read` makes of what was asked for; raises Refused when there is none."""
+        """Query and decode with `read`; raises Refused if the answer is an error."""
 
         def read_text(answer: bytes) -> T | Reply:
             reply = wire.read_reply(answer)
@@ -201,7 +201,7 @@ class XpsAxis:
     async def _order(
         self, connection: Dialogue, call: str, *, answer_s: float = ANSWER_S, also: int = wire.SUCCESS
     ) -> None:
-        """Makes a call once; raises InstrumentFault or Refused when its answer is neither success nor `also`."""
+        """Make a call once; raises InstrumentFault or Refused if its answer is neither success nor `also`."""
         reply = await connection.order(call.encode(), wire.read_reply, answer_s=answer_s)
         if reply is not None and reply.code not in (wire.SUCCESS, also):
             await self.check_faults(call)
@@ -210,17 +210,17 @@ class XpsAxis:
     async def _refusal(self, sent: str, reply: Reply) -> Refused:
         words = await self._words(wire.ask_code_words(reply.code), reply.code)
         return Refused(
-            self._device, f"the controller did not carry out a call: {words}", sent=sent, received=str(reply),
+            self._device, f"the controller did not execute a call: {words}", sent=sent, received=str(reply),
             remedy="Look at the controller's own page, and check the group and the positioner in the bench file.",
         )  # fmt: skip
 
     async def _words(self, question: str, number: int) -> str:
-        """The controller's words for a number of its; the number where it has none."""
+        """Text of an error number from the controller; the number if it has none."""
         reply = await self._asking.ask(question.encode(), wire.read_reply)
         return reply.text if reply.code == wire.SUCCESS and reply.text else f"number {number}"
 
     def _recognise(self, answer: bytes) -> Identity:
-        """Compares model and firmware with the bench file, and the first time; ValueError when it is no XPS."""
+        """Compare model and firmware with the bench file, and with the first connection; ValueError if it is no XPS."""
         reply = wire.read_reply(answer)
         if reply.code != wire.SUCCESS:
             raise ValueError("no version of a firmware")

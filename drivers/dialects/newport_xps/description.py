@@ -16,11 +16,11 @@ Name = Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_-]{0,31}", "a name such as HE
 
 
 class XpsOptions(HeadOptions):
-    """How the axis is moved; `rate` and `acceleration` are set in the controller before a move."""
+    """Motion settings of the axis; `rate` and `acceleration` are set in the controller before a move."""
 
     group: Name = Field(description="of the axis, as in the controller's system.ini; of a single axis or a spindle")
     positioner: Name = Field("Pos", description="of the group, as in system.ini")
-    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of every move")
+    acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of all moves")
 
 
 DESCRIPTION = DriverDescription(

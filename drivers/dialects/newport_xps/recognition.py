@@ -1,4 +1,4 @@
-"""How an XPS is known: by the version of its firmware."""
+"""Recognition of an XPS by its firmware version."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from drivers.discovery.recognition import Blocks, Found, Language, Port, Recogni
 from drivers.kinds.head.recognition import HEAD_STARTER
 from drivers.values import Identity
 
-GROUP = "Group1"  # as a controller is delivered
+GROUP = "Group1"  # default after delivery
 STARTER: Blocks = {**HEAD_STARTER, "options": {"group": GROUP, **HEAD_STARTER["options"]}}
 
 
 async def ask(port: Port) -> Found:
-    """A controller; what its groups are called it is not asked."""
+    """Recognise a controller; its group names cannot be queried and are left open."""
     answer = await port.ask(wire.ASK_FIRMWARE.encode())
     if not answer.endswith(wire.END):
-        raise ValueError("not the end of an answer")
+        raise ValueError("no EndOfAPI at the end")
     reply = wire.read_reply(answer.removesuffix(wire.END))
     if reply.code != wire.SUCCESS or not reply.text.isprintable():
         raise ValueError("no version of a firmware")

@@ -1,9 +1,9 @@
 """Newport XPS calls and answers in both directions, without the end of an answer.
 
-A call is written as a C function is, and nothing ends it but its parenthesis; what is wanted back stands in it as a
-type. The answer is a number, 0 when all is well, what was asked for, and `EndOfAPI`; after any other number the call
-itself is quoted. Wire facts are those that drivers of others agree on (the package newportxps, ESRF's BLISS, JPL's
-golaborate): no maker's manual was read.
+A call is written as a C function, ended by its parenthesis; output arguments are written as types. The answer is an
+error number (0 for success), the output values, and `EndOfAPI`; after an error the call is quoted instead. Source: the
+common behaviour of third-party drivers (the package newportxps, ESRF's BLISS, JPL's golaborate), not a manual of the
+maker.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import NamedTuple
 
 END = b",EndOfAPI"
 SUCCESS = 0
-BUSY = -1  # the call before is not answered yet on this connection
+BUSY = -1  # the previous call on this connection is not answered yet
 UNKNOWN_COMMAND = -4
 POSITIONER_ERROR = -5
 WRONG_FORMAT = -7
 PARAMETER_OUT_OF_RANGE = -17
 POSITIONER_NAME = -18
 GROUP_NAME = -19
-NOT_ALLOWED = -22  # in this state of the group; to an abort: nothing moves
+NOT_ALLOWED = -22  # not allowed in this state of the group; for an abort: nothing moves
 FOLLOWING_ERROR = -25
 EMERGENCY = -26
 ABORTED = -27
@@ -31,7 +31,7 @@ WRONG_PASSWORD = -106
 
 
 class Reply(NamedTuple):
-    """An answer: the number that says how the call went, and what was asked for or the call."""
+    """An answer: error number, and output values or the quoted call."""
 
     code: int
     text: str
@@ -41,7 +41,7 @@ class Reply(NamedTuple):
 
 
 class GroupState(Enum):
-    """What the numbers of a group's status come to."""
+    """Meaning of the numbers of a group status."""
 
     NOT_INITIALISED = "not initialised"
     NOT_HOMED = "not referenced"
@@ -63,12 +63,12 @@ _STATES = {
 
 
 def group_state(status: int) -> GroupState:
-    """What a number of GroupStatusGet means; emergency braking, homing, jogging and spinning are moving."""
+    """Classify a number of GroupStatusGet; emergency braking, homing, jogging and spinning count as moving."""
     return next((state for state, numbers in _STATES.items() if status in numbers), GroupState.OTHER)
 
 
 class Profile(NamedTuple):
-    """How a positioner moves: °/s, °/s², and the least and the most time its acceleration takes to change, s."""
+    """Motion settings of a positioner: °/s, °/s², and minimum and maximum jerk time, s."""
 
     rate_dps: float
     acceleration_dps2: float
@@ -76,73 +76,73 @@ class Profile(NamedTuple):
     max_jerk_s: float
 
 
-# What a driver sends, and how it reads the answers
+# Messages and decoding of the driver
 
 ASK_FIRMWARE = "FirmwareVersionGet(char *)"
 
 
 def move_absolute(positioner: str, angle_deg: float) -> str:
-    """Goes to an angle; answered when it has arrived."""
+    """Call: move to an angle; answered at the end of the move."""
     return f"GroupMoveAbsolute({positioner},{_decimal(angle_deg)})"
 
 
 def abort(group: str) -> str:
-    """Decelerates and holds; the call of the move is then answered with ABORTED."""
+    """Call: decelerate and hold; the call of the move is then answered with ABORTED."""
     return f"GroupMoveAbort({group})"
 
 
 def enable(group: str) -> str:
-    """Closes the servo loop of a group that a command disabled."""
+    """Call: enable the servo of a group disabled by a command."""
     return f"GroupMotionEnable({group})"
 
 
 def set_profile(positioner: str, profile: Profile) -> str:
-    """How the next moves are made."""
+    """Call: set the motion settings of the next moves."""
     return f"PositionerSGammaParametersSet({positioner},{','.join(_decimal(value) for value in profile)})"
 
 
 def ask_profile(positioner: str) -> str:
-    """How moves are made."""
+    """Query of the motion settings."""
     return f"PositionerSGammaParametersGet({positioner},double *,double *,double *,double *)"
 
 
 def ask_angle(positioner: str) -> str:
-    """Where the encoder is, °."""
+    """Query of the encoder angle, °."""
     return f"GroupPositionCurrentGet({positioner},double *)"
 
 
 def ask_status(group: str) -> str:
-    """The number of the group's status."""
+    """Query of the group status number."""
     return f"GroupStatusGet({group},int *)"
 
 
 def ask_status_words(status: int) -> str:
-    """That number in words."""
+    """Query of the text of a group status number."""
     return f"GroupStatusStringGet({status},char *)"
 
 
 def ask_error(positioner: str) -> str:
-    """The positioner's error, which this leaves as it is; PositionerErrorGet would clear it."""
+    """Query of the positioner error without clearing it, as PositionerErrorGet would."""
     return f"PositionerErrorRead({positioner},int *)"
 
 
 def ask_error_words(error: int) -> str:
-    """A positioner's error in words."""
+    """Query of the text of a positioner error."""
     return f"PositionerErrorStringGet({error},char *)"
 
 
 def ask_code_words(code: int) -> str:
-    """In words, the number that an answer begins with."""
+    """Query of the text of an error number."""
     return f"ErrorStringGet({code},char *)"
 
 
 def ask_travel(positioner: str) -> str:
-    """The least and the greatest target, °."""
+    """Query of the minimum and maximum target, °."""
     return f"PositionerUserTravelLimitsGet({positioner},double *,double *)"
 
 
 def ask_fastest(positioner: str) -> str:
-    """The highest rate, °/s, and acceleration, °/s²."""
+    """Query of the maximum rate, °/s, and acceleration, °/s²."""
     return f"PositionerMaximumVelocityAndAccelerationGet({positioner},double *,double *)"
 
 
@@ -153,15 +153,15 @@ _MODEL = re.compile(r"\b(?:XPS|HXP)-[A-Z]+\d*", re.ASCII)
 
 
 def read_reply(answer: bytes) -> Reply:
-    """An answer; ValueError when it is none."""
+    """Decode an answer; ValueError if malformed."""
     match = _REPLY.fullmatch(answer.decode("latin-1"))
     if match is None:
-        raise ValueError("no number and comma at its beginning")
+        raise ValueError("no error number and comma at its beginning")
     return Reply(int(match[1]), match[2])
 
 
 def read_numbers(text: str, count: int) -> tuple[float, ...]:
-    """So many numbers; ValueError."""
+    """Decode a given count of numbers; ValueError."""
     values = text.split(",")
     if len(values) == count and all(map(_NUMBER.fullmatch, values)):
         numbers = tuple(map(float, values))
@@ -171,14 +171,14 @@ def read_numbers(text: str, count: int) -> tuple[float, ...]:
 
 
 def read_integer(text: str) -> int:
-    """A whole number; ValueError."""
+    """Decode an integer; ValueError."""
     if not _INTEGER.fullmatch(text):
         raise ValueError(f"'{text}' is not a whole number")
     return int(text)
 
 
 def read_model(firmware: str) -> str:
-    """The controller's model, which the version of its firmware begins with; ValueError when it is no XPS."""
+    """Decode the controller's model from its firmware version; ValueError if it is no XPS."""
     match = _MODEL.search(firmware)
     if match is None:
         raise ValueError(f"'{firmware}' is not the firmware of an XPS")
@@ -186,7 +186,7 @@ def read_model(firmware: str) -> str:
 
 
 def _decimal(value: float) -> str:
-    """A plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
+    """Format as a plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
     whole, _, digits = f"{round(value, 6) + 0.0:.6f}".partition(".")
     return f"{whole}.{digits.rstrip('0') or '0'}"
 
@@ -195,7 +195,7 @@ def _decimal(value: float) -> str:
 
 
 class Call(NamedTuple):
-    """A call as a controller reads it: its name, and its arguments without the types of what is wanted back."""
+    """A call as parsed by a controller: name, and input arguments."""
 
     name: str
     arguments: tuple[str, ...]
@@ -205,7 +205,7 @@ _CALL = re.compile(r"(\w+)\s*\(([^()]*)\)", re.ASCII)
 
 
 def parse_call(text: str) -> Call:
-    """A whole call; ValueError."""
+    """Parse a complete call; ValueError."""
     match = _CALL.fullmatch(text.strip())
     if match is None:
         raise ValueError("not a call")
@@ -214,5 +214,5 @@ def parse_call(text: str) -> Call:
 
 
 def render(reply: Reply) -> bytes:
-    """An answer as the controller sends it, with its end."""
+    """Encode an answer with its end."""
     return str(reply).encode("latin-1") + END

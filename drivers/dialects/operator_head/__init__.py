@@ -1,1 +1,1 @@
-"""An indexing head that a person turns: no wire, a question for each move and an angle typed in answer."""
+"""An indexing head turned by hand: no wire, an operator prompt for each move, answered with an angle."""

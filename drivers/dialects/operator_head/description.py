@@ -15,20 +15,20 @@ from drivers.safe_state import NOTHING
 from drivers.schema.fields import InUnit, PositiveSeconds, StrictModel
 from drivers.schema.wording import telling
 
-SAME_DEG = 1e-6  # what decimals leave of a fraction of a degree
+SAME_DEG = 1e-6  # rounding residue of a fraction of a degree
 
 
 class OperatorHeadOptions(StrictModel):
-    """How the head is turned, and which angles it can stand at."""
+    """Dial of the head, and angles at which it can be fixed."""
 
     index_step: Annotated[float, InUnit("°", above=0, at_most=180)] | None = Field(
         None,
-        description="from tooth to tooth of its coupling, such as 0.25° of 1440 teeth; without it any angle is one",
+        description="pitch of its coupling, such as 0.25° for 1440 teeth; without it any angle is allowed",
     )
     tolerance: Annotated[float, InUnit("°", above=0, at_most=1)] = Field(
-        0.01, description="how far from what was asked the angle may be that is typed"
+        0.01, description="maximum difference of the typed angle from the requested one"
     )
-    turn_time: PositiveSeconds = Field(120.0, description="how long a person takes to turn it, read it, and answer")
+    turn_time: PositiveSeconds = Field(120.0, description="usual time to turn it, read it, and answer")
     give_up_after: PositiveSeconds = Field(86400.0, description="after this time a missing answer is an error")
 
     @model_validator(mode="after")
@@ -41,12 +41,12 @@ class OperatorHeadOptions(StrictModel):
         return self
 
     def seats(self, angle_deg: float) -> bool:
-        """Whether the head can stand at an angle."""
+        """Return whether the head can be fixed at an angle."""
         return self.index_step is None or not abs(math.remainder(angle_deg, self.index_step)) > SAME_DEG
 
 
 class OperatorHeadLimits(StrictModel):
-    """What the bench allows the head."""
+    """Limits of the head on this bench."""
 
     angle: AngleRange
 

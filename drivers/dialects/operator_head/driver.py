@@ -1,4 +1,4 @@
-"""An indexing head that a person turns: he is asked to, and what he types is where it stands."""
+"""An indexing head turned by hand: the operator is prompted for each move and types the angle reached."""
 
 from __future__ import annotations
 
@@ -17,36 +17,35 @@ from drivers.kinds.latest import Latest, Order
 from drivers.person import Errand, Turn, Typed
 from drivers.values import Approach, Identity, Reading
 
-MOST_ANSWERS = 5  # to one move, before the person and the sequence plainly mean different things
+MOST_ANSWERS = 5  # maximum answers to one move: after that, operator and sequence disagree
 
 
 class OperatorHead:
     """A head without a motor or a wire; a Positioner.
 
-    It stands where a person has last said; it is not known to stand anywhere before the first move, and after one that
-    was not confirmed. A dial counts from 0° to 360°, so that whole turns are taken as the move went.
+    Its angle is the last one typed; it is unknown before the first move, and after an unconfirmed one. A dial shows 0°
+    to 360°, so whole turns are derived from the commanded move.
 
-    Concurrency: `stop`, `make_safe`, and whatever asks a question of its own, withdraw the one that is open; whoever
-    asked it then has Refused.
+    Concurrency: `stop`, `make_safe` and every new prompt withdraw the open one, whose caller then gets Refused.
     """
 
     def __init__(self, setup: Setup[OperatorHeadOptions, OperatorHeadLimits, Nothing]) -> None:
         self.name = setup.name
         self._person, self._note, self._stated = setup.person, setup.note, setup.identity
         self._options, self._limits = setup.options, setup.limits
-        self._latest: Latest[float] = Latest(setup.name, "move")  # its result is where the head stands
-        self._question: asyncio.Timeout | None = None  # ends the one that is open, when it is moved to now
+        self._latest: Latest[float] = Latest(setup.name, "move")  # its result is the angle of the head
+        self._question: asyncio.Timeout | None = None  # ends the open prompt, for a move to the present angle
 
     async def __aenter__(self) -> Self:
-        """Nothing is connected, and nobody is asked."""
+        """Do nothing: there is no connection, and no prompt."""
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Withdraws what is asked; the head stays as it is."""
+        """Withdraw an open prompt; the head stays as it is."""
         self._new_order()
 
     async def identify(self) -> Identity:
-        """As the bench file states it: a head without a wire tells nothing."""
+        """Identity stated in the bench file: a head without a wire reports none."""
         stated = self._stated
         return Identity(
             maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
@@ -54,11 +53,11 @@ class OperatorHead:
         )  # fmt: skip
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """The angle that was typed; nothing while it is not known."""
+        """The angle that was typed; no reading while it is unknown."""
         return {} if self._latest.result is None else {"angle": [self._reading(self._latest.result)]}
 
     async def angle(self) -> Reading:
-        """The angle that was typed (°); somebody is asked for it where it is not known."""
+        """The angle that was typed (°); prompts for it if it is unknown."""
         stands_deg = self._latest.result
         if stands_deg is None:
             order = self._new_order()
@@ -67,10 +66,10 @@ class OperatorHead:
         return self._reading(stands_deg)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
-        """Has the head turned to `angle_deg`; the angle typed, after `settle_s` more.
+        """Prompt for a turn to `angle_deg`; return the typed angle after a further `settle_s`.
 
-        A head that stands there is left alone by a direct move. Raises BeyondLimit before anybody is asked; Refused
-        when what is typed is off again and again, or when another command ends the move; NoAnswer when nobody answers.
+        A direct move to the present angle prompts for nothing. Raises BeyondLimit before any prompt; Refused after
+        repeated implausible answers, or if another command supersedes the move; NoAnswer without an answer.
         """
         self._check(angle_deg)
         order, stands_deg = self._latest.order, self._latest.result
@@ -84,11 +83,11 @@ class OperatorHead:
         return self._reading(stands_deg)
 
     async def stop(self) -> None:
-        """Withdraws the question that is open; a person lets go by himself."""
+        """Withdraw the open prompt."""
         self._new_order(keeping=self._latest.result)
 
     async def make_safe(self) -> None:
-        """Withdraws the question that is open. A person cannot be made safe, and a head without a motor is."""
+        """Withdraw the open prompt; a head without a motor needs no more to be safe."""
         self._new_order(keeping=self._latest.result)
 
     def _check(self, angle_deg: float) -> None:
@@ -103,7 +102,7 @@ class OperatorHead:
         return Errand(self.name, text, "°", self._options.turn_time, self._options.give_up_after, turn)
 
     async def _typed(self, order: Order, errand: Errand) -> float:
-        """Where the head stands, as soon as what is typed can be so."""
+        """Typed angle, once it is plausible."""
         told, asked_deg = errand.text, errand.turn.angle_deg if errand.turn is not None else None
         for _ in range(MOST_ANSWERS):
             answer = await self._ask(order, errand)
@@ -115,14 +114,14 @@ class OperatorHead:
                 return stands_deg
             errand = errand._replace(text=wording.not_taken(answer.value, asked_deg, why, told), again=True)
         raise Refused(
-            self.name, f"{MOST_ANSWERS} answers in a row cannot be; {why}", sent=told,
+            self.name, f"{MOST_ANSWERS} answers in a row are impossible; {why}", sent=told,
             received=wording.spelled(answer.value),
             remedy="Look at the head together with the sequence: its zero and dial, and options.index_step and "
             "options.tolerance in the bench file.",
         )  # fmt: skip
 
     def _implausible(self, stands_deg: float, asked_deg: float | None) -> str:
-        """Why the head cannot stand at an angle; empty when it can."""
+        """Reason why the head cannot stand at an angle; empty if it can."""
         most_deg = self._options.tolerance
         if asked_deg is not None and abs(stands_deg - asked_deg) > most_deg:
             return f"it is {stands_deg - asked_deg:+.6g}° off, at most ±{most_deg:g}° may be"
@@ -131,7 +130,7 @@ class OperatorHead:
         return ""
 
     async def _ask(self, order: Order, errand: Errand) -> Typed:
-        """The answer; a question that has none is withdrawn, and the record says so."""
+        """Prompt for an angle; a prompt without an answer is withdrawn and recorded."""
         order.check()
         question = self._question = asyncio.timeout(None)
         answered = False
@@ -141,16 +140,16 @@ class OperatorHead:
                 answered = True
                 return typed
         except TimeoutError:
-            if not question.expired():  # nobody has answered, which is a TimeoutError too
+            if not question.expired():  # no answer, which is a TimeoutError too
                 raise
             raise order.refusal() from None
         finally:
             self._question = None
             if not answered:
-                self._note(f"the question was withdrawn: {errand.text} Nobody has confirmed how the head stands.")
+                self._note(f"the question was withdrawn: {errand.text} The angle of the head is not confirmed.")
 
     def _new_order(self, keeping: float | None = None) -> Order:
-        """Withdraws the question that is open; unless it is kept, nobody knows from now on how the head stands."""
+        """Withdraw the open prompt; unless `keep`, the angle is unknown from now on."""
         order = self._latest.begin()
         self._latest.result = keeping
         if self._question is not None and not self._question.expired():

@@ -1,4 +1,4 @@
-"""What a person at a hand-turned head is told."""
+"""Prompts to the operator of a hand-turned head."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ _COMING: dict[Approach, str] = {
 
 
 def spelled(angle_deg: float) -> str:
-    """An angle as it is read off a dial; 0.000001° is the last digit."""
+    """Format an angle as read off a dial; the last digit is 0.000001°."""
     return f"{round(angle_deg, 6) + 0.0:.12g}°"
 
 
 def to_turn(device: str, from_deg: float | None, to_deg: float, approach: Approach) -> str:
-    """What he is to do: to which angle, from where and which way, and how he comes there at last."""
+    """Prompt for a turn: target, start, direction, and final approach."""
     if from_deg is None:
         way = ""
     elif from_deg == to_deg:
@@ -29,11 +29,11 @@ def to_turn(device: str, from_deg: float | None, to_deg: float, approach: Approa
 
 
 def to_look(device: str) -> str:
-    """What he is to do where nobody knows how the head stands."""
+    """Prompt for the angle of a head whose angle is unknown."""
     return f"Leave {device} as it is, and type the angle that it shows, in ° or deg."
 
 
 def not_taken(typed_deg: float, asked_deg: float | None, why: str, told: str) -> str:
-    """The question again, after an answer that cannot be."""
+    """Repeat a prompt after an implausible answer."""
     asked = f", {spelled(asked_deg)} was asked for" if asked_deg is not None else ""
     return f"{spelled(typed_deg)} was typed{asked}: {why}. {told}"

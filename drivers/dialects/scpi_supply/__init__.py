@@ -1,1 +1,1 @@
-"""Laboratory power supplies that keep to the common core of SCPI."""
+"""Laboratory power supplies that comply with the common core of SCPI."""

@@ -14,38 +14,38 @@ Answer = Literal["maximum", "over_voltage", "over_current"]
 
 
 class SupplyOptions(StrictModel):
-    """What a supply answers beyond the core that all have; a question that it does not know gets no answer."""
+    """Optional commands that a supply knows beyond the common core; an unknown query gets no answer."""
 
     answers: tuple[Answer, ...] = Field(
         (),
         description="maximum (VOLT? MAX, CURR? MAX), over_voltage (VOLT:PROT:TRIP?), over_current (CURR:PROT:TRIP?)",
     )
     watchdog: Annotated[float, InUnit("s", at_least=10, at_most=3600)] | None = Field(
-        None, description="when nothing is said to it for so long, to the second, it switches itself off"
+        None, description="time without communication after which it switches itself off, in whole seconds"
     )
 
 
 class VoltageRange(StrictModel):
-    """The highest level: `max`."""
+    """Maximum level: `max`."""
 
     max: Annotated[float, InUnit("V", above=0)]
 
 
 class CurrentRange(StrictModel):
-    """The highest current limit: `max`."""
+    """Maximum current limit: `max`."""
 
     max: Annotated[float, InUnit("A", above=0)]
 
 
 class SupplyLimits(StrictModel):
-    """What the bench allows the supply, for the sake of the unit on it."""
+    """Limits that protect the unit on the supply."""
 
     voltage: VoltageRange
     current: CurrentRange
 
 
 def safe_state(options: SupplyOptions, _limits: SupplyLimits, _safe: object) -> SafeState:
-    """Off; by itself, too, where its watchdog is used."""
+    """Output off; also without a connection, if its watchdog is used."""
     return SafeState("off", DIALOGUE_S, options.watchdog)
 
 

@@ -1,4 +1,4 @@
-"""A laboratory power supply: sets, reads back, watches that it stays as it was set."""
+"""A laboratory power supply: sets, reads back, and monitors its settings."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class ScpiSupply(ScpiOutput[State, Setting]):
         ))  # fmt: skip
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """Voltage and current as measured; InstrumentFault when it has tripped, or is no longer set as it was.
+        """Measured voltage and current; InstrumentFault after a trip, or if settings have changed.
 
-        None where two takes of them differ: an output that rises or falls, or an answer that came wrong.
+        No reading if two takes differ: the output is changing, or an answer was corrupted.
         """
         *before, state = await self._takes()
         self._compare(state)
@@ -46,15 +46,15 @@ class ScpiSupply(ScpiOutput[State, Setting]):
         return {"voltage": [Reading(now_s, state.voltage_v)], "current": [Reading(now_s, state.current_a)]}
 
     async def read(self) -> SourceReading:
-        """Voltage, current and output as the supply says."""
+        """Read voltage, current and output state."""
         *_, state = await self._takes()
         return SourceReading(state.voltage_v, state.current_a, state.setting.output)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
-        """Sets the current limit (A) and the level (V), reads both back, then switches the output on.
+        """Set the current limit (A) and the level (V), read both back, then switch the output on.
 
-        With `output` False only switches off; level and limit stay. Raises BeyondLimit before anything is sent, Refused
-        when the supply does not take a setting, InstrumentFault when one of its protections has tripped.
+        With `output` False it only switches off; level and limit stay. Raises BeyondLimit before anything is sent,
+        Refused if a setting is rejected, InstrumentFault if a protection has tripped.
         """
         if output:
             self._check_limits(level, limit)
@@ -69,7 +69,7 @@ class ScpiSupply(ScpiOutput[State, Setting]):
         order.check()
 
     async def _takes(self) -> list[State]:
-        """Looks at the supply, the last of them with a setting that another one has, too."""
+        """States of the supply, until two have the same setting."""
         takes: list[State] = []
 
         async def take() -> State:
@@ -87,10 +87,10 @@ class ScpiSupply(ScpiOutput[State, Setting]):
         self._check_within(level_v, limit_a, (self._limits.voltage.max, self._limits.current.max), remedy)
 
     async def _check_maximum(self, level_v: float, limit_a: float) -> None:
-        """Raises BeyondLimit for what the instrument itself does not do, where it tells that."""
+        """Raise BeyondLimit for a setting beyond the instrument's own maximum, if it reports that."""
         if "maximum" in self._options.answers:
             most = await self._link.ask(wire.MAXIMUM_QUERY, wire.read_maximum)
-            remedy = "Nothing was set: the supply itself goes no further. Correct the sequence, or take another supply."
+            remedy = "Nothing was set: this is the supply's own maximum. Correct the sequence, or use another supply."
             self._check_within(level_v, limit_a, most, remedy)
 
     def _check_within(self, level_v: float, limit_a: float, most: tuple[float, float], remedy: str) -> None:
@@ -102,7 +102,7 @@ class ScpiSupply(ScpiOutput[State, Setting]):
 
 
 def _trips(state: State) -> Sequence[Fault]:
-    """The protections that have tripped."""
+    """Names of the tripped protections."""
     if not state.tripped:
         return ()
     told = " and ".join(trip.replace("_", "-") for trip in state.tripped)

@@ -1,4 +1,4 @@
-"""How a power supply is known whose make no driver names: it answers *IDN?, and has a level, a limit and a switch."""
+"""Recognition of a generic power supply: it answers *IDN?, and has level, current limit and output switch."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ ERROR_QUERIES = (b":SYST:ERR?\n", b":STAT:ERR?\n")
 
 
 async def ask(port: Port) -> Found:
-    """A supply, or a ValueError and an error queue without what another instrument made of the question."""
+    """Recognise a supply; else raise ValueError, and clear errors that the queries caused in another instrument."""
     identity = scpi.identity(text_of(await port.ask(IDN)).encode())
     try:
         level, limit, output = scpi.answers(text_of(await port.ask(SETTINGS_QUERY)).encode(), 3)
         scpi.number(level), scpi.number(limit), scpi.boolean(output)
     finally:
         for question in ERROR_QUERIES:
-            with suppress(ValueError):  # it does not know this one
+            with suppress(ValueError):  # the queue contains an error of an unknown query
                 await forget_errors(port, question)
                 break
     return Found(identity)

@@ -1,8 +1,8 @@
-"""The few SCPI headers that laboratory supplies share, and what is to be sent next to reach a setting.
+"""Common SCPI headers of laboratory supplies, and the sequence of commands to a setting.
 
-After the SCPI-1999 instrument class for power supplies. The watchdog is that of Keysight (Operating and Service Guides
-of the N6900 and N7900 series, pages 252 and 287, and of the N6700C, page 158): when no remote interface has had any
-traffic for its delay, the output is latched off. OUTP? does not show that, bit 11 of the questionable status does.
+Source: the SCPI-1999 instrument class for power supplies. The watchdog is that of Keysight (Operating and Service
+Guides of the N6900 and N7900 series, pages 252 and 287, and of the N6700C, page 158): when no remote interface has had
+any traffic for its delay, the output is latched off. OUTP? does not show that, bit 11 of the questionable status does.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from drivers.protocols import scpi
 
-# Headers as a simulator matches them
+# Headers for the simulator
 VOLTAGE = "[SOURce:]VOLTage[:LEVel][:IMMediate][:AMPLitude]"
 CURRENT = "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]"
 OUTPUT = "OUTPut[:STATe]"
@@ -33,15 +33,15 @@ WATCHDOG_QUERY = b"OUTP:PROT:WDOG?;:OUTP:PROT:WDOG:DEL?;:STAT:QUES:COND?"
 PROTECTED = 2048  # bit of the questionable status: the watchdog has switched the output off
 OFF = "OUTP OFF"
 
-LEVEL_WITHIN_V = 0.001  # finer than any unit needs, not finer than a supply resolves
+LEVEL_WITHIN_V = 0.001  # finer than needed by any unit, not finer than the resolution of a supply
 LIMIT_WITHIN_A = 0.001
-STEADY_WITHIN = 0.05  # relative: what a unit at work may change its voltage and current by from one answer to the next
-STEADY_WITHIN_V, STEADY_WITHIN_A = 0.02, 0.005  # and in any case: what a supply resolves, and its noise
+STEADY_WITHIN = 0.05  # relative: possible change of voltage and current of a working unit between two answers
+STEADY_WITHIN_V, STEADY_WITHIN_A = 0.02, 0.005  # absolute: resolution and noise of a supply
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What an output is to do: its level, its current limit, whether it is on, and its watchdog's delay; 0 for none."""
+    """Wanted setting of the output: level, current limit, on or off, and watchdog delay; 0 for none."""
 
     level_v: float
     limit_a: float
@@ -49,7 +49,7 @@ class Setting:
     watchdog_s: float = 0.0
 
     def switched_off(self) -> Setting:
-        """The same with the output off, and the watchdog with it."""
+        """The same with output and watchdog off."""
         return replace(self, output=False, watchdog_s=0.0)
 
     def __str__(self) -> str:
@@ -58,7 +58,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What a supply measures, what it is set to, and which of its protections have tripped, as in TRIPS."""
+    """State of a supply: measured values, settings, and tripped protections, in the order of TRIPS."""
 
     voltage_v: float
     current_a: float
@@ -67,12 +67,12 @@ class State:
 
 
 def state_query(trips: Sequence[str], *, watchdog: bool = False) -> bytes:
-    """The question for the state, with those protections that the supply tells of."""
+    """Query of the state, with the protections that the supply reports."""
     return b";:".join([STATE_QUERY, *(TRIPS[trip] for trip in trips), *([WATCHDOG_QUERY] if watchdog else [])])
 
 
 def read_state(line: bytes, trips: Sequence[str] = (), *, watchdog: bool = False) -> State:
-    """The answer to `state_query`; ValueError."""
+    """Decode the answer to `state_query`; ValueError."""
     voltage, current, output, level, limit, *told = scpi.answers(line, 5 + len(trips) + 3 * watchdog)
     tripped = [trip for trip, has in zip(trips, told, strict=False) if scpi.boolean(has)]
     watchdog_s = 0.0
@@ -86,13 +86,13 @@ def read_state(line: bytes, trips: Sequence[str] = (), *, watchdog: bool = False
 
 
 def read_maximum(line: bytes) -> tuple[float, float]:
-    """The answer to MAXIMUM_QUERY: the highest level (V) and the highest limit (A); ValueError."""
+    """Decode the answer to MAXIMUM_QUERY: maximum level (V) and maximum limit (A); ValueError."""
     most_v, most_a = scpi.answers(line, 2)
     return scpi.number(most_v), scpi.number(most_a)
 
 
 def steady(one: State, other: State) -> bool:
-    """Whether what is measured in two answers, one right after the other, may be of an output that stands still."""
+    """Return whether two consecutive measurements agree within the tolerance of a steady output."""
     return abs(one.voltage_v - other.voltage_v) <= STEADY_WITHIN_V + STEADY_WITHIN * abs(one.voltage_v) and abs(
         one.current_a - other.current_a
     ) <= STEADY_WITHIN_A + STEADY_WITHIN * abs(one.current_a)

@@ -1,4 +1,4 @@
-"""A SIMPAC: what is asked and set for a chamber."""
+"""A SIMPAC: queries and settings of a chamber."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from drivers.values import Identity
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()  # a controller may acknowledge a setting before it tells it
-MESSAGES_AT_MOST = 40  # that are looked through for the text of an error
+READ_BACK = ReadBack()  # a controller may acknowledge a setting before it reports it
+MESSAGES_AT_MOST = 40  # messages searched for the text of an error
 _SERIAL_QUESTION = message(Function.INFO, Info.SERIAL)
 _GRADIENTS = (
     (Function.SET_GRADIENT_UP, Function.GRADIENT_UP), (Function.SET_GRADIENT_DOWN, Function.GRADIENT_DOWN),
@@ -35,10 +35,10 @@ _GRADIENTS = (
 
 
 class Simpac(Connected):
-    """A Controller; it ramps by itself, from where its set point is.
+    """A Controller that ramps by itself, from its present set point.
 
-    It tells one set point only. When that is where a ramp ends, where the ramp is follows from its gradient and the
-    clock; when it is where the ramp is, it is compared with where that should be.
+    It reports only one set point. If that is the end of a ramp, the active set point is computed from gradient and
+    time; if it is the active one, it is compared with the computed one.
     """
 
     can_start = True
@@ -46,7 +46,7 @@ class Simpac(Connected):
     def __init__(self, setup: Setup[SimservOptions, ChamberLimits, ChamberSafe]) -> None:
         self._device, self._pin = setup.name, setup.identity
         self._tells_target = setup.options.set_point_reads == "target"
-        self._ramp: OwnRamp | None = None  # the one that was commanded last
+        self._ramp: OwnRamp | None = None  # last commanded set point
         self._serial = ""
         self._who = Recognised(setup.name, setup.identity)
         self._line = ProvedLine(
@@ -56,11 +56,11 @@ class Simpac(Connected):
         super().__init__(self._line)
 
     def _identity(self) -> Identity:
-        """Type and serial number as it answers."""
+        """Type and serial number as reported."""
         return self._who.identity or Identity()
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Process value, set point, and what the chamber does."""
+        """Read process value, set point and status."""
         process_value_c = await self._variable(Function.PROCESS_VALUE)
         told_c = await self._variable(Function.SET_POINT)
         set_point_c, target_c = self._where(told_c, commanded_c)
@@ -68,9 +68,10 @@ class Simpac(Connected):
         return Look(process_value_c, set_point_c, target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
-        """Sends the set point and reads it back.
+        """Send the set point and read it back.
 
-        While a program runs it may be refused, and what is read is the program's: then `take_control` sends it again.
+        While a program runs it may be refused, or the program's set point is read back: then `take_control` sends it
+        again.
         """
         target_c = wire.kept(temperature_c)
         self._ramp = await self._ramp_to(target_c)
@@ -81,11 +82,11 @@ class Simpac(Connected):
                 raise
 
     def kept(self, temperature_c: float) -> float:
-        """To a tenth of a degree."""
+        """Set point as stored: rounded to a tenth of a degree."""
         return wire.kept(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Both gradients, each read back."""
+        """Set both gradients, each read back."""
         rate = wire.gradient(rate_c_per_min)
         for setting, reading in _GRADIENTS:
             command = message(setting, wire.TEMPERATURE, rate)
@@ -95,11 +96,11 @@ class Simpac(Connected):
                 raise Refused(
                     self._device, "the controller did not take a new gradient", sent=command,
                     received=f"gradient {kept_c_per_min:g} °C/min",
-                    remedy="Ramp at a rate that the controller takes as it is.",
+                    remedy="Choose a ramp rate that the controller stores without rounding.",
                 )  # fmt: skip
 
     async def take_control(self) -> None:
-        """Stops a program, starts the chamber, sends the set point again; InstrumentFault while there is an error."""
+        """Stop a program, start the chamber, send the set point again; InstrumentFault during an error."""
         await self._check_errors()
         if await self._program_status():
             await self._order(message(Function.STOP_PROGRAM))
@@ -112,11 +113,11 @@ class Simpac(Connected):
                 remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it stood until now
+            self._ramp = replace(self._ramp, began_s=_now_s())  # it was stopped until now
             await self.command(self._ramp.target_c)
 
     async def _send(self, ramp: OwnRamp) -> None:
-        """Sends the end of a ramp and reads it back."""
+        """Send the end of a ramp and read it back."""
         command = message(Function.SET_SET_POINT, wire.TEMPERATURE, wire.temperature(ramp.target_c))
         acknowledged = await self._order(command)
         told_c = await self._told(
@@ -134,21 +135,21 @@ class Simpac(Connected):
             raise NoAnswer(self._device, "it is unknown whether a new set point was accepted", sent=command)
 
     def _may_be_on(self, ramp: OwnRamp, told_c: float) -> bool:
-        """Whether a set point that is not the end of a ramp may be where the ramp is, as far as that is told."""
+        """Return whether a set point that is not the end of the ramp may be its present value."""
         return not self._tells_target and ramp.is_at(told_c, _now_s())
 
     async def _ramp_to(self, target_c: float) -> OwnRamp:
-        """The ramp that a new set point begins: from the one in force, or from the air when the chamber is off."""
+        """Ramp started by a new set point: from the active one, or from the air temperature if the chamber is off."""
         control, _ = await self._control()
         if control is Control.NOBODY:
             start_c = await self._variable(Function.PROCESS_VALUE)
         else:
             start_c, _ = self._where(await self._variable(Function.SET_POINT), None)
         rate_c_per_min = await self._variable(Function.GRADIENT_UP if target_c > start_c else Function.GRADIENT_DOWN)
-        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, _now_s())  # no gradient is no ramp
+        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, _now_s())  # gradient 0 means no ramp
 
     def _where(self, told_c: float, commanded_c: float | None) -> tuple[float, float]:
-        """The set point in force and the one that was commanded last, °C."""
+        """Active set point and last commanded set point, °C."""
         ramp = self._ramp
         if ramp is None:
             return told_c, told_c
@@ -168,23 +169,23 @@ class Simpac(Connected):
         return Control.SET_POINT, ""
 
     async def _program_status(self) -> int:
-        """0 without a program."""
+        """Program number; 0 without a program."""
         return await self._ask(message(Function.PROGRAM_STATUS), wire.whole)
 
     async def _check_errors(self) -> None:
         if Status.ERROR in await self._ask(message(Function.STATUS), wire.status):
             raise InstrumentFault(
                 self._device, "the chamber has an error", received=await self._error(),
-                remedy="See to its cause and acknowledge it at the chamber.",
+                remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
 
     async def _error(self) -> str:
-        """The text of the first message that is active."""
+        """Text of the first active error message."""
         count = await self._ask(message(Function.MESSAGES), wire.whole)
         for index in range(1, min(count, MESSAGES_AT_MOST) + 1):
             if await self._ask(message(Function.MESSAGE_ACTIVE, index), wire.whole):
                 return await self._ask(message(Function.MESSAGE_TEXT, index), wire.text)
-        return "no message says which"
+        return "no message text"
 
     async def _identify(self) -> None:
         kind = await self._once(message(Function.INFO, Info.TYPE), wire.text)
@@ -216,7 +217,7 @@ class Simpac(Connected):
         self._serial = serial
 
     async def _told(self, function: Function, agrees: Callable[[float], object]) -> float:
-        """What a variable is told to be after a setting: as soon as it agrees, or at last."""
+        """Value read back after a setting, once it agrees, or at the time limit."""
         return await READ_BACK.until(lambda: self._variable(function), agrees)
 
     async def _variable(self, function: Function) -> float:
@@ -229,7 +230,7 @@ class Simpac(Connected):
         return await self._line.ask_once(question, wire.unless_refused(read))
 
     async def _order(self, command: str) -> bool:
-        """Sends it once; whether it was acknowledged."""
+        """Send a command once; return whether it was acknowledged."""
         return await self._line.order(command, wire.unless_refused(lambda _: True)) is not None
 
 

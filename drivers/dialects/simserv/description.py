@@ -10,11 +10,11 @@ from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberOp
 
 
 class SimservOptions(ChamberOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
     set_point_reads: Reads = Field(
         "target",
-        description="what it reports as its set point during a ramp: the end of the ramp, or its present value",
+        description="set point reported during a ramp: the end of the ramp, or its present value",
     )
 
 

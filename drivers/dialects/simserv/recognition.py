@@ -1,4 +1,4 @@
-"""How a chamber with SIMSERV is known: by its serial number and its type."""
+"""Recognition of a chamber with SIMSERV by its serial number and type."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.values import Identity
 
 
 async def ask(port: Port) -> Found:
-    """Type and serial number as it answers."""
+    """Read type and serial number."""
     serial, kind = await _told(port, Info.SERIAL), await _told(port, Info.TYPE)
     return Found(Identity(maker="Weiss Technik", model=kind, serial=serial))
 

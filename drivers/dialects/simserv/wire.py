@@ -1,8 +1,8 @@
 """SIMSERV messages ⇄ values, both directions; no I/O.
 
-Facts from several drivers of other people, two of them written after the maker's manual of 2019. A message is the
-number of a function, the chamber's, always 1, and up to four arguments, split by the byte B6 and ended by CR. The
-answer is 1 and what was asked for, or a negative number alone; it ends with CR LF. The text is ISO 8859-1.
+Sources: several third-party drivers, two of them based on the maker's manual of 2019. A message is a function number,
+the chamber number (always 1) and up to four arguments, separated by the byte B6 and ended by CR. The answer is 1 and
+the requested values, or a negative error number alone; it ends with CR LF. The text is ISO 8859-1.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ DONE = 1
 TEMPERATURE = 1  # the first control variable
 START = 1  # the digital output that starts and stops
 
-STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 1000  # what set points and gradients are rounded to here
+STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 1000  # resolution of set points and gradients here
 REFUSALS: Mapping[int, str] = {
     -1: "an empty message",
-    -2: "the number of the chamber is missing",
-    -3: "a number of a chamber that cannot be",
-    -4: "there is no such chamber",
-    -5: "a function that it does not know",
+    -2: "missing chamber number",
+    -3: "invalid chamber number",
+    -4: "no such chamber",
+    -5: "unknown function",
     -6: "too few or wrong arguments",
     -7: "no server",
-    -8: "there is nothing of that number, or it could not be read",
-    -9: "it could not be carried out",
-    -10: "an index that cannot be",
+    -8: "no such item, or it could not be read",
+    -9: "not executed",
+    -10: "invalid index",
     -11: "nobody is logged in",
-    -12: "whoever is logged in may not do that",
+    -12: "no permission for the user who is logged in",
     -13: "logged in twice",
 }
 
@@ -45,7 +45,7 @@ _WHOLE = re.compile(r"\d{1,5}", re.ASCII)
 
 
 class Function(IntEnum):
-    """What a message asks for, or does."""
+    """Function number of a message."""
 
     STATUS = 10012
     SET_SET_POINT = 11001
@@ -71,7 +71,7 @@ class Function(IntEnum):
 
 
 class Info(IntEnum):
-    """What a chamber tells of itself."""
+    """Identification items of a chamber."""
 
     TYPE = 1
     YEAR = 2
@@ -79,7 +79,7 @@ class Info(IntEnum):
 
 
 class Status(IntFlag):
-    """Bits of what a chamber does."""
+    """Status bits of a chamber."""
 
     AVAILABLE = 1
     RUNNING = 2
@@ -88,27 +88,27 @@ class Status(IntFlag):
 
 
 def message(function: Function, *arguments: int | str) -> str:
-    """A message to the chamber, without its end."""
+    """Encode a message without its end."""
     return SEPARATOR.join(map(str, (int(function), 1, *arguments)))
 
 
 def temperature(value_c: float) -> str:
-    """A set point as it is sent."""
+    """Format a set point."""
     return f"{kept(value_c):.1f}"
 
 
 def kept(value_c: float) -> float:
-    """A set point to the tenth of a degree that is sent."""
+    """Set point rounded to the transmitted tenth of a degree."""
     return round(value_c * STEPS_PER_C) / STEPS_PER_C
 
 
 def gradient(rate_c_per_min: float) -> str:
-    """A gradient as it is sent."""
+    """Format a gradient."""
     return f"{round(rate_c_per_min * STEPS_PER_C_PER_MIN) / STEPS_PER_C_PER_MIN:g}"
 
 
 def unless_refused(read: Callable[[list[str]], T]) -> Callable[[bytes], T | Refusal]:
-    """Reads what follows the 1 of an answer, which may be a refusal instead; ValueError when it is neither."""
+    """Decode the values of an answer; Refused for a refusal, ValueError if it is neither."""
 
     def read_line(line: bytes) -> T | Refusal:
         code, *fields = line.decode("latin-1").split(SEPARATOR)
@@ -122,18 +122,18 @@ def unless_refused(read: Callable[[list[str]], T]) -> Callable[[bytes], T | Refu
 
 
 def nothing(fields: list[str]) -> None:
-    """The answer to what does something; what may follow says nothing."""
+    """Decode an acknowledgement; further values are ignored."""
 
 
 def text(fields: list[str]) -> str:
-    """One field."""
+    """Decode one text field."""
     if len(fields) != 1:
         raise ValueError(f"{len(fields)} fields, expected 1")
     return fields[0].strip()
 
 
 def number(fields: list[str]) -> float:
-    """One decimal number."""
+    """Decode one decimal number."""
     found = text(fields)
     if _NUMBER.fullmatch(found) is None:
         raise ValueError(f"'{found}' is not a number")
@@ -141,7 +141,7 @@ def number(fields: list[str]) -> float:
 
 
 def whole(fields: list[str]) -> int:
-    """One whole number that is not negative."""
+    """Decode one integer that is not negative."""
     found = text(fields)
     if _WHOLE.fullmatch(found) is None:
         raise ValueError(f"'{found}' is not a whole number")
@@ -149,5 +149,5 @@ def whole(fields: list[str]) -> int:
 
 
 def status(fields: list[str]) -> Status:
-    """What the chamber does."""
+    """Decode the status of the chamber."""
     return Status(whole(fields) & sum(Status))

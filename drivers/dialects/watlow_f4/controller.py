@@ -1,4 +1,4 @@
-"""Channel 1 of an F4: what is read and written for a chamber."""
+"""Channel 1 of an F4: registers read and written for a chamber."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from drivers.kinds.chamber.registers import READ_BACK, ProvedRegisters, hexadeci
 from drivers.kinds.chamber.words import Words
 from drivers.values import Identity
 
-TERMINATING_S = 0.5  # what the controller needs after a profile was terminated, before it is told anything else
+TERMINATING_S = 0.5  # pause that the controller needs after the end of a profile
 _PROFILE = {Status.PROFILE_RUNS: "a profile runs", Status.PROFILE_ON_HOLD: "a profile is on hold"}
 
 
 class F4Channel(Connected):
-    """A Controller that is ramped by many set points.
+    """A Controller ramped by a series of set points.
 
-    Every set point that it takes is kept in a memory that wears out, so one that is there already is not sent.
+    Every accepted set point is stored in a memory that wears out, so one that is set already is not sent.
     """
 
     can_start = True
@@ -45,14 +45,14 @@ class F4Channel(Connected):
         self._power = event_output(power_event) if power_event is not None else None
         self._power_name = f"event output {power_event}"
         self._form = TemperatureFormat()
-        self._known: tuple[Words, Words, int] | None = None  # of the controller that was there first
+        self._known: tuple[Words, Words, int] | None = None  # of the controller at the first connection
         self._commanded_c = math.nan
         self._registers = ProvedRegisters(setup, self._identify)
         self._link = self._registers.link
         super().__init__(self._registers)
 
     def _identity(self) -> Identity:
-        """The names stated in the bench file; the fingerprint is what the controller reports."""
+        """Names stated in the bench file; the fingerprint is reported by the controller."""
         names, _, decimals = self._known or ((0,) * 5, (), 0)
         low_c, high_c = self.limits_c or (0.0, 0.0)
         return as_stated(
@@ -62,7 +62,7 @@ class F4Channel(Connected):
         )  # fmt: skip
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Process value, status and set points; InstrumentFault if the controller reports a sensor fault."""
+        """Read process value, status and set points; InstrumentFault if the controller reports a sensor fault."""
         found = self._form.measured(await self._registers.read(MEASURED_FIRST, MEASURED_COUNT))
         if found.input_error:
             raise InstrumentFault(
@@ -78,14 +78,14 @@ class F4Channel(Connected):
         return Look(found.process_value_c, in_force_c, target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
-        """Writes the set point, unless it is there already, and reads it back."""
+        """Write the set point, unless it is set already, and read it back."""
         word = self._form.word(temperature_c)
         self._commanded_c = temperature_c
         if await self._registers.read(Register.SET_POINT, 1) != (word,):
             await self._registers.set(Register.SET_POINT, (word,), "set point", self._spelled)
 
     def kept(self, temperature_c: float) -> float:
-        """Rounded to the decimals of the controller; as it is where no register holds it."""
+        """Set point rounded to the decimals of the controller; unchanged if no register can hold it."""
         try:
             return self._form.value_c(self._form.word(temperature_c))
         except OverflowError:
@@ -96,22 +96,22 @@ class F4Channel(Connected):
         raise NotImplementedError
 
     async def take_control(self) -> None:
-        """Ends a profile and switches the chamber on; InstrumentFault when an alarm is there."""
+        """End a profile and switch the chamber on; InstrumentFault during an alarm."""
         found = self._form.measured(await self._registers.read(MEASURED_FIRST, MEASURED_COUNT))
         if found.alarm:
             raise InstrumentFault(
-                self._link.device, "an alarm of the controller stands", received=found.alarm,
+                self._link.device, "the controller has an alarm", received=found.alarm,
                 remedy="Find its cause, then clear it at the controller.",
             )  # fmt: skip
         (status,) = await self._registers.read(Register.STATUS, 1)
         if status in _PROFILE:
             await self._end_profile()
-            await self.command(self._commanded_c)  # a profile may leave another set point behind
+            await self.command(self._commanded_c)  # a profile may leave another set point
         if self._power is not None and await self._registers.read(self._power, 1) != (1,):
             await self._registers.set(self._power, (1,), self._power_name, hexadecimal)
 
     async def _end_profile(self) -> None:
-        """Terminate it once; the status shows whether it ended."""
+        """Terminate the profile once; the status shows whether it ended."""
         with suppress(NoAnswer, LinkLost):
             await self._link.write(Register.TERMINATE, (1,))
         await asyncio.sleep(TERMINATING_S)
@@ -126,7 +126,7 @@ class F4Channel(Connected):
             )  # fmt: skip
 
     async def _control(self, alarm: str, status: int, target_c: float) -> tuple[Control, str]:
-        """The master of the temperature, with a message."""
+        """Current temperature control, with a message."""
         if alarm:
             return Control.OTHER, alarm
         if status in _PROFILE:
@@ -160,7 +160,7 @@ class F4Channel(Connected):
         low_c, high_c = form.value_c(limits[0]), form.value_c(limits[1])
         if decimals > MOST_DECIMALS or low_c >= high_c:
             raise self._other(
-                "the settings of the controller make no sense",
+                "the settings of the controller are implausible",
                 f"{decimals} decimals, set point limits {hexadecimal(limits)}",
                 "Check the address in the bench file, and the set-point limits at the controller.",
             )  # fmt: skip
@@ -178,17 +178,17 @@ class F4Channel(Connected):
         return WrongIdentity(self._link.device, what, received=received, remedy=remedy)
 
     def _spelled(self, words: Words) -> str:
-        """A word as a temperature for a person, and as it was on the wire."""
+        """Register as a temperature and in hexadecimal, for a message."""
         return f"{self._form.value_c(words[0]):g} °C ({hexadecimal(words)})"
 
 
 def _firmware(names: Words) -> str:
-    """Software and revision, of the five words that name a controller."""
+    """Software and revision, from the five words that identify a controller."""
     return f"{names[3]} revision {names[4] / 100:.2f}"
 
 
 class WatlowF4(Chamber):
-    """A ThermalChamber whose set point goes in steps."""
+    """A ThermalChamber whose set point changes in steps."""
 
     def __init__(self, setup: Setup[F4Options, ChamberLimits, ChamberSafe]) -> None:
         super().__init__(setup.name, F4Channel(setup), setup.limits, setup.safe, setup.options)

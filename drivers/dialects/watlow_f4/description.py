@@ -13,11 +13,11 @@ from drivers.schema.fields import WholeNumber
 
 
 class F4Options(StairOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
-    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="Modbus address")
     power_event: Annotated[WholeNumber, Field(ge=1, le=EVENT_OUTPUTS)] | None = Field(
-        None, description="the event output that switches the chamber on, where one does"
+        None, description="event output that switches the chamber on, if there is one"
     )
 
 

@@ -1,4 +1,4 @@
-"""How a Watlow F4 is known: by its model code."""
+"""Recognition of a Watlow F4 by its model code."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.values import Identity
 
 
 async def ask(port: Port) -> Found:
-    """A controller; its serial number is in two registers whose meaning nobody states, so it is not told."""
+    """Recognise a controller; its serial number is left out, because the format of its registers is undocumented."""
     model, _, _, software, revision = await port.registers(Register.MODEL, 5)
     if model != MODEL_F4:
         raise ValueError("another model")

@@ -19,7 +19,7 @@ MOST_DECIMALS = 3
 
 
 class Register(IntEnum):
-    """Where the values of channel 1, the temperature, are."""
+    """Register addresses of channel 1, the temperature."""
 
     MODEL = 0
     SERIAL_FIRST = 1
@@ -47,7 +47,7 @@ class Register(IntEnum):
 
 
 class Status(IntEnum):
-    """What decides the set point in force."""
+    """Source of the active set point."""
 
     STATIC = 0
     STATIC_TOO = 1
@@ -56,7 +56,7 @@ class Status(IntEnum):
 
 
 class DisplayUnit(IntEnum):
-    """The unit of every temperature on the wire."""
+    """Unit of every temperature on the wire."""
 
     FAHRENHEIT = 0
     CELSIUS = 1
@@ -71,7 +71,7 @@ _ALARMS = {1: "high", 2: "low"}
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What MEASURED_COUNT registers from MEASURED_FIRST say; `alarm` is empty when there is none."""
+    """Decoded MEASURED_COUNT registers from MEASURED_FIRST; `alarm` is empty without an alarm."""
 
     process_value_c: float
     input_error: int
@@ -80,25 +80,25 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class TemperatureFormat:
-    """How one controller writes temperatures."""
+    """Temperature format of one controller."""
 
     decimals: int = 1
 
     def word(self, temperature_c: float) -> int:
-        """The register of a temperature, rounded to its last decimal; OverflowError when it does not fit one."""
+        """Encode a temperature, rounded to its last decimal; OverflowError if it does not fit one register."""
         return int16_word(round(temperature_c * 10.0**self.decimals))
 
     def value_c(self, word: int) -> float:
-        """The temperature in a register."""
+        """Decode the temperature in a register."""
         return int16_value(word) / 10.0**self.decimals
 
     def measured(self, words: Sequence[int]) -> Measured:
-        """What the registers from MEASURED_FIRST say."""
+        """Decode the registers from MEASURED_FIRST."""
         alarms = {1: words[Register.ALARM_1 - MEASURED_FIRST], 2: words[Register.ALARM_2 - MEASURED_FIRST]}
         told = [f"alarm {n} {_ALARMS.get(state, state)}" for n, state in alarms.items() if state]
         return Measured(self.value_c(words[0]), words[Register.INPUT_ERROR - MEASURED_FIRST], ", ".join(told))
 
 
 def event_output(number: int) -> int:
-    """The register of an event output, 1 to EVENT_OUTPUTS: 0 is off, 1 is on."""
+    """Register of an event output, 1 to EVENT_OUTPUTS: 0 is off, 1 is on."""
     return Register.EVENT_1 + 10 * (number - 1)

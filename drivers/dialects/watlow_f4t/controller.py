@@ -1,4 +1,4 @@
-"""One control loop of an F4T: what is read and written for a chamber."""
+"""One control loop of an F4T: registers read and written for a chamber."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from drivers.values import Identity
 
 COLDEST_C, HOTTEST_C = -273.15, 2000.0
 _CONTROL: Mapping[int, Control] = {ControlMode.AUTO: Control.SET_POINT, ControlMode.OFF: Control.NOBODY}
-NARROWEST_C = 1.0  # set-point limits closer than this are words in the wrong order, which read as almost zero
+NARROWEST_C = 1.0  # closer set-point limits are swapped words, which decode to almost zero
 
 
 class F4TLoop(Connected):
-    """A Controller; it ramps by itself, and a person switches its loop to auto.
+    """A Controller that ramps by itself; its loop can be switched to auto only by a person.
 
     The controller reports no names: it is identified by its set-point limits.
     """
@@ -50,16 +50,17 @@ class F4TLoop(Connected):
         super().__init__(self._registers)
 
     def _identity(self) -> Identity:
-        """The names stated in the bench file; the fingerprint is what the controller reports."""
+        """Names stated in the bench file; the fingerprint is reported by the controller."""
         low_c, high_c = self.limits_c or (0.0, 0.0)
         fingerprint = f"display unit °C, set point {low_c:g} to {high_c:g} °C"
         return as_stated(self._pin, fingerprint, maker="Watlow", model="F4T")
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Set point in force, mode and process value; the set point itself only where it could be another."""
+        """Read active set point, mode and process value; the set point itself only if it may differ."""
         block = await (self._block() if self._block_reads else self._block_singly())
         target_c = commanded_c
-        # While the set point in force rests at the command the set point is that one: it would leave at once.
+        # While the active set point rests at the command, the set point equals it, because a changed one would be
+        # followed at once.
         if commanded_c is None or abs(block.set_point_in_force - commanded_c) > ARRIVED_WITHIN_C:
             target_c = await self._number(LoopRegister.SET_POINT)
         why = f"control loop {self._form.loop} is not in auto, mode {mode_name(block.mode)}"
@@ -67,29 +68,29 @@ class F4TLoop(Connected):
         return Look(block.process_value, block.set_point_in_force, target_c or 0.0, control, why)
 
     async def command(self, temperature_c: float) -> None:
-        """Writes the set point and reads it back."""
+        """Write the set point and read it back."""
         await self._set(LoopRegister.SET_POINT, self._form.words(temperature_c))
 
     def kept(self, temperature_c: float) -> float:
-        """The float32 nearest to it."""
+        """Set point as stored: the nearest float32."""
         return self._form.value(self._form.words(temperature_c))
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """The next set point is gone to at this rate."""
+        """Set the ramp rate of the next set point."""
         await self._set(LoopRegister.RAMP_SCALE, (RampScale.MINUTES,))
         await self._set(LoopRegister.RAMP_RATE, self._form.words(rate_c_per_min))
         await self._set(LoopRegister.RAMP_ACTION, (RampAction.SET_POINT,))
 
     async def take_control(self) -> None:
-        """Raises InstrumentFault: a loop that is not in auto needs the operator."""
+        """Raise InstrumentFault: only the operator can switch a loop to auto."""
         mode = (await self._registers.read(self._form.address(LoopRegister.CONTROL_MODE_IN_FORCE), 1))[0]
         raise InstrumentFault(
             self._link.device, f"control loop {self._form.loop} is not in auto", received=f"mode {mode_name(mode)}",
-            remedy="Switch the loop to auto at the controller; look for who switched it.",
+            remedy="Switch the loop to auto at the controller, and find out who switched it.",
         )  # fmt: skip
 
     async def _block(self) -> LoopBlock:
-        """By one request, so all of one instant."""
+        """Read the block in one request, so that its values are simultaneous."""
         address = self._form.address(BLOCK_FIRST)
         words = await self._registers.read(address, BLOCK_COUNT)
         try:
@@ -98,7 +99,7 @@ class F4TLoop(Connected):
             raise self._no_number(words, address, problem) from problem
 
     async def _block_singly(self) -> LoopBlock:
-        """By one request for each value, for a controller that refuses them together."""
+        """Read the block with one request for each value, for a controller that refuses the block."""
         in_force = await self._number(LoopRegister.SET_POINT_IN_FORCE)
         (mode,) = await self._registers.read(self._form.address(LoopRegister.CONTROL_MODE_IN_FORCE), 1)
         return LoopBlock(in_force, mode, await self._number(LoopRegister.PROCESS_VALUE))
@@ -136,7 +137,7 @@ class F4TLoop(Connected):
         ]
         if low_c < COLDEST_C or high_c > HOTTEST_C or high_c - low_c < NARROWEST_C:
             raise WrongIdentity(
-                self._link.device, "the set-point limits of the controller make no sense",
+                self._link.device, "the set-point limits of the controller are implausible",
                 received=_range((low_c, high_c)),
                 remedy="Check options.word_order in the bench file; the data map of the controller must be 1.",
             )  # fmt: skip
@@ -155,7 +156,7 @@ class F4TLoop(Connected):
         )  # fmt: skip
 
     def _spelled(self, words: Words) -> str:
-        """Words as numbers for a person, and as they were on the wire."""
+        """Registers as numbers and in hexadecimal, for a message."""
         if len(words) == 1:
             return str(words[0])
         try:

@@ -13,12 +13,14 @@ from drivers.schema.fields import Flag, WholeNumber
 
 
 class F4TOptions(ChamberOptions):
-    """How the controller is spoken to."""
+    """Protocol settings of the controller."""
 
-    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="its Modbus address")
+    unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="Modbus address")
     loop: Annotated[WholeNumber, Field(ge=1, le=4)] = Field(1, description="the control loop of the chamber")
-    word_order: WordOrder = Field("low_first", description="as it is set in the controller")
-    block_reads: Flag = Field(True, description="false for what refuses a request over several values, as gateways may")
+    word_order: WordOrder = Field("low_first", description="word order, as set in the controller")
+    block_reads: Flag = Field(
+        True, description="false for a controller or gateway that refuses requests over several values"
+    )
 
 
 DESCRIPTION = DriverDescription(

@@ -1,4 +1,4 @@
-"""How a Watlow F4T is known: by its display unit and by set-point limits that make sense."""
+"""Recognition of a Watlow F4T by its display unit and plausible set-point limits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _COLDEST, _HOTTEST, _NARROWEST = -460.0, 4000.0, 1.0  # °C or °F
 
 
 async def ask(port: Port) -> Found:
-    """A controller, with the order of the words in its numbers."""
+    """Recognise a controller, and the word order of its floats."""
     (unit,) = await port.registers(DISPLAY_UNIT_SERIAL if port.is_serial_line else DISPLAY_UNIT, 1)
     limits = await port.registers(LoopRegister.SET_POINT_MIN, 4)
     if unit not in list(DisplayUnit):
@@ -26,7 +26,7 @@ async def ask(port: Port) -> Found:
         if _COLDEST <= low <= high - _NARROWEST <= high <= _HOTTEST:
             options: dict[str, object] = {"unit_id": port.unit_id, "word_order": order}
             return Found(Identity(maker="Watlow", model="F4T", verified=False), {"options": options})
-    raise ValueError("set-point limits that make no sense")
+    raise ValueError("implausible set-point limits")
 
 
 RECOGNITION = Recognition(MODBUS, ask, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"))

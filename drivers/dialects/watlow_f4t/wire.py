@@ -1,7 +1,7 @@
 """Registers of a Watlow F4T (its data map 1) ⇄ values, both directions.
 
 Addresses are those on the wire, zero-based, from the maker's manual and the drivers that chamber makers publish. Every
-value has two registers at an even address: a float32 fills both, an enumeration stands in the first and the second is
+value has two registers at an even address: a float32 fills both, an enumeration uses the first, and the second is
 treated as zero. Which half of a float comes first is a setting of the controller, low by default.
 """
 
@@ -14,12 +14,12 @@ from enum import IntEnum
 from drivers.kinds.chamber.words import WordOrder, Words, float32_value, float32_words
 
 LOOP_STRIDE = 160
-DISPLAY_UNIT, DISPLAY_UNIT_SERIAL = 6730, 14080  # as seen through TCP, and through the serial port
-CHAMBER_TEMPERATURE = 27586  # analog input 1, float32, whatever the loops do
+DISPLAY_UNIT, DISPLAY_UNIT_SERIAL = 6730, 14080  # value over TCP, and value over the serial port
+CHAMBER_TEMPERATURE = 27586  # analog input 1, float32, independent of the loops
 
 
 class LoopRegister(IntEnum):
-    """Where the values of control loop 1 are; the next loop's lie LOOP_STRIDE higher."""
+    """Register addresses of control loop 1; those of the next loop are LOOP_STRIDE higher."""
 
     CONTROL_MODE = 2730
     SET_POINT_MIN = 2774
@@ -36,7 +36,7 @@ class LoopRegister(IntEnum):
 
 
 class ControlMode(IntEnum):
-    """Who decides the power of a loop."""
+    """Control mode of a loop: the source of its output power."""
 
     AUTO = 10
     MANUAL = 54
@@ -44,7 +44,7 @@ class ControlMode(IntEnum):
 
 
 class RampAction(IntEnum):
-    """When the set point in force ramps instead of jumping."""
+    """Condition under which the active set point ramps instead of jumping."""
 
     BOTH = 13
     OFF = 62
@@ -53,14 +53,14 @@ class RampAction(IntEnum):
 
 
 class RampScale(IntEnum):
-    """The time that a ramp rate is per."""
+    """Time unit of a ramp rate."""
 
     HOURS = 39
     MINUTES = 57
 
 
 class DisplayUnit(IntEnum):
-    """The unit of every temperature on the wire."""
+    """Unit of every temperature on the wire."""
 
     CELSIUS = 15
     FAHRENHEIT = 30
@@ -72,7 +72,7 @@ BLOCK_COUNT = LoopRegister.PROCESS_VALUE + 2 - BLOCK_FIRST
 
 @dataclass(frozen=True, slots=True)
 class LoopBlock:
-    """What BLOCK_COUNT registers from BLOCK_FIRST say; `mode` is a number, since ControlMode may not have them all."""
+    """Decoded BLOCK_COUNT registers from BLOCK_FIRST; `mode` is an integer, because ControlMode may be incomplete."""
 
     set_point_in_force: float
     mode: int
@@ -81,29 +81,29 @@ class LoopBlock:
 
 @dataclass(frozen=True, slots=True)
 class LoopFormat:
-    """How one control loop of one controller is written: its number, from 1, and the order of a float's words."""
+    """Format of one control loop of one controller: loop number, from 1, and word order of floats."""
 
     loop: int = 1
     word_order: WordOrder = "low_first"
 
     def address(self, register: LoopRegister) -> int:
-        """The register's address in this loop."""
+        """Address of a register in this loop."""
         return register + LOOP_STRIDE * (self.loop - 1)
 
     def words(self, value: float) -> Words:
-        """The two registers of a float32; OverflowError when it does not fit one."""
+        """Encode a float32 into two registers; OverflowError if it does not fit."""
         return float32_words(value, self.word_order)
 
     def value(self, words: Sequence[int]) -> float:
-        """The float32 in two registers; ValueError unless it is finite."""
+        """Decode the float32 in two registers; ValueError unless it is finite."""
         return float32_value(words, self.word_order)
 
     def block(self, words: Sequence[int]) -> LoopBlock:
-        """What the registers from BLOCK_FIRST say; ValueError as for `value`."""
+        """Decode the registers from BLOCK_FIRST; ValueError as for `value`."""
         mode = LoopRegister.CONTROL_MODE_IN_FORCE - BLOCK_FIRST
         return LoopBlock(self.value(words[:2]), words[mode], self.value(words[-2:]))
 
 
 def mode_name(mode: int) -> str:
-    """A control mode as the controller's display calls it."""
+    """Name of a control mode on the controller's display."""
     return ControlMode(mode).name.lower() if mode in list(ControlMode) else f"unknown ({mode})"

@@ -25,14 +25,14 @@ def _whole_volts(compliance_v: float) -> float:
 
 
 class GS200Options(StrictModel):
-    """How the source is used; it is always set to current, and its voltage is limited in whole volts."""
+    """Use of the source in current mode, with its voltage limited in whole volts."""
 
     range: Annotated[float, InUnit("A", above=0), KNOWN_RANGE] = Field(
         description="the one range for all levels, 1, 10, 100 or 200 mA; it covers 20 % more, up to 200 mA"
     )
     compliance: Annotated[
         float, InUnit("V", at_least=COMPLIANCE_MIN_V, at_most=COMPLIANCE_MAX_V), AfterValidator(_whole_volts)
-    ] = Field(description="the most that a sequence may ask for, in whole volts")
+    ] = Field(description="maximum compliance of a sequence, in whole volts")
 
 
 DESCRIPTION = DriverDescription(

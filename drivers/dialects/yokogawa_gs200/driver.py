@@ -15,16 +15,16 @@ from drivers.kinds.source.output import Dialect, Fault
 
 
 def _faults(state: State) -> Sequence[Fault]:
-    """Volts at its output, where a coil expects a current, and the content of the condition register."""
+    """Faults: voltage mode instead of current, and the content of the condition register."""
     received = f"condition {int(state.condition)}"
     found = []
     if state.function != "CURR" and state.setting.output:
-        found.append(Fault("it gives a voltage", "VOLT", "Make it safe, and look who else sets it.", always=True))
+        found.append(Fault("it is in voltage mode", "VOLT", "Make it safe, and find the other master.", always=True))
     if state.condition & wire.LIMITING:
         remedy = "Check the load, its cable, and the compliance."
         found.append(Fault("it is at its voltage limit: the load does not take the current", received, remedy))
     if wire.Condition.EMERGENCY in state.condition:
-        remedy = "Read its display and its manual: it protects itself."
+        remedy = "Its protection has tripped: read its display and its manual."
         found.append(Fault("it reports an emergency", received, remedy, always=True))
     return found
 
@@ -33,7 +33,7 @@ DIALECT = Dialect(wire.COMMANDS.cut_off, wire.STATE_QUERY, wire.read_state, wire
 
 
 class YokogawaGS200(ScpiSource[State]):
-    """One source; it measures neither current nor voltage, and reports a load that does not take the current."""
+    """One source; it measures neither current nor voltage, and detects a load that does not take the current."""
 
     def __init__(self, setup: Setup[GS200Options, SourceLimits, Nothing]) -> None:
         range_a = setup.options.range

@@ -1,4 +1,4 @@
-"""How a Yokogawa GS200 is known."""
+"""Recognition of a Yokogawa GS200."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Yokogawa GS200 headers and answers, and what is to be sent next to reach a setting.
+"""Yokogawa GS200 headers and answers, and the sequence of commands to a setting.
 
-Headers, ranges and the bits of the condition register after the user's manual (IM GS210-01EN, chapter 13), as two
-drivers of other people have them.
+Sources: headers, ranges and bits of the condition register as in the user's manual (IM GS210-01EN, chapter 13),
+confirmed by two third-party drivers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from drivers.protocols import scpi
 Function = Literal["CURR", "VOLT"]
 FUNCTIONS: Mapping[str, Function] = {"CURR": "CURR", "VOLT": "VOLT"}
 
-# Headers as a simulator matches them
+# Headers for the simulator
 FUNCTION = "[SOURce:]FUNCtion"
 RANGE = "[SOURce:]RANGe"
 LEVEL = "[SOURce:]LEVel[:FIXed]"
@@ -36,12 +36,12 @@ COMMANDS = Commands(
 
 RANGES_A = (1e-3, 10e-3, 100e-3, 200e-3)
 OVER_RANGE = 1.2
-LEVEL_MAX_A = 0.2  # whatever the range
+LEVEL_MAX_A = 0.2  # independent of the range
 COMPLIANCE_MIN_V, COMPLIANCE_MAX_V, COMPLIANCE_STEP_V = 1.0, 30.0, 1.0
 
 
 class Condition(IntFlag):
-    """Bits of the condition register that are used here."""
+    """Used bits of the condition register."""
 
     LOW_LIMITING = 1 << 10
     HIGH_LIMITING = 1 << 11
@@ -54,7 +54,7 @@ LIMITING = Condition.LOW_LIMITING | Condition.HIGH_LIMITING
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What a source is set to: `setting` is in volts where amperes are meant while `function` is VOLT."""
+    """Settings of a source: levels in `setting` are volts instead of amperes while `function` is VOLT."""
 
     function: Function
     setting: Setting
@@ -62,17 +62,17 @@ class State:
 
 
 def most_a(range_a: float) -> float:
-    """The largest level of a range."""
+    """Largest level of a range."""
     return min(OVER_RANGE * range_a, LEVEL_MAX_A)
 
 
 def step_a(range_a: float) -> float:
-    """What a level is rounded to: six digits, so that it is 10 nA at 1 mA, and 1 µA at 100 mA and at 200 mA."""
+    """Resolution of a level: six digits, so 10 nA at 1 mA, and 1 µA at 100 mA and at 200 mA."""
     return min(1e-5 * range_a, 1e-6)
 
 
 def read_state(line: bytes) -> State:
-    """The answer to STATE_QUERY; ValueError."""
+    """Decode the answer to STATE_QUERY; ValueError."""
     function, range_, level, compliance, output, condition = scpi.answers(line, 6)
     if function not in FUNCTIONS:
         raise ValueError(f"'{function}' is neither CURR nor VOLT")
@@ -81,7 +81,7 @@ def read_state(line: bytes) -> State:
 
 
 def next_step(now: State, wanted: Setting) -> str:
-    """The next command on the way to a setting, "" when it is reached; volts end at 0 V with the output off."""
+    """Next command on the way to a setting, "" when it is reached; voltage mode ends at 0 V with the output off."""
     if wanted.output and now.function != "CURR":
         return COMMANDS.step_off(now.setting) or AS_CURRENT
     return COMMANDS.next_step(

@@ -1,1 +1,1 @@
-"""Common logic of all thermal chambers: these modules decide what to do, a dialect how."""
+"""Common logic of all thermal chambers; a dialect translates it into messages."""

@@ -1,4 +1,4 @@
-"""Whether the air of a chamber arrives at a set point that it was given, judged by looks that are minutes apart."""
+"""Arrival of the air of a chamber at a set point, judged by polls that may be minutes apart."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from drivers.kinds.chamber.description import FollowOptions, TemperatureRange
 from drivers.kinds.chamber.following import FollowWatch
 from drivers.values import ChamberState
 
-KEPT_WITHIN_C = 0.5  # of the set point commanded: controllers round it
+KEPT_WITHIN_C = 0.5  # tolerance of the commanded set point, which controllers round
 
 
 class Arrival:
-    """The way of the air to a set point, from the first look on.
+    """Approach of the air to a set point, from the first poll on.
 
-    It arrives when set point and air are there, the air within `follow.band`. The time for that is bounded by the
-    distance at the slowest approach that `follow` allows, `gain` in every `over`, and `settle`.
+    It has arrived when the active set point is at the target and the air within `follow.band`. The time limit is the
+    distance at the slowest approach that `follow` allows (`gain` in every `over`), plus `settle`.
     """
 
     def __init__(self, target_c: float, follow: FollowOptions, limits: TemperatureRange) -> None:
@@ -23,18 +23,18 @@ class Arrival:
         self._due_s = 0.0
 
     def has_arrived(self, state: ChamberState) -> bool:
-        """Whether the set point in force and the air are at the target."""
+        """Return whether active set point and air are at the target."""
         at_rest = abs(state.set_point_c - self.target_c) <= KEPT_WITHIN_C
         return at_rest and abs(state.process_value_c - self.target_c) <= self._follow.band
 
     def problem(self, at_s: float, state: ChamberState) -> str:
-        """Take one look, at the time `at_s`; return why the air does not arrive, or "" while it may."""
+        """Evaluate one poll at the time `at_s`; return the reason why the air cannot arrive, or "" while it may."""
         if self._watch is None:
             longest_s = self.longest_s(state)  # a set point that jumped is far from the air for longer than `settle`
             self._watch = FollowWatch(self._follow.model_copy(update={"settle": longest_s}), self._limits)
             self._due_s = at_s + longest_s
         if abs(state.target_c - self.target_c) > KEPT_WITHIN_C:
-            return f"somebody changed the set point from {self.target_c:g} °C to {state.target_c:g} °C"
+            return f"the set point was changed by another master from {self.target_c:g} °C to {state.target_c:g} °C"
         if wrong := self._watch.problem(at_s, state.process_value_c, state.set_point_c, commanded=True):
             return f"{wrong}; it is at {state.process_value_c:.1f} °C"
         if at_s > self._due_s and not self.has_arrived(state):
@@ -42,6 +42,6 @@ class Arrival:
         return ""
 
     def longest_s(self, state: ChamberState) -> float:
-        """The longest time until a chamber in order has arrived."""
+        """Maximum time of a working chamber until arrival."""
         distance_c = abs(state.process_value_c - self.target_c)
         return distance_c / self._follow.gain * self._follow.over + self._follow.settle

@@ -1,4 +1,4 @@
-"""What a dialect of a chamber's controller has to be able to do."""
+"""Interface of a dialect of a chamber's controller."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from drivers.values import Identity
 
 
 class Control(Enum):
-    """Who decides the temperature."""
+    """Source of the active set point."""
 
-    SET_POINT = "set point"  # the one that this driver commands
-    NOBODY = "nobody"  # it is switched off or idle
+    SET_POINT = "set point"  # the set point commanded by this driver
+    NOBODY = "nobody"  # switched off or idle
     OTHER = "other"  # a profile, a person, an alarm
 
 
@@ -22,8 +22,8 @@ class Control(Enum):
 class Look:
     """State of a controller, °C.
 
-    `set_point_c` is in force now; `target_c` is the last command, from any master. `why` states what else is in
-    control, in the controller's words.
+    `set_point_c` is the active set point; `target_c` is the last command, from any master. `why` names another source
+    of control, in the controller's words.
     """
 
     process_value_c: float
@@ -34,9 +34,9 @@ class Look:
 
 
 class Controller(Protocol):
-    """One dialect on one wire. Nothing here decides; every method is a few exchanges.
+    """One dialect on one connection, without decisions; every method is a few exchanges.
 
-    `limits_c` are the controller's own, once it is identified. `can_start`: whether a command may switch it on.
+    `limits_c` are the controller's own, known after identification. `can_start` is True if a command may switch it on.
     Concurrency: one caller at a time.
     """
 
@@ -47,42 +47,42 @@ class Controller(Protocol):
         """Reconnect and identify; raises CannotConnect, WrongIdentity."""
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
 
     async def identify(self) -> Identity:
-        """Who is there, the same as before; raises WrongIdentity, and closes the wire when it is not."""
+        """Query the identity; raises WrongIdentity, and closes the connection, if it has changed."""
 
     async def look(self, commanded_c: float | None) -> Look:
         """Read the state; `commanded_c` is the expected set point, if known."""
 
     async def command(self, temperature_c: float) -> None:
-        """Writes the set point once and reads it back; Refused when something else was kept."""
+        """Write the set point once and read it back; Refused if another value was stored."""
 
     def kept(self, temperature_c: float) -> float:
         """The set point as the controller stores it, rounded as in its messages."""
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Makes the next set point one that is gone to at this rate; asked of controllers that ramp by themselves."""
+        """Set the ramp rate of the next set point; called only for controllers that ramp by themselves."""
 
     async def take_control(self) -> None:
-        """Makes the set point count, after it was commanded; raises InstrumentFault where only a person may do that."""
+        """Make a commanded set point active; raises InstrumentFault if only a person may do that."""
 
 
 class Connection(Protocol):
-    """What a controller is spoken to over: it identifies the controller before it is used."""
+    """Connection to a controller, which is identified before use."""
 
     async def connect(self) -> None:
         """Reconnect and identify."""
 
     def close(self) -> None:
-        """Closes the wire; the next exchange would open it again."""
+        """Close the connection; the next exchange would reopen it."""
 
     async def identify(self) -> None:
-        """Identifies; raises WrongIdentity, and closes the wire when it is not the controller that it should be."""
+        """Identify; raises WrongIdentity, and closes the connection, if it is another controller."""
 
 
 class Connected:
-    """The part of a Controller that is the same on every Connection; `_identity` is read once it has identified."""
+    """Common part of a Controller on any Connection; `_identity` is called after identification."""
 
     def __init__(self, connection: Connection) -> None:
         self.limits_c: tuple[float, float] | None = None
@@ -93,11 +93,11 @@ class Connected:
         await self._connection.connect()
 
     def close(self) -> None:
-        """Closes the wire; the next exchange would open it again."""
+        """Close the connection; the next exchange would reopen it."""
         self._connection.close()
 
     async def identify(self) -> Identity:
-        """Who is there, the same as before; raises WrongIdentity, and closes the wire when it is not."""
+        """Query the identity; raises WrongIdentity, and closes the connection, if it has changed."""
         await self._connection.identify()
         return self._identity()
 

@@ -17,7 +17,7 @@ from drivers.schema.fields import (
     StrictModel,
 )
 
-DIALOGUE_S = 7.0  # as of any device, and to read back what the controller follows
+DIALOGUE_S = 7.0  # the time of any device, and that of reading back the active set point
 
 LONGEST_HOLD_S = 12 * 3600.0
 
@@ -25,14 +25,12 @@ CHANNELS = {"process_value": "°C", "set_point": "°C"}
 
 
 class FollowOptions(StrictModel):
-    """How the air of a chamber in order follows its set point; what does not is a fault, and the run ends."""
+    """Required progress of the air to its set point; a chamber that does not follow is a fault, and the run ends."""
 
-    band: PositiveCelsius = Field(3.0, description="how near to a set point at rest it stays once it has settled")
-    gain: PositiveCelsius = Field(
-        1.0, description="by how much it must approach in every `over` while it is outside the band"
-    )
+    band: PositiveCelsius = Field(3.0, description="half width of the band around a constant set point after settling")
+    gain: PositiveCelsius = Field(1.0, description="minimum approach in every `over` while outside the band")
     over: Annotated[float, InUnit("s", at_least=60, at_most=7200)] = Field(
-        600.0, description="the time in which it must approach by `gain`"
+        600.0, description="time in which it must approach by `gain`"
     )
     settle: PositiveSeconds = Field(
         3600.0, description="the longest settling time after the set point has become constant, or after a disturbance"
@@ -40,17 +38,17 @@ class FollowOptions(StrictModel):
 
 
 class ChamberOptions(StrictModel):
-    """How any controller is spoken to, and what its chamber is able to do."""
+    """Protocol settings of any controller, and abilities of its chamber."""
 
     poll: Annotated[float, InUnit("s", above=0, at_most=30)] = Field(
-        1.0, description="how often a ramp that has nearly arrived is looked at"
+        1.0, description="poll interval near the end of a ramp"
     )
-    answer_timeout: PositiveSeconds = Field(3.0, description="how long an answer may take")
+    answer_timeout: PositiveSeconds = Field(3.0, description="timeout of an answer")
     follow: FollowOptions = FollowOptions()
 
 
 class StairOptions(ChamberOptions):
-    """As well, for controllers that the driver ramps by many set points, one after the other."""
+    """Additional options of controllers that the driver ramps by a series of set points."""
 
     step: Annotated[float, InUnit("s", at_least=10, at_most=120)] = Field(
         15.0, description="time between set points during a ramp; frequent writes wear out the controller's memory"
@@ -58,27 +56,27 @@ class StairOptions(ChamberOptions):
 
 
 class TemperatureRange(Range):
-    """From `min` to `max`, both allowed."""
+    """From `min` to `max`, inclusive."""
 
     min: Celsius
     max: Celsius
 
 
 class RampRateRange(StrictModel):
-    """The fastest ramp: `max`."""
+    """Maximum ramp rate: `max`."""
 
     max: CelsiusPerMinute
 
 
 class ChamberLimits(StrictModel):
-    """What the bench allows the chamber; the controller's own limits hold as well."""
+    """Limits of the chamber on this bench; the controller's own limits apply as well."""
 
     temperature: TemperatureRange
     ramp_rate: RampRateRange
 
 
 class ChamberSafe(StrictModel):
-    """Where the set point goes when the bench is made safe."""
+    """Set point when the bench is made safe."""
 
     temperature: Celsius = Field(25.0, description="the set point")
     hold: Annotated[float, InUnit("s", at_least=0, at_most=LONGEST_HOLD_S)] = Field(
@@ -89,5 +87,5 @@ class ChamberSafe(StrictModel):
 
 
 def safe_state(options: ChamberOptions, _limits: ChamberLimits, safe: ChamberSafe) -> SafeState:
-    """The set point in the controller, read back, with one answer as late as `answer_timeout`; not the air at it."""
+    """Set point in the controller, read back, with one answer as late as `answer_timeout`; the air arrives later."""
     return SafeState(f"set point {safe.temperature:g} °C", DIALOGUE_S + options.answer_timeout, hold_s=safe.hold)

@@ -1,4 +1,4 @@
-"""A thermal chamber of any make: the dialect talks, the driver checks, commands, reads back and watches."""
+"""A thermal chamber of any make: the dialect communicates; the driver checks, commands, reads back and monitors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drivers.kinds.chamber.standstill import STANDSTILL_S, StandstillWatch
 from drivers.timing.awake import Deadline, patience
 from drivers.values import ChamberState, Identity, Reading
 
-RAMP_LONGER_BY, RAMP_LATER_S = 1.1, 120.0  # what a ramp may take more than distance / rate
+RAMP_LONGER_BY, RAMP_LATER_S = 1.1, 120.0  # allowance for a ramp beyond distance / rate
 
 
 class Chamber:
@@ -34,13 +34,13 @@ class Chamber:
         self._poll_s, self._safe_within_s = options.poll, safe_state(options, limits, safe).within_s
         self._step_s = options.step if isinstance(options, StairOptions) else None
         self._turn = asyncio.Lock()
-        self._commanded_c: float | None = None  # the set point last written and read back, as long as it is known
-        self._commands = 0  # given so far; whoever ramps sees by it that another has taken over
+        self._commanded_c: float | None = None  # last set point that was written and read back, if known
+        self._commands = 0  # number of commands; a ramp detects by it that another one has taken over
         self._standstill = StandstillWatch()
         self._following = FollowWatch(options.follow, limits.temperature)
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies; BeyondLimit when the safe temperature could not be commanded."""
+        """Connect and identify; BeyondLimit if the safe temperature could not be commanded."""
         async with self._turn:
             await self._controller.connect()
             try:
@@ -51,21 +51,21 @@ class Chamber:
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the connection; the chamber goes on as it is."""
+        """Close the connection; the chamber keeps its set point."""
         self._controller.close()
 
     async def identify(self) -> Identity:
-        """Who is there; raises WrongIdentity."""
+        """Query the identity; raises WrongIdentity."""
         async with self._turn:
             return await self._controller.identify()
 
     async def ramp_to(self, temperature_c: float, rate_c_per_min: float) -> None:
-        """Ramps the set point in force to `temperature_c` and returns when it is there.
+        """Ramp the active set point to `temperature_c` and return when it has arrived.
 
-        Cancelling leaves a controller that ramps by itself ramping, and any other where it was; `hold` stops it. Raises
-        BeyondLimit before anything is sent; Refused when the controller does not take a setting; NotSettled when it
-        takes longer than the distance needs, a tenth and two minutes more, or when another command replaces this one;
-        and what `state` raises.
+        After a cancellation a controller with its own ramp continues it, and any other keeps its set point; `hold`
+        stops it. Raises BeyondLimit before anything is sent; Refused if the controller rejects a setting; NotSettled
+        after the computed time plus a tenth and two minutes, or if another command replaces this one; and the errors of
+        `state`.
         """
         self._check_temperature(temperature_c)
         self._check_rate(rate_c_per_min)
@@ -93,9 +93,9 @@ class Chamber:
     async def state(self) -> ChamberState:
         """State of the chamber.
 
-        Raises InstrumentFault when the set point is not the one last commanded or does not control, once there was a
-        command; when the process value stands still while the set point moves; and when the air does not follow as the
-        bench file says (`follow`), or is far beyond its limits. BadAnswer for no number.
+        Raises InstrumentFault if, after a command, the set point is not the last one commanded or not active; if the
+        process value is frozen while the set point moves; and if the air does not follow as required by `follow`, or is
+        far beyond the limits. Raises BadAnswer for a value that is no number.
         """
         async with self._turn:
             look = await self._look()
@@ -105,12 +105,12 @@ class Chamber:
         return ChamberState(look.process_value_c, look.set_point_c, look.target_c, from_safe_c)
 
     async def hold(self) -> None:
-        """Makes the set point in force the set point, read back."""
+        """Stop the ramp: make the active set point the set point, read back."""
         async with self._turn:
             await self._command((await self._controller.look(self._commanded_c)).set_point_c)
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """The process value and the set point in force (°C); raises as `state`."""
+        """Process value and active set point (°C); raises as `state`."""
         state = await self.state()
         at_s = asyncio.get_running_loop().time()
         return {
@@ -119,10 +119,10 @@ class Chamber:
         }
 
     async def make_safe(self) -> None:
-        """Commands the safe temperature with the ramp as it is, read back, without waiting for it.
+        """Command the safe temperature with the present ramp rate, read back, without waiting for it.
 
-        Connects anew when the connection is lost. A controller that is switched off stays off; one that follows
-        something else is told to follow the set point. Raises a DriverError when that could not be proved.
+        Reconnects after a loss. A controller that is switched off stays off; one that follows a program is switched to
+        the set point. Raises a DriverError if that could not be proved.
         """
         try:
             async with patience(self._safe_within_s), self._turn:
@@ -134,17 +134,17 @@ class Chamber:
             raise
         except TimeoutError as late:
             raise NoAnswer(
-                self.name, f"could not be made safe within {self._safe_within_s:g} s",
+                self.name, f"was not made safe within {self._safe_within_s:g} s",
                 sent=f"set point {self._safe_c:g} °C", remedy="Set it by hand at the chamber.",
             ) from late  # fmt: skip
 
     async def _begin(self, temperature_c: float, rate_c_per_min: float) -> Climb:
-        """Send the ramp, then the first set point, and activate it."""
+        """Send the ramp rate, then the first set point, and activate it."""
         look = await self._controller.look(None)
         self._check_control(look, may_be_off=self._controller.can_start)
         start_c = look.set_point_c if look.control is Control.SET_POINT else look.process_value_c
         if not self._following.is_possible(start_c):
-            raise self._not_following(f"no ramp can begin far beyond {self._following.limits}", look)
+            raise self._not_following(f"no ramp may begin far beyond {self._following.limits}", look)
         began_s = asyncio.get_running_loop().time()
         climb = Climb(start_c, temperature_c, rate_c_per_min / 60, began_s, self._step_s)
         if self._step_s is None:
@@ -163,7 +163,7 @@ class Chamber:
         return look
 
     async def _command(self, temperature_c: float) -> None:
-        self._commanded_c = None  # if this is cut short, either set point may be there, and neither is foreign
+        self._commanded_c = None  # after a cancellation here both set points are possible, and neither is foreign
         self._commands += 1
         await self._controller.command(temperature_c)
         self._commanded_c = self._controller.kept(temperature_c)
@@ -172,7 +172,7 @@ class Chamber:
         try:
             await self._command(self._safe_c)
         except (NoAnswer, LinkLost):
-            # It may have been executed or not: the state read over a new connection decides.
+            # The command may have been executed or not: the state read on a new connection decides.
             safe_c = self._controller.kept(self._safe_c)
             if (await self._controller.look(None)).target_c != safe_c:
                 await self._command(self._safe_c)
@@ -196,7 +196,7 @@ class Chamber:
     def _check_target(self, look: Look, commanded_c: float) -> None:
         if look.target_c != commanded_c:
             raise InstrumentFault(
-                self.name, "somebody else changed the set point", sent=f"set point {commanded_c:g} °C before",
+                self.name, "another master changed the set point", sent=f"set point {commanded_c:g} °C before",
                 received=f"set point {look.target_c:g} °C now",
                 remedy="Find out who commands the chamber: its front panel, its web page, another program.",
             )  # fmt: skip
@@ -205,7 +205,7 @@ class Chamber:
         if look.control is Control.OTHER or (look.control is Control.NOBODY and not may_be_off):
             raise InstrumentFault(
                 self.name, "the chamber does not follow its set point", received=look.why,
-                remedy="Check at the controller what it is doing, and who commanded it.",
+                remedy="Check the state of the controller, and find the other master.",
             )  # fmt: skip
 
     def _check_movement(self, look: Look) -> None:
@@ -214,7 +214,7 @@ class Chamber:
             raise InstrumentFault(
                 self.name, f"the process value has not changed for {STANDSTILL_S / 60:g} min of a moving set point",
                 received=f"process value {look.process_value_c:g} °C, set point {look.set_point_c:g} °C",
-                remedy="Check the chamber's sensor, its cable, and what the controller's display says.",
+                remedy="Check the chamber's sensor, its cable, and the controller's display.",
             )  # fmt: skip
         is_commanded = self._commanded_c is not None
         if wrong := self._following.problem(at_s, look.process_value_c, look.set_point_c, commanded=is_commanded):
@@ -236,6 +236,6 @@ class Chamber:
     def _not_arrived(self, temperature_c: float, why: str, look: Look) -> NotSettled:
         return NotSettled(
             self.name, f"the ramp to {temperature_c:g} °C {why}",
-            received=f"set point in force {look.set_point_c:g} °C, process value {look.process_value_c:g} °C",
+            received=f"active set point {look.set_point_c:g} °C, process value {look.process_value_c:g} °C",
             remedy="Check at the controller whether a profile runs or the ramp is paused.",
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Lines of text to a chamber's controller, behind a connection that is identified before it is used."""
+"""Text line to a chamber's controller, on a connection that is identified before use."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Read = Callable[[bytes], T | Refusal]
 
 
 class ProvedLine:
-    """Questions that are asked again once, and orders that are sent once, whatever happens.
+    """Queries that are repeated once, and commands that are sent only once.
 
-    After a lost connection the next exchange connects and identifies first, by `identify`, which asks by `ask_once` and
-    raises WrongIdentity; after any other surprise `proof` comes first. For `order_gap_s` after an order nothing is
-    sent. Refusals are raised as Refused, and neither asked nor sent again. `takes` are of what enters a result.
+    After a lost connection the next exchange reconnects and identifies first, by `identify`, which uses `ask_once` and
+    raises WrongIdentity; after any other communication error `proof` is sent first. For `order_gap_s` after a command
+    nothing is sent. Refusals are raised as Refused and not repeated. `takes` confirms readings that enter a result.
 
     Concurrency: one caller at a time.
     """
@@ -41,25 +41,25 @@ class ProvedLine:
         self._busy_until_s = -math.inf
 
     async def connect(self) -> None:
-        """Reconnect and identify; raises CannotConnect and what `identify` raises."""
+        """Reconnect and identify; raises CannotConnect and the errors of `identify`."""
         await self._dialogue.open()
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
         self._dialogue.close()
 
     async def identify(self) -> None:
-        """Identifies; raises and closes the wire when it is not the controller that it should be."""
+        """Identify; raises, and closes the connection, if it is another controller."""
         if await self._dialogue.reopen():
             return
         try:
             await once_more(self._identify, self._note)
         except BaseException:
-            self._dialogue.close()  # who is there is not known: the next exchange connects and asks first
+            self._dialogue.close()  # the identity is unknown: the next exchange reconnects and identifies first
             raise
 
     async def ask(self, question: str, read: Read[T]) -> T:
-        """What `read` makes of the answer; see LineExchange.ask. Asked again once when there is no answer."""
+        """Query and decode with `read`, repeated once without an answer; see LineExchange.ask."""
         await self._dialogue.reopen()
         try:
             return await self.ask_once(question, read)
@@ -69,12 +69,12 @@ class ProvedLine:
             return await self.ask_once(question, read)
 
     async def ask_once(self, question: str, read: Read[T]) -> T:
-        """The same on the connection as it is."""
+        """The same on the present connection, sent once."""
         await self._rest()
         return self._taken(question, await self._dialogue.line.ask(question.encode("latin-1"), read))
 
     async def order(self, command: str, read: Read[T]) -> T | None:
-        """Sends a command once; None when its answer is missing or garbled, and the read-back has to decide."""
+        """Send a command once; None if its answer is missing or garbled, and the read-back has to decide."""
         await self._dialogue.reopen()
         await self._rest()
         try:
@@ -86,8 +86,7 @@ class ProvedLine:
         if isinstance(answer, Refusal):
             raise Refused(
                 self._device, "the controller refused a command", sent=sent, received=str(answer),
-                remedy="Check at the controller what it is doing, who else uses it, and whether its settings are "
-                "protected.",
+                remedy="Check the state of the controller, other masters, and protected settings.",
             )  # fmt: skip
         return answer
 

@@ -1,13 +1,13 @@
-"""How a set point gets from one temperature to another: the controller ramps, or gets one set point after the other."""
+"""Course of a set point from one temperature to another, by the controller's own ramp or a series of set points."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-ARRIVED_WITHIN_C = 1e-4  # a few times the last bit of a float32: the set point in force is computed, not copied
-FAR_AWAY_POLL_S = 5.0  # how often a ramp is looked at while its end is far away
-OWN_RAMP_WITHIN_C, OWN_RAMP_WITHIN_S = 1.0, 30.0  # how far a controller's own ramp may be from where it should be
+ARRIVED_WITHIN_C = 1e-4  # a few times the last bit of a float32: the active set point is computed, not copied
+FAR_AWAY_POLL_S = 5.0  # interval of polls while the end of a ramp is far away
+OWN_RAMP_WITHIN_C, OWN_RAMP_WITHIN_S = 1.0, 30.0  # tolerance of a controller's own ramp
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +22,11 @@ class Climb:
 
     @property
     def takes_s(self) -> float:
-        """How long the way is."""
+        """Duration of the ramp."""
         return abs(self.target_c - self.start_c) / self.rate_c_per_s
 
     def set_point_c(self, at_s: float) -> float:
-        """The set point at a loop time: the end of the current step of the stair, finally the target."""
+        """Set point at a loop time: the end of the current step, finally the target."""
         if self.step_s is None:
             return self.target_c
         steps = math.floor((at_s - self.began_s) / self.step_s) + 1
@@ -43,7 +43,7 @@ class Climb:
 
 @dataclass(frozen=True, slots=True)
 class OwnRamp:
-    """A ramp made by the controller itself, with little feedback: the expected set point over time."""
+    """A controller's own ramp with little feedback: the expected set point over time."""
 
     start_c: float
     target_c: float
@@ -51,12 +51,12 @@ class OwnRamp:
     began_s: float
 
     def set_point_c(self, at_s: float) -> float:
-        """The set point that should be in force at a loop time."""
+        """Expected active set point at a loop time."""
         way_c = self.target_c - self.start_c
         done_c = self.rate_c_per_s * (at_s - self.began_s)
         return self.target_c if done_c >= abs(way_c) else self.start_c + math.copysign(done_c, way_c)
 
     def is_at(self, set_point_c: float, at_s: float) -> bool:
-        """Whether a reported set point may be the expected one, within 1 °C and half a minute."""
+        """Return whether a reported set point agrees with the expected one, within 1 °C and half a minute."""
         off_c = abs(set_point_c - self.set_point_c(at_s))
         return off_c <= OWN_RAMP_WITHIN_C + self.rate_c_per_s * OWN_RAMP_WITHIN_S

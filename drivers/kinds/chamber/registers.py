@@ -1,4 +1,4 @@
-"""Registers of a chamber's controller behind a connection that is identified before it is used."""
+"""Registers of a chamber's controller, on a connection that is identified before use."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from drivers.transport.modbus import GAP_S, ModbusLink
 
 READ_BACK = ReadBack()
 Spelled = Callable[[Words], str]
-"""Words as numbers for a person."""
+"""Formats registers as numbers for a message."""
 
 
 class ProvedRegisters:
-    """Reads, and writes that are proved by reading back.
+    """Register reads, and writes that are proved by reading back.
 
-    After a timeout or a lost connection the next request connects and identifies first, by `identify`, which asks
-    through `link` and raises WrongIdentity. A read without an answer is asked again once, which `setup.note` is told; a
-    write is sent once, whatever happens.
+    After a timeout or a lost connection the next request reconnects and identifies first, by `identify`, which uses
+    `link` and raises WrongIdentity. A read without an answer is repeated once, with a note to `setup.note`; a write is
+    sent only once.
 
     Concurrency: one caller at a time.
     """
@@ -39,14 +39,14 @@ class ProvedRegisters:
         self._identify, self._note = identify, setup.note
 
     async def connect(self) -> None:
-        """Reconnect and identify, once more when there is no answer.
+        """Reconnect and identify, with one retry without an answer.
 
-        Raises CannotConnect and what `identify` raises.
+        Raises CannotConnect and the errors of `identify`.
         """
         await once_more(self._connect, self._note)
 
     def close(self) -> None:
-        """Closes the connection; closing twice is harmless."""
+        """Close the connection; closing twice is harmless."""
         self.link.close()
 
     async def _connect(self) -> None:
@@ -54,7 +54,7 @@ class ProvedRegisters:
         await self._prove()
 
     async def identify(self) -> None:
-        """Identifies; raises and closes the connection when it is not the controller that it should be."""
+        """Identify; raises, and closes the connection, if it is another controller."""
         if not self.link.is_open:
             await self.connect()
             return
@@ -65,7 +65,7 @@ class ProvedRegisters:
             await self._connect()
 
     async def read(self, address: int, count: int, *, function: ReadFunction = 3) -> Words:
-        """`count` words from the wire address `address`."""
+        """Read `count` words from the wire address `address`."""
         if not self.link.is_open:
             await self._connect()
         try:
@@ -78,10 +78,10 @@ class ProvedRegisters:
     async def set(
         self, address: int, words: Words, what: str, spelled: Spelled, *, many: bool = False, function: ReadFunction = 3
     ) -> None:
-        """Writes once, then reads back and compares register by register; `what` is its name for a person.
+        """Write once, then read back and compare register by register; `what` is its name in messages.
 
-        When the write has no answer, the read-back decides whether it was carried out. Raises Refused when the
-        controller kept something else.
+        Without an answer, the read-back decides whether the write was executed. Raises Refused if the controller stored
+        another value.
         """
         if not self.link.is_open:
             await self._connect()
@@ -91,7 +91,7 @@ class ProvedRegisters:
             await self.link.write(address, words, many=many)
         except (NoAnswer, LinkLost) as problem:
             unanswered = problem
-            kept = await self.read(address, count, function=function)  # at once: the time for an answer has passed
+            kept = await self.read(address, count, function=function)  # immediately: the timeout has already passed
         else:
             kept = await READ_BACK.until(
                 lambda: self.read(address, count, function=function), lambda kept: kept == words
@@ -101,13 +101,13 @@ class ProvedRegisters:
         if unanswered is not None:
             raise unanswered
         raise Refused(
-            self.link.device, f"the controller acknowledged a new {what} and kept another",
+            self.link.device, f"the controller acknowledged a new {what} and stored another",
             sent=spelled(words), received=spelled(kept),
             remedy="Look at the controller for a lock, a limit or a running profile.",
         )  # fmt: skip
 
     async def _prove(self) -> None:
-        """Asks on the connection as it is, each question once."""
+        """Identify on the present connection, each query sent once."""
         try:
             await self._identify()
         except DriverError:
@@ -116,5 +116,5 @@ class ProvedRegisters:
 
 
 def hexadecimal(words: Words) -> str:
-    """Words as they are on the wire."""
+    """Format words in hexadecimal, as on the wire."""
     return " ".join(f"{word:04x}" for word in words)

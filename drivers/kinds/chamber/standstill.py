@@ -1,11 +1,11 @@
-"""When a measured value is frozen: bit-identical for ten minutes of a moving set point."""
+"""Detection of a frozen process value: bit-identical for ten minutes of a moving set point."""
 
 from __future__ import annotations
 
 import math
 
 STANDSTILL_S = 600.0
-SET_POINT_STANDS_S = 60.0  # a set point without a change for so long is at rest
+SET_POINT_STANDS_S = 60.0  # a set point unchanged for so long is at rest
 
 
 class StandstillWatch:
@@ -19,7 +19,7 @@ class StandstillWatch:
         self._same_since_s = self._moved_at_s = -math.inf
 
     def frozen(self, at_s: float, process_value: float, set_point: float) -> bool:
-        """Take the values of one poll, at the loop time `at_s`; return whether the process value is frozen."""
+        """Evaluate one poll at the loop time `at_s`; return whether the process value is frozen."""
         if process_value != self._process_value or at_s - self._moved_at_s > SET_POINT_STANDS_S:
             self._same_since_s = at_s
         if set_point != self._set_point:

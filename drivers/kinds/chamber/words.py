@@ -12,28 +12,28 @@ WordOrder = Literal["low_first", "high_first"]
 
 
 def float32_words(value: float, order: WordOrder) -> Words:
-    """The two words of a float32; OverflowError when it does not fit one."""
+    """Encode a float32 into two words; OverflowError if it does not fit."""
     high, low = struct.unpack(">HH", struct.pack(">f", value))
     return (low, high) if order == "low_first" else (high, low)
 
 
 def float32_value(words: Sequence[int], order: WordOrder) -> float:
-    """The float32 in two words; ValueError unless it is finite."""
+    """Decode the float32 in two words; ValueError unless it is finite."""
     first, second = words
     high, low = (second, first) if order == "low_first" else (first, second)
     value: float = struct.unpack(">f", struct.pack(">HH", high, low))[0]
     if not math.isfinite(value):
-        raise ValueError(f"{value} is not a number that can be measured or set")
+        raise ValueError(f"{value} is not a finite number")
     return value
 
 
 def int16_word(value: int) -> int:
-    """The word of a number with a sign; OverflowError when it does not fit one."""
+    """Encode a signed integer into a word; OverflowError if it does not fit."""
     if not -0x8000 <= value <= 0x7FFF:
         raise OverflowError(f"{value} does not fit a signed word")
     return value & 0xFFFF
 
 
 def int16_value(word: int) -> int:
-    """The number with a sign in a word."""
+    """Decode a word as a signed integer."""
     return word - 0x10000 if word & 0x8000 else word

@@ -1,1 +1,1 @@
-"""Devices that send CAN frames by themselves."""
+"""Devices that send CAN frames unsolicited."""

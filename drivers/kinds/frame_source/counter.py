@@ -1,4 +1,4 @@
-"""What drivers of pulse counters that run freely have in common, whatever their frames are."""
+"""Common part of drivers of free-running pulse counters, independent of their frame format."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from drivers.values import Heard
 
 FIRST_FRAME_S = 3.0
 Newest = Mapping[str, tuple[float, tuple[int, int]]]
-"""By channel: when its last frame arrived, and the counts in it."""
+"""By channel: arrival time of its last frame, and its counts."""
 
 
 class FreeCounter(FrameDriver[OptionsT]):
-    """Counters that run freely; nothing is ever sent to them.
+    """Free-running counters; the driver never sends.
 
     A subclass gives the message of latches, its period and the fields of temperatures, and reads blocks. Lifetime: a
-    task of its own takes frames in from entry to exit. A problem is raised by the next `poll` and by a running
+    task of its own receives frames from entry to exit. A problem is raised by the next `poll` and by a running
     acquisition.
     """
 
@@ -37,31 +37,31 @@ class FreeCounter(FrameDriver[OptionsT]):
         super().__init__(setup)
         self._period_s, self._channels = period_s, channels
         self._last_latch_s = 0.0
-        self._last_numbers: list[int] = []  # of the last latches
-        self._counts: dict[str, tuple[int, int]] = {}  # the newest of each channel
+        self._last_numbers: list[int] = []  # sequence numbers of the last latches
+        self._counts: dict[str, tuple[int, int]] = {}  # newest counts of each channel
 
     async def __aenter__(self) -> Self:
-        """Opens the channel and waits for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
+        """Open the channel and wait for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
         self._begin(await self._open())
         return self
 
     @property
     @abstractmethod
     def _latch(self) -> Message:
-        """The message that comes once in a period."""
+        """Message of the latch, sent once per period."""
 
     @property
     @abstractmethod
     def _temperatures(self) -> Mapping[str, Field]:
-        """The fields with temperatures, by the names of the readings."""
+        """Temperature fields, by reading name."""
 
     @abstractmethod
     def _latches(self, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
-        """Raw numbers of the latches in a block, and when they arrived."""
+        """Raw numbers and arrival times of the latches in a block."""
 
     @abstractmethod
     def _newest(self, block: FrameBlock) -> Newest:
-        """The newest counts in a block, without channels that have none."""
+        """Newest counts in a block, without channels that have none."""
 
     async def _open(self) -> FrameLink:
         link = await self._setup.wires.frames(self.name, self._setup.address)
@@ -86,25 +86,25 @@ class FreeCounter(FrameDriver[OptionsT]):
         self._heard = dict.fromkeys(self._channels, Heard(loop.time(), loop.time()))
 
     def _no_latch(self, heard: Collection[int]) -> NoAnswer:
-        """Lists the frames received instead of a latch."""
+        """NoAnswer error that lists the frames received instead of a latch."""
         latch = self._latch
         problem = (
             f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
         )
         if heard:
-            remedy = "Check that the options in the bench file, such as the DBC, are those of this counter."
+            remedy = "Check that the options in the bench file, such as the DBC, fit this counter."
             return NoAnswer(self.name, problem, received=frames_named(heard), remedy=remedy)
         remedy = "Check that the converter is on, the bus is terminated, and the bit rate is right."
         return NoAnswer(self.name, problem, received="no frame at all", remedy=remedy)
 
     def _look(self, block: FrameBlock) -> None:
-        """Takes readings and the newest counts from a block; raises when something is wrong with it."""
+        """Decode readings and the newest counts of a block; raises if the block has a problem."""
         self._keep_readings(self._temperatures, block)
         self._watch(block)
         self._listen(block)
 
     def _watch(self, block: FrameBlock) -> None:
-        """Raises when latches have stopped coming, or come with one sequence number."""
+        """Raise if latches have stopped, or repeat one sequence number."""
         sequence, at_s = self._latches(block)
         if len(sequence):
             self._last_latch_s = float(at_s[-1])

@@ -1,4 +1,4 @@
-"""How a driver takes frames in that are sent to it unasked: in time, without losing one, and cut at an acquisition."""
+"""Intake of unsolicited frames: in time, without loss, and divided at the limits of an acquisition."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from drivers.transport.frame_link import FrameLink
 from drivers.values import Heard, Identity, Reading
 
 SILENT_PERIODS = 25
-STANDING_FRAMES = 3  # as many with one sequence number mean that the sender is frozen
+STANDING_FRAMES = 3  # so many frames with one sequence number mean that the sender is frozen
 ERRORS_TOLD_EVERY_S = 60.0
-MOST_NAMED = 8  # of the frames received instead of others
+MOST_NAMED = 8  # listed when other frames than the expected ones arrive
 
 FormatT = TypeVar("FormatT")
 
@@ -32,9 +32,9 @@ FormatT = TypeVar("FormatT")
 class FrameIntake:
     """Takes frames from a link periodically, more often during an acquisition.
 
-    Every block is shown to `look`; what that raises, or the link, ends the intake and the acquisition under way, and is
-    raised by `check` from then on. So does a bus that is off, or was; of other error frames `note` is told, seldom.
-    Lifetime: from `begin` to `end` a task of its own takes the frames in.
+    Every block is passed to `look`; an error of that or of the link ends the intake and the running acquisition, and is
+    raised by `check` from then on. So does a bus-off state, even a past one; other error frames are passed to `note`,
+    at long intervals. Lifetime: from `begin` to `end` a task of its own receives the frames.
     """
 
     def __init__(
@@ -51,38 +51,38 @@ class FrameIntake:
         self.acquiring_since_s: float | None = None
 
     def begin(self) -> None:
-        """Frames are taken in from now on."""
+        """Start the intake."""
         self._task = asyncio.create_task(self._take_in(), name=f"{self._name} intake")
 
     async def end(self) -> None:
-        """No frame is taken in any more, and the link is closed."""
+        """Stop the intake and close the link."""
         self._task.cancel()
         await asyncio.wait([self._task])
         self._link.close()
 
     async def news(self) -> None:
-        """Return when frames have been taken in since the last call, or the link is lost."""
+        """Return when frames were taken in since the last call, or the link is lost."""
         await self._news.wait()
         self._news.clear()
 
     @property
     def is_lost(self) -> bool:
-        """Whether the link is lost and no acquisition has yet to be notified."""
+        """True if the link is lost and no acquisition has yet to be notified."""
         return isinstance(self._failure, LinkLost) and self._acquisition is None
 
     def check(self) -> None:
-        """Raises what has gone wrong with the frames."""
+        """Raise the error of the intake, if there is one."""
         if self._failure is not None:
             raise self._failure
 
     @asynccontextmanager
     async def acquire(self, block_s: float | None) -> AsyncIterator[AsyncIterator[FrameBlock]]:
-        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
+        """Context manager whose value yields blocks of all frames between entry and exit, the last one after exit.
 
-        They are taken every `block_s`, or more often where the link must not be left with them so long.
+        Blocks are taken every `block_s`, or more often if the link cannot buffer so long.
         """
         if self._acquisition is not None:
-            raise InstrumentFault(self._name, "an acquisition is under way already")
+            raise InstrumentFault(self._name, "an acquisition is already running")
         self.absorb()
         self.check()
         blocks = self._acquisition = _Blocks(math.inf if block_s is None else block_s)
@@ -91,7 +91,7 @@ class FrameIntake:
         try:
             yield blocks
             self.absorb()
-            self.absorb()  # a lost link reports this after its last frames
+            self.absorb()  # a lost link raises this after its last frames
         finally:
             self._acquisition = self.acquiring_since_s = None
             blocks.end(self._failure)
@@ -107,12 +107,12 @@ class FrameIntake:
 
     @property
     def _block_s(self) -> float:
-        """How long frames are left with the link from now on."""
+        """Time for which frames stay buffered in the link."""
         link_s = self._link.block_s
         return max(IDLE_BLOCK_S, link_s) if self._acquisition is None else min(link_s, self._acquisition.block_s)
 
     def look_now(self) -> None:
-        """Takes in what has arrived by now; raises what has gone wrong with the frames."""
+        """Take in the frames that have arrived; raises the error of the intake."""
         if asyncio.get_running_loop().time() > self._taken_s:
             self._take()
         self.check()
@@ -123,7 +123,7 @@ class FrameIntake:
         self._take()
 
     def _take(self) -> None:
-        """Takes what has arrived by now; a fault ends the intake and the acquisition."""
+        """Take the frames that have arrived; a fault ends the intake and the acquisition."""
         if self._failure is not None:
             return
         self._taken_s = asyncio.get_running_loop().time()
@@ -135,12 +135,12 @@ class FrameIntake:
             self._look(block)
         except DriverError as problem:
             self._failure = self._better(problem)
-            self._link.close()  # or frames would go on piling up
+            self._link.close()  # otherwise frames would accumulate
             if self._acquisition is not None:
                 self._acquisition.end(self._failure)
 
     def _better(self, problem: DriverError) -> DriverError:
-        """The problem, or why no frame comes where the link knows that."""
+        """The problem, or the reason for the silence if the link knows it."""
         if isinstance(problem, NoAnswer):
             try:
                 self._link.take()
@@ -149,13 +149,13 @@ class FrameIntake:
         return problem
 
     def _look_at_errors(self, block: FrameBlock) -> None:
-        """Report error frames; raises LinkLost if the adapter is off the bus, or was meanwhile."""
+        """Report error frames; raises LinkLost if the adapter is bus-off, or was."""
         classes = error_classes(block)
         if not len(classes):
             return
         if (classes & (BUS_OFF | RESTARTED)).any():
             raise LinkLost(
-                self._name, f"the bus is off, or was: the adapter has left it ({in_words(classes.tolist())})",
+                self._name, f"the adapter is, or was, bus-off ({in_words(classes.tolist())})",
                 remedy="Check the wiring, the termination and the bit rate; restart the adapter, then run again.",
             )  # fmt: skip
         self._errors += len(classes)
@@ -190,13 +190,13 @@ class _Blocks(AsyncIterator[FrameBlock]):
 
 
 class FrameDriver(ABC, Generic[OptionsT]):
-    """Common part of drivers that only receive.
+    """Common part of receive-only drivers.
 
-    A subclass opens its link with `_open`, begins with `_begin`, and looks at every block with `_look`: it keeps
-    `_readings`, new ones by channel, and `_heard`, and raises what is wrong with a block.
+    A subclass opens its link with `_open`, starts with `_begin`, and processes every block with `_look`, which updates
+    `_readings` (new ones by channel) and `_heard`, and raises if the block has a problem.
 
-    A poll connects again when the link was lost: at once, then after longer and longer pauses. An acquisition does not,
-    and the one under way when the link is lost fails: no block goes over the gap.
+    A poll reconnects a lost link: at once, then after increasing pauses. An acquisition does not, and fails if the link
+    is lost: no block spans the gap.
     """
 
     def __init__(self, setup: Setup[OptionsT, Nothing, Nothing]) -> None:
@@ -210,11 +210,11 @@ class FrameDriver(ABC, Generic[OptionsT]):
         self._pauses = Pauses()
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the channel."""
+        """Close the channel."""
         await self._intake.end()
 
     async def identify(self) -> Identity:
-        """The identity stated in the bench file; the fingerprint is that of the frames' description."""
+        """Identity stated in the bench file; the fingerprint is that of the frame description."""
         stated = self._setup.identity
         return Identity(
             maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
@@ -222,7 +222,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
         )  # fmt: skip
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """Temperatures in the frames until now since the last poll; raises what has gone wrong with the frames."""
+        """Temperatures received since the last poll; raises the error of the intake."""
         if self._intake.is_lost and self._pauses.left_s() <= 0:
             await self._connect_again()
         self._intake.look_now()
@@ -230,34 +230,34 @@ class FrameDriver(ABC, Generic[OptionsT]):
         return readings
 
     async def news(self) -> None:
-        """Return when `poll` may return something new: frames have been taken in, or there is a problem."""
+        """Return when `poll` may return something new: frames were taken in, or there is a problem."""
         await self._intake.news()
 
     def take_in(self) -> None:
-        """Takes in what has arrived by now, so that `news` returns."""
+        """Take in the frames that have arrived, so that `news` returns."""
         self._intake.absorb()
 
     def heard(self) -> Mapping[str, Heard]:
-        """Time of the last frame of each channel, as far as frames have been taken in."""
+        """Time of the last frame of each channel, as far as frames were taken in."""
         return self._heard
 
     async def make_safe(self) -> None:
-        """Nothing to do: who only listens energises nothing."""
+        """Do nothing: a receiver energises nothing."""
 
     def acquire(self, *, block_s: float | None = None) -> AbstractAsyncContextManager[AsyncIterator[FrameBlock]]:
-        """Blocks of all frames that arrive between entry and exit; iterate on after the exit for the last one.
+        """Context manager whose value yields blocks of all frames between entry and exit, the last one after exit.
 
-        They are taken every `block_s`, or more often where the link must not be left with them so long.
+        Blocks are taken every `block_s`, or more often if the link cannot buffer so long.
         """
         return self._intake.acquire(block_s)
 
     @abstractmethod
     async def _open(self) -> FrameLink:
-        """A link from which frames come; raises CannotConnect, NoAnswer, LinkLost."""
+        """Open a link that delivers frames; raises CannotConnect, NoAnswer, LinkLost."""
 
     @abstractmethod
     def _look(self, block: FrameBlock) -> None:
-        """Take in the content of a block; raises if it has a problem."""
+        """Process the content of a block; raises if it has a problem."""
 
     def _begin(self, link: FrameLink) -> None:
         self._intake = FrameIntake(self.name, link, self._look, self._setup.note)
@@ -268,7 +268,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
         try:
             link = await self._open()
             try:
-                link.take()  # what has come by now belongs to nothing; raises where the link is gone again
+                link.take()  # frames received until now belong to no acquisition; raises if the link is lost again
                 await self._intake.end()
             except BaseException:
                 link.close()
@@ -286,7 +286,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
 
 
 def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[FormatT, str]:
-    """The result of `bind` for a DBC, and a fingerprint of its text; BadAnswer if it contradicts the bench file."""
+    """Result of `bind` for a DBC, and a fingerprint of its text; BadAnswer if it contradicts the bench file."""
     text = text_of(dbc)
     try:
         form = bind(Dbc(text))
@@ -296,7 +296,7 @@ def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[
 
 
 def frames_named(ids: Iterable[int]) -> str:
-    """Received frames, for a message; not all if there are many."""
+    """List received frames for a message; shortened if there are many."""
     frames = {frame_id for frame_id in ids if not frame_id & ERROR}
     errors = [frame_id & (ERROR - 1) for frame_id in ids if frame_id & ERROR]
     named = [f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(frames)[:MOST_NAMED]]

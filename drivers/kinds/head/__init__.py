@@ -1,1 +1,1 @@
-"""What indexing heads on a controller have in common: a dialect tells how an axis is spoken to, `Head` decides."""
+"""Common part of indexing heads on a controller: `Head` decides, a dialect translates it into messages."""

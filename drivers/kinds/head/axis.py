@@ -1,4 +1,4 @@
-"""What a dialect of a motion controller has to be able to do."""
+"""Interface of a dialect of a motion controller."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ READ_BACK = ReadBack()
 
 @dataclass(frozen=True, slots=True)
 class AxisState:
-    """What a controller says of an axis; `words` are its own, where it has any."""
+    """State of an axis reported by a controller; `words` are its own text, if any."""
 
     homed: bool
     enabled: bool
@@ -26,7 +26,7 @@ class AxisState:
 
 @dataclass(frozen=True, slots=True)
 class OwnLimits:
-    """What a controller itself allows an axis."""
+    """The controller's own limits of an axis."""
 
     min_deg: float
     max_deg: float
@@ -34,51 +34,51 @@ class OwnLimits:
 
 
 class Axis(Protocol):
-    """One axis of one controller. Nothing here decides; every method is a few exchanges.
+    """One axis of one controller, without decisions; every method is a few exchanges.
 
-    `limits` are the controller's own, once it is open and where it tells them; `takes` are of what enters a result.
-    Concurrency: callers queue for the line.
+    `limits` are the controller's own, known after `open` if it reports them; `takes` confirms readings that enter a
+    result. Concurrency: callers queue for the line.
     """
 
     limits: OwnLimits | None
     takes: Takes
 
     async def open(self) -> None:
-        """Connects and identifies; raises CannotConnect, WrongIdentity."""
+        """Connect and identify; raises CannotConnect, WrongIdentity."""
 
     async def reopen(self) -> None:
-        """Connects again if the wire was lost; else nothing."""
+        """Reconnect if the connection was lost; else do nothing."""
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
 
     async def identify(self) -> Identity:
-        """Who is there, the same as before; raises WrongIdentity."""
+        """Query the identity; raises WrongIdentity if it has changed."""
 
     async def angle(self) -> Reading:
-        """The encoder's angle (°)."""
+        """Encoder angle (°)."""
 
     async def state(self) -> AxisState:
-        """Whether it is homed, energised, moves, stands."""
+        """State: homed, energised, moving, at rest."""
 
     async def check_faults(self) -> None:
-        """Raises InstrumentFault with what the controller says of the axis; acknowledges nothing."""
+        """Raise InstrumentFault with the faults reported for the axis; acknowledges nothing."""
 
     async def enable(self) -> None:
-        """Energises the motor; raises Refused unless the state says so afterwards."""
+        """Energise the motor; raises Refused unless the state confirms it."""
 
     async def prepare(self, rate_dps: float) -> None:
-        """Tells the controller how moves are to be made, where that is said before them; raises Refused."""
+        """Send motion settings that precede moves, if the controller has any; raises Refused."""
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
-        """Sends the axis to an angle, once, at a rate that it was prepared for; says nothing else before.
+        """Start a move to an angle at the prepared rate, as a single command sent once.
 
-        Returns when the controller has accepted the move, or has done it, or within `answer_s` when the answer is
-        missing: the angle decides. Raises Refused, InstrumentFault.
+        Returns when the controller has accepted or finished the move, or after `answer_s` if the answer is missing: the
+        caller decides by the angle. Raises Refused, InstrumentFault.
         """
 
     async def abort(self) -> None:
-        """Lets the axis decelerate and hold; raises Refused."""
+        """Decelerate and hold; raises Refused."""
 
     def abort_at_once(self) -> None:
-        """As `abort`, before anything else that is to be said, and no move that waits is sent; raises LinkLost."""
+        """As `abort`, ahead of all queued messages; queued moves are not sent any more. Raises LinkLost."""

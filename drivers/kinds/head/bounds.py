@@ -1,4 +1,4 @@
-"""The angles that a bench file allows a head, refused before anything is sent to it or asked of anybody."""
+"""Angle limits of the bench file for a head, checked before a command or a prompt is sent."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from drivers.kinds.head.description import AngleRange
 
 
 def check_angle(device: str, what: str, angle_deg: float, allowed: AngleRange) -> None:
-    """Raises BeyondLimit for an angle outside `allowed`; `what` it is stands before it."""
+    """Raise BeyondLimit for an angle outside `allowed`; `what` names the angle in the message."""
     if not allowed.min <= angle_deg <= allowed.max:
         raise BeyondLimit(
             device, f"{what} {angle_deg:g}° is outside {allowed.min:g}° to {allowed.max:g}°",

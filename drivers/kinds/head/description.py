@@ -1,4 +1,4 @@
-"""Bench file keys of an indexing head, whatever controller it has."""
+"""Bench file keys of an indexing head with any controller."""
 
 from __future__ import annotations
 
@@ -13,40 +13,40 @@ from drivers.timing.busy import BUSY_S
 
 
 class HeadOptions(StrictModel):
-    """How the axis is moved; from `rate` and `acceleration` follows how long a move may take."""
+    """Motion settings of the axis; the time limit of a move follows from `rate` and `acceleration`."""
 
-    rate: DegreesPerSecond = Field(description="of every move")
+    rate: DegreesPerSecond = Field(description="of all moves")
     settle: SettleOptions
     approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = Field(
-        2.0, description="how far from its target an approach from one side begins"
+        2.0, description="distance from the target at which an approach from one side begins"
     )
     acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="the controller's own setting")
     poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(
-        0.1, description="how often an axis that has nearly arrived is looked at"
+        0.1, description="poll interval near the end of a move"
     )
 
 
 class AngleRange(Range):
-    """From `min` to `max`, both allowed; not taken modulo a turn, since cables are not."""
+    """From `min` to `max`, inclusive; not modulo a turn, because cables wind up."""
 
     min: Degrees
     max: Degrees
 
 
 class HeadLimits(StrictModel):
-    """What the bench allows the axis; the controller's own limits hold as well."""
+    """Limits of the axis on this bench; the controller's own limits apply as well."""
 
     angle: AngleRange
     rate: RateRange
 
 
 def busy_s(options: HeadOptions, limits: HeadLimits) -> float:
-    """The longest move, with an approach from one side, where the controller answers at its end; and a dialogue."""
+    """Duration of the longest move, with an approach from one side, answered at its end; plus a dialogue."""
     way_deg = limits.angle.max - limits.angle.min + 2 * options.approach_distance
     settle = options.settle
     return BUSY_S + way_deg / options.rate + 2 * options.rate / options.acceleration + settle.hold + settle.give_up
 
 
 def safe_state(options: HeadOptions, limits: HeadLimits, _safe: object) -> SafeState:
-    """At rest, from the fastest rate that the bench file allows."""
+    """At rest, from the maximum rate of the bench file."""
     return at_rest(limits.rate.max, options.acceleration)

@@ -1,4 +1,4 @@
-"""An indexing head on any controller: goes to angles, from a stated side, and proves that it stands there."""
+"""An indexing head on any controller: moves to angles, from a stated side, and proves that it stands there."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from drivers.values import Identity, Reading
 class Head:
     """One axis, moved by the commands of its controller; a Positioner.
 
-    It never homes the axis and never acknowledges a fault: both are for a person at the controller. A move is sent
-    once; when its answer is missing, the feedback decides what has become of it.
+    It never homes the axis and never acknowledges a fault: a person at the controller has to do both. A move is sent
+    once; if its answer is missing, the feedback decides.
 
-    Concurrency: a new move, `stop` and `make_safe` end the move under way, which then raises Refused.
+    Concurrency: a new move, `stop` and `make_safe` supersede the running move, which then raises Refused.
     """
 
     def __init__(self, name: str, axis: Axis, options: HeadOptions, limits: HeadLimits) -> None:
@@ -33,10 +33,10 @@ class Head:
         self._options, self._limits = options, limits
         self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
-        self._latest: Latest[float] = Latest(name, "move")  # its result is the angle at which it stands
+        self._latest: Latest[float] = Latest(name, "move")  # its result is the angle of the axis
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies; BeyondLimit when the rate of the options is above what may be or what can be."""
+        """Connect and identify; BeyondLimit if the rate of the options exceeds a limit."""
         if self._options.rate > self._limits.rate.max:
             raise BeyondLimit(
                 self.name, f"the rate {self._options.rate:g} °/s is above the limit of {self._limits.rate.max:g} °/s",
@@ -53,36 +53,36 @@ class Head:
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the connection; the axis stays as it is."""
+        """Close the connection; the axis keeps its state."""
         self._axis.close()
 
     async def identify(self) -> Identity:
-        """Who is there, the same as before; raises WrongIdentity."""
+        """Query the identity; raises WrongIdentity if it has changed."""
         return await self._axis.identify()
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """The angle; InstrumentFault when the axis has a fault, or does not stand where it was sent."""
+        """Angle; InstrumentFault if the axis has a fault, or does not stand where it was sent."""
         reading = await self.angle()
         await self._axis.check_faults()
         target_deg = self._latest.result
         if target_deg is not None and abs(reading.value - target_deg) > ASTRAY_BANDS * self._band_deg:
             raise InstrumentFault(
                 self.name, f"the axis stands at {reading.value:.5f}°, it was sent to {target_deg:.5f}°",
-                remedy="Look for who else moves it: a joystick, another program, a hand.",
+                remedy="Find out what else moves it: a joystick, another program, a hand.",
             )  # fmt: skip
         return {"angle": [reading]}
 
     async def angle(self) -> Reading:
-        """The encoder's angle now (°)."""
-        # An axis that is not known to stand may move between two takes.
+        """Encoder angle (°)."""
+        # The axis may move between two takes unless it is known to be at rest.
         return await self._agreed_angle(0.0 if self._latest.result is not None else self._limits.rate.max)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Move to `angle_deg` and settle; return the angle read back after a further `settle_s`.
 
-        `from_below` and `from_above` begin at least `approach_distance` on that side, also when the axis stands at
-        the angle already, so that every visit is approached alike. Raises BeyondLimit before anything is sent;
-        Refused or InstrumentFault from the controller; NotSettled when the axis does not come to stand in its band.
+        `from_below` and `from_above` begin at least `approach_distance` on that side, even if the axis is at the angle
+        already, so that every visit has the same approach. Raises BeyondLimit before anything is sent; Refused or
+        InstrumentFault from the controller; NotSettled if the axis does not settle in its band.
         """
         begin_deg = begin_of(angle_deg, approach, self._options.approach_distance)
         self._check_angle("the angle", angle_deg)
@@ -101,15 +101,15 @@ class Head:
         return reading
 
     async def stop(self) -> None:
-        """Decelerates and holds; returns when the axis no longer moves."""
+        """Decelerate and hold; return when the axis is at rest."""
         self._latest.begin()
         await self._axis.abort()
         await self._come_to_rest()
 
     async def make_safe(self) -> None:
-        """Stops the axis where it is, within `safe_state`: no homing, no move, and the servo stays as it is.
+        """Stop the axis where it is, within `safe_state`: no homing, no move, and the servo keeps its state.
 
-        Proved by the status. Raises NoAnswer when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
+        Proved by the status. Raises NoAnswer if it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
         """
         self._latest.begin()
         async with safe_in_time(self.name, self._safe_within_s):
@@ -118,7 +118,7 @@ class Head:
             await self._come_to_rest()
 
     async def _agreed_angle(self, slope_dps: float) -> Reading:
-        """The angle; two takes of it are no further apart than the band, and what `slope_dps` makes between them."""
+        """Confirmed angle: two takes agree within the band plus the motion at `slope_dps` between them."""
 
         def alike(one: Reading, other: Reading) -> bool:
             return abs(other.value - one.value) <= self._band_deg + slope_dps * abs(other.at_s - one.at_s)
@@ -137,15 +137,15 @@ class Head:
             )  # fmt: skip
 
     async def _make_ready(self, order: Order) -> None:
-        """Enables the axis if need be, and tells it how to move.
+        """Enable the axis if necessary, and send its motion settings.
 
-        Raises InstrumentFault when it has a fault or has not been homed.
+        Raises InstrumentFault if it has a fault or is not homed.
         """
         await self._axis.check_faults()
         state = await self._axis.state()
         if not state.homed:
             raise InstrumentFault(
-                self.name, "the axis has not been homed, so its angles mean nothing", received=state.words,
+                self.name, "the axis has not been homed, so its angles are undefined", received=state.words,
                 remedy="Home it at the controller, where you can see it move.",
             )  # fmt: skip
         order.check()
@@ -154,7 +154,7 @@ class Head:
         await self._axis.prepare(self._options.rate)
 
     async def _go(self, order: Order, target_deg: float, *, hold_s: float) -> None:
-        """Send the axis to an angle once, and return when it has been there for `hold_s`."""
+        """Move the axis to an angle once, and return when it has been there for `hold_s`."""
         options = self._options
         start_deg = (await self._axis.angle()).value
         travel_s = abs(target_deg - start_deg) / options.rate + options.rate / options.acceleration
@@ -164,7 +164,7 @@ class Head:
         await self._stand(order, target_deg, hold_s, deadline)
 
     async def _stand(self, order: Order, target_deg: float, hold_s: float, deadline: Deadline) -> None:
-        """Returns when the axis has stood within its band of the target for `hold_s`."""
+        """Return when the axis has been within its band of the target for `hold_s`."""
         hold = Hold(hold_s)
         while True:
             state, reading = await self._axis.state(), await self._axis.angle()
@@ -172,8 +172,8 @@ class Head:
             order.check()
             if not state.enabled:
                 raise InstrumentFault(
-                    self.name, f"the axis was disabled on its way to {target_deg:g}°", received=state.words,
-                    remedy="Look for who disabled it, then run again.",
+                    self.name, f"the axis was disabled during the move to {target_deg:g}°", received=state.words,
+                    remedy="Find out what disabled it, then run again.",
                 )  # fmt: skip
             at_rest = state.in_position and not state.moving
             off_deg = abs(reading.value - target_deg)
@@ -184,7 +184,7 @@ class Head:
             await asyncio.sleep(pause_s(self._options.poll, off_deg / self._options.rate))
 
     async def _come_to_rest(self) -> None:
-        """Returns when the axis no longer moves; raises NotSettled."""
+        """Return when the axis is at rest; raises NotSettled."""
         deadline = Deadline(self._options.settle.give_up)
         while (await self._axis.state()).moving:
             if deadline.passed:

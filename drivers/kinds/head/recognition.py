@@ -1,4 +1,4 @@
-"""What an indexing head that a scan has found may do, until somebody says more."""
+"""Conservative limits of an indexing head found by a scan."""
 
 from __future__ import annotations
 

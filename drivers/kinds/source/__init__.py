@@ -1,1 +1,1 @@
-"""Current sources that are spoken to in SCPI: what their dialects share."""
+"""Common part of current sources with SCPI."""

@@ -19,7 +19,7 @@ StateT = TypeVar("StateT", bound=OutputState[Setting])
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What the options of a bench file allow: one range, and levels and compliances (from, to)."""
+    """Limits from the options of a bench file: one range, and levels and compliances (from, to)."""
 
     range_a: float
     most_a: float
@@ -40,22 +40,22 @@ class ScpiSource(ScpiOutput[StateT, Setting]):
         self._limits, self._bounds = setup.limits, bounds
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """The current that flows; InstrumentFault when the source has a fault or is no longer set as it was."""
+        """Output current; InstrumentFault if the source has a fault or settings have changed."""
         state = await self._agreed_state()
         self._compare(state)
         return {"current": [Reading(asyncio.get_running_loop().time(), state.setting.flowing_a)]}
 
     async def read(self) -> SourceReading:
-        """The level while the output is on, else 0; neither current nor voltage is measured."""
+        """Level while the output is on, else 0; neither current nor voltage is measured."""
         setting = (await self._agreed_state()).setting
         return SourceReading(None, setting.flowing_a, setting.output)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
-        """Sets range, compliance (`limit`, V) and level (A), reads them back, then switches the output on.
+        """Set range, compliance (`limit`, V) and level (A), read them back, then switch the output on.
 
-        With `output` False only goes to 0 A and switches off. Raises BeyondLimit before anything is sent, Refused when
-        the source does not take a setting, InstrumentFault for what its dialect tells of: an open interlock, a load
-        that does not take the current, over-temperature.
+        With `output` False it only goes to 0 A and switches off. Raises BeyondLimit before anything is sent, Refused if
+        a setting is rejected, InstrumentFault for the faults of its dialect: an open interlock, a load that does not
+        take the current, over-temperature.
         """
         if output:
             self._check_limits(level, limit)

@@ -1,4 +1,4 @@
-"""An output that is set over SCPI, by one command after the other until it is as wanted, and watched from then on."""
+"""An output that is set over SCPI, command by command until it is as wanted, and monitored from then on."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ READ_BACK = ReadBack()
 
 
 class OutputSetting(Protocol):
-    """What an output is set to; its `str` is for a person."""
+    """Setting of an output; its `str` is for messages."""
 
     @property
     def output(self) -> bool:
-        """Whether it is on."""
+        """True if the output is on."""
 
     def switched_off(self) -> Self:
         """The same with the output off."""
@@ -33,20 +33,20 @@ SettingT_co = TypeVar("SettingT_co", bound=OutputSetting, covariant=True)
 
 
 class OutputState(Protocol[SettingT_co]):
-    """One look at an instrument: what its output is set to, beside what else its dialect tells."""
+    """State of an instrument: the setting of its output, and further values of its dialect."""
 
     @property
     def setting(self) -> SettingT_co:
-        """What it is set to."""
+        """Setting of the output."""
 
 
 StateT = TypeVar("StateT", bound=OutputState[Any])
 
 
 class Fault(NamedTuple):
-    """Something wrong with an output: in words, with what the instrument said and what to do.
+    """A fault of an output: text, the instrument's status, and the remedy.
 
-    `always` is for what matters with the output off as well.
+    `always` marks faults that matter with the output off, too.
     """
 
     problem: str
@@ -57,9 +57,9 @@ class Fault(NamedTuple):
 
 @dataclass(frozen=True)
 class Dialect(Generic[StateT, SettingT]):
-    """How one make is spoken to: what makes its output safe at once, one question for its state, and the next command.
+    """Commands of one make: cut-off, state query, and the next command on the way to a setting.
 
-    `read_back` is how long a setting may be told as it was before.
+    `read_back` is the time for which an old setting may still be reported.
     """
 
     cut_off: str
@@ -71,14 +71,14 @@ class Dialect(Generic[StateT, SettingT]):
 
 
 class ScpiOutput(Generic[StateT, SettingT]):
-    """The part of a Source that all kinds share.
+    """Common part of all Sources.
 
-    `_kind` is what a person calls it, `_stuck` where he looks when a setting is not carried out.
+    `_kind` is its name in messages, `_stuck` the advice if a setting is not executed.
 
-    Every command is sent once and what it did is read back. Every poll compares the settings with the last ones sent:
-    a second master is a fault, not a discussion.
+    Every command is sent once and read back. Every poll compares the settings with the last ones sent: a second master
+    is a fault and is not overridden.
 
-    Concurrency: a new `set` and `make_safe` end the `set` under way, which then raises Refused.
+    Concurrency: a new `set` and `make_safe` supersede the running `set`, which then raises Refused.
     """
 
     _kind: ClassVar[str]
@@ -87,25 +87,25 @@ class ScpiOutput(Generic[StateT, SettingT]):
     def __init__(self, setup: Setup[Any, Any, Any], dialect: Dialect[StateT, SettingT], *, end: bytes = b"\n") -> None:
         self.name, self._dialect = setup.name, dialect
         self._link = ScpiLink(setup, end=end)
-        self._latest: Latest[SettingT] = Latest(setup.name, "setting")  # its result was read back
+        self._latest: Latest[SettingT] = Latest(setup.name, "setting")  # setting that was read back
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies; raises CannotConnect or WrongIdentity."""
+        """Connect and identify; raises CannotConnect or WrongIdentity."""
         await self._link.open()
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the wire; the output stays as it is."""
+        """Close the wire; the output stays as it is."""
         self._link.close()
 
     async def identify(self) -> Identity:
-        """Who is there, by *IDN?; raises WrongIdentity."""
+        """Query the identity by *IDN?; raises WrongIdentity."""
         return await self._link.identify()
 
     async def make_safe(self) -> None:
-        """Switches the output off within 5 s, a source after it has gone to 0 A, proved by reading back.
+        """Switch the output off within 5 s, after a source has gone to 0 A, proved by reading back.
 
-        Raises NoAnswer or Refused when it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
+        Raises NoAnswer or Refused if it cannot be proved; CannotConnect, WrongIdentity after a lost wire.
         """
         order = self._latest.begin()
         async with safe_in_time(self.name):
@@ -117,13 +117,13 @@ class ScpiOutput(Generic[StateT, SettingT]):
         await self._reach(order, now, now.setting.switched_off())
 
     async def _reach(self, order: Order, now: StateT, wanted: SettingT) -> StateT:
-        """Sends one command after the other until the instrument says that it is set as wanted; that state."""
+        """Send one command after the other until the instrument reports the wanted setting; return that state."""
         sent = ""
         while step := self._dialect.next_step(now, wanted):
             order.check(sent)
             if step == sent:
                 raise Refused(
-                    self.name, "a setting was not carried out", sent=sent, received=str(now.setting),
+                    self.name, "a setting was not executed", sent=sent, received=str(now.setting),
                     remedy=self._stuck,
                 )  # fmt: skip
             await self._link.write(step)
@@ -144,7 +144,7 @@ class ScpiOutput(Generic[StateT, SettingT]):
         return await self._link.ask(self._dialect.state_query, self._dialect.read_state)
 
     def _check_faults(self, state: StateT, *, output: bool = True) -> None:
-        """Raises InstrumentFault for what is wrong, without `output` only for what always is."""
+        """Raise InstrumentFault for a fault; without `output` only for those that always matter."""
         found = [fault for fault in self._dialect.faults(state) if output or fault.always]
         if found:
             raise InstrumentFault(
@@ -153,11 +153,11 @@ class ScpiOutput(Generic[StateT, SettingT]):
             )  # fmt: skip
 
     def _compare(self, state: StateT) -> None:
-        """Raises when a fault is there that matters now, or when the setting is not the one that was made."""
+        """Raise if there is a relevant fault, or if the setting is not the last one made."""
         made = self._latest.result
         self._check_faults(state, output=made is not None and made.output)
         if made is not None and self._dialect.next_step(state, made):
             raise InstrumentFault(
                 self.name, f"the {self._kind} was set to {made}", received=str(state.setting),
-                remedy="Look for a trip, a power failure, or who else sets it.",
+                remedy="Look for a trip, a power failure, or another master.",
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a current source is set to, and the safe way from one setting to another; no I/O."""
+"""Settings of a current source, and the safe sequence from one to another; no I/O."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from drivers.protocols import scpi
 
 
 class Setting(NamedTuple):
-    """What an output is to do: in which range, at which level and compliance, and whether it is on."""
+    """Wanted setting of an output: range, level, compliance, on or off."""
 
     range_a: float
     level_a: float
@@ -17,7 +17,7 @@ class Setting(NamedTuple):
 
     @property
     def flowing_a(self) -> float:
-        """The level while the output is on, else 0."""
+        """Level while the output is on, else 0."""
         return self.level_a if self.output else 0.0
 
     def switched_off(self) -> Setting:
@@ -32,7 +32,7 @@ class Setting(NamedTuple):
 
 
 class Commands(NamedTuple):
-    """The commands of a dialect; a number follows the headers `range`, `compliance` and `level`."""
+    """Commands of a dialect; a number follows the headers `range`, `compliance` and `level`."""
 
     range: str
     compliance: str
@@ -42,25 +42,25 @@ class Commands(NamedTuple):
 
     @property
     def zero(self) -> str:
-        """Goes to 0 A."""
+        """Command: go to 0 A."""
         return f"{self.level} 0"
 
     @property
     def cut_off(self) -> str:
-        """Goes to 0 A and switches the output off."""
+        """Command: go to 0 A and switch the output off."""
         return f"{self.zero};{self.off}"
 
     def step_off(self, has: Setting) -> str:
-        """The next command on the way to 0 A with the output off, "" when it is there."""
+        """Next command on the way to 0 A with the output off, "" when it is reached."""
         if has.level_a != 0:
             return self.zero
         return self.off if has.output else ""
 
     def next_step(self, has: Setting, wanted: Setting, *, level_step_a: float, compliance_step_v: float) -> str:
-        """The next command on the way to a setting, "" when it is reached.
+        """Next command on the way to a setting, "" when it is reached.
 
         The range changes at 0 A with the output off, the polarity through 0 A; compliance and level come before the
-        output goes on, and it goes off at 0 A. The steps are what the instrument rounds to.
+        output goes on, and it goes off at 0 A. The steps are the resolutions of the instrument.
         """
         if not wanted.output:
             return self.step_off(has)
@@ -74,5 +74,5 @@ class Commands(NamedTuple):
 
 
 def _took(has: float, wanted: float, step: float) -> bool:
-    """Whether an instrument has what it was sent, rounded to its step."""
+    """Return whether an instrument has the value that was sent, rounded to its step."""
     return abs(has - float(scpi.spell(wanted))) <= 0.51 * step

@@ -1,1 +1,1 @@
-"""What rate tables have in common: a dialect tells how an axis is spoken to, `Table` decides."""
+"""Common part of rate tables: `Table` decides, a dialect translates it into messages."""

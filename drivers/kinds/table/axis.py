@@ -1,4 +1,4 @@
-"""What a dialect of a rate table has to be able to do."""
+"""Interface of a dialect of a rate table."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import NamedTuple, Protocol
 from drivers.timing.readback import ReadBack
 from drivers.values import Identity
 
-READ_BACK = ReadBack()  # from a command to the status that tells it
+READ_BACK = ReadBack()  # time from a command to the status that reflects it
 
 
 class Mode(Enum):
-    """What the servo of an axis follows, as the technician reads it."""
+    """Servo mode of an axis, with its name in messages."""
 
     OFF = "Off"
     POSITION = "Position"
@@ -22,7 +22,7 @@ class Mode(Enum):
 
 
 class Drive(Enum):
-    """Whether the motor is energised; a fault stays until a person resets it."""
+    """State of the drive; a fault stays until a person resets it."""
 
     ON = "on"
     OFF = "off"
@@ -30,11 +30,11 @@ class Drive(Enum):
 
 
 class State(NamedTuple):
-    """One look at an axis: °, over whole turns, °/s, and what it is doing.
+    """State of an axis: °, over whole turns, °/s, and motion.
 
-    `held` is whether nothing turns it any more: it may still be slowing down. `swinging` is whether a sine has its full
-    amplitude and frequency. `ours` is whether nobody else can command it; `words` are the controller's own. `stale` is
-    whether a fault has frozen what is told.
+    `held` is True if no motion is commanded: it may still be decelerating. `swinging` is True if a sine has its full
+    amplitude and frequency. `ours` is True if no other master can command it; `words` are the controller's own. `stale`
+    is True if a fault has frozen the reported values.
     """
 
     angle_deg: float
@@ -52,61 +52,61 @@ class State(NamedTuple):
 
 
 class TableAxis(Protocol):
-    """One axis of one controller. Nothing here decides; every method is a few exchanges.
+    """One axis of one controller, without decisions; every method is a few exchanges.
 
-    A controller that takes the shorter way to an angle is sent no farther than `longest_leg_deg` at once. Concurrency:
-    callers queue for the line.
+    `longest_leg_deg` limits each move of a controller that takes the shorter way to an angle. Concurrency: callers
+    queue for the line.
     """
 
     longest_leg_deg: float
 
     async def open(self) -> None:
-        """Connects and identifies; raises CannotConnect, WrongIdentity."""
+        """Connect and identify; raises CannotConnect, WrongIdentity."""
 
     async def reopen(self) -> None:
-        """Connects and identifies again if the wire was lost; else nothing."""
+        """Connect and identify again if the wire was lost; else nothing."""
 
     def close(self) -> None:
-        """Closes the wire; closing twice is harmless."""
+        """Close the wire; closing twice is harmless."""
 
     async def identify(self) -> Identity:
-        """Who is there, the same as before; raises WrongIdentity."""
+        """Query the identity; raises WrongIdentity if it has changed."""
 
     async def look(self) -> State:
-        """What the axis does now."""
+        """Read the state of the axis."""
 
     async def check_fault(self, state: State, sent: str = "") -> None:
-        """Raises InstrumentFault with its reasons when the state has a fault, which `sent` met; resets nothing."""
+        """Raise InstrumentFault with its reasons if the state has a fault, met by `sent`; resets nothing."""
 
     async def make_ready(self) -> State:
-        """Takes control and energises the drive, unless that is so already; what the axis then does.
+        """Take control and energise the drive, unless that is so already; return the state after it.
 
-        Raises InstrumentFault when a fault is latched, Refused when the drive stays off.
+        Raises InstrumentFault if a fault is latched, Refused if the drive stays off.
         """
 
     async def give_back(self) -> None:
-        """Lets others command the axis again, if this session has kept them from it."""
+        """Release control to other masters, if this session has taken it."""
 
     async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:
-        """Tells how fast a mode moves the axis and changes its rate; moves nothing."""
+        """Set rate and acceleration limits of a mode; moves nothing."""
 
     async def demand_here(self, mode: Mode, angle_deg: float) -> None:
-        """Makes the last demand of a mode the angle where the axis stands, or rate zero; moves nothing."""
+        """Set the last demand of a mode to the present angle, or to rate zero; moves nothing."""
 
     async def demand_sine(self, amplitude_deg: float, frequency_hz: float, run_up_s: float) -> None:
-        """Tells how SYNTHESIS is to swing, growing for `run_up_s`; moves nothing."""
+        """Set the sine of SYNTHESIS, which grows for `run_up_s`; moves nothing."""
 
     async def enter(self, mode: Mode) -> None:
-        """Make the servo follow the demand of a mode, once; raises Refused, InstrumentFault."""
+        """Make the servo follow the demand of a mode, sent once; raises Refused, InstrumentFault."""
 
     async def go(self, angle_deg: float) -> None:
-        """Sends the axis to an angle, once, in POSITION; raises Refused, InstrumentFault."""
+        """Move the axis to an angle in POSITION, sent once; raises Refused, InstrumentFault."""
 
     async def turn(self, rate_dps: float) -> None:
-        """Sends the axis to a rate, once, in RATE; raises Refused, InstrumentFault."""
+        """Turn the axis at a rate in RATE, sent once; raises Refused, InstrumentFault."""
 
     async def stop(self) -> None:
-        """Slows down to rate zero and holds it; raises Refused, InstrumentFault."""
+        """Decelerate to rate zero and hold it; raises Refused, InstrumentFault."""
 
     def stop_at_once(self) -> None:
-        """As `stop`, before anything else that is to be said; raises LinkLost."""
+        """As `stop`, ahead of all queued messages; raises LinkLost."""

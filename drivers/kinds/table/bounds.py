@@ -1,4 +1,4 @@
-"""What a bench file allows a rate table: angles, rates, accelerations and sines, refused before anything moves."""
+"""Limits of the bench file for a rate table: angles, rates, accelerations and sines, checked before any motion."""
 
 from __future__ import annotations
 
@@ -7,36 +7,36 @@ import math
 from drivers.errors import BeyondLimit
 from drivers.kinds.table.description import TableLimits
 
-LARGEST_SINE_DEG = 170.0  # less than half a turn either way, so that turns can be counted
+LARGEST_SINE_DEG = 170.0  # less than half a turn in either direction, so that turns can be counted
 
 
 class Bounds:
-    """The limits of one table. Everything raises BeyondLimit with what is too much, and how much is allowed."""
+    """Limits of one table. All checks raise BeyondLimit with the excessive value and the limit."""
 
     def __init__(self, device: str, limits: TableLimits) -> None:
         self._device, self._limits = device, limits
 
     @property
     def endless(self) -> bool:
-        """Whether the axis may turn on and on."""
+        """True if the axis may rotate continuously."""
         return self._limits.angle is None
 
     def check_angle(self, what: str, angle_deg: float) -> None:
-        """Whether the axis may stand at an angle."""
+        """Check an angle."""
         allowed = self._limits.angle
         if allowed is not None and not allowed.min <= angle_deg <= allowed.max:
             raise self._beyond(f"{what} {angle_deg:g}° is outside {allowed.min:g}° to {allowed.max:g}°")
 
     def check_turning(self, rate_dps: float, acceleration_dps2: float) -> None:
-        """Whether the axis may turn on at a rate, and change to it so fast."""
+        """Check a rate, and the acceleration to it."""
         if rate_dps != 0:
             self._check_most("the rate", abs(rate_dps), self._limits.rate.max, "°/s")
         self._check_most("the acceleration", acceleration_dps2, self._limits.acceleration.max, "°/s²")
         if not self.endless:
-            raise self._beyond("an axis with limits.angle cannot turn on and on")
+            raise self._beyond("an axis with limits.angle cannot rotate continuously")
 
     def check_sine(self, amplitude_deg: float, frequency_hz: float) -> None:
-        """Whether the axis may swing so: A·2πf is the sine's peak rate, A·(2πf)² its peak acceleration."""
+        """Check a sine: A·2πf is its peak rate, A·(2πf)² its peak acceleration."""
         self._check_most("the amplitude", amplitude_deg, LARGEST_SINE_DEG, "°")
         limits, omega_per_s = self._limits, 2 * math.pi * frequency_hz
         self._check_most("the frequency", frequency_hz, limits.frequency.max, "Hz")

@@ -1,4 +1,4 @@
-"""Bench file keys of a rate table, whatever controller it has."""
+"""Bench file keys of a rate table with any controller."""
 
 from __future__ import annotations
 
@@ -17,22 +17,20 @@ DegreesPerSecondSquared = Annotated[float, InUnit("°/s²", above=0)]
 
 
 class TableOptions(StrictModel):
-    """How the axis is moved."""
+    """Motion settings of the axis."""
 
-    rate: DegreesPerSecond = Field(description="of every move")
+    rate: DegreesPerSecond = Field(description="of all moves")
     acceleration: DegreesPerSecondSquared = Field(
-        description="of moves, of stops, and of changes of rate for which no other is given"
+        description="of moves, of stops, and of changes of rate without another value"
     )
     settle: SettleOptions
     rate_band: DegreesPerSecond = Field(
-        0.01, description="how far from the rate that was asked for it may turn, and how fast at rest"
+        0.01, description="maximum deviation from the commanded rate, and maximum rate at rest"
     )
     approach_distance: Annotated[float, InUnit("°", above=0, at_most=30)] = Field(
-        2.0, description="how far from its target an approach from one side begins"
+        2.0, description="distance from the target at which an approach from one side begins"
     )
-    poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(
-        0.1, description="how often a motion is looked at until it is done"
-    )
+    poll: Annotated[float, InUnit("s", above=0, at_most=5)] = Field(0.1, description="poll interval of a motion")
     encoder_resolution: Annotated[float, InUnit("arcsec", above=0)] | None = Field(
         None, description="one count of the encoder; a sine must span enough of them"
     )
@@ -42,7 +40,7 @@ class TableOptions(StrictModel):
 
 
 class AngleRange(Range):
-    """From `min` to `max`, both allowed; less than a turn apart, since the controller tells angles within one."""
+    """From `min` to `max`, inclusive; less than a turn apart, because the controller reports angles within one."""
 
     min: Degrees
     max: Degrees
@@ -55,40 +53,42 @@ class AngleRange(Range):
 
 
 class AccelerationRange(StrictModel):
-    """The fastest change of rate: `max`."""
+    """Maximum rate of change of the rate: `max`."""
 
     max: DegreesPerSecondSquared
 
 
 class FrequencyRange(StrictModel):
-    """The fastest sine: `max`."""
+    """Maximum frequency of a sine: `max`."""
 
     max: Hertz
 
 
 class TorqueRange(StrictModel):
-    """The most that the motor is asked for: `max`."""
+    """Maximum torque demanded of the motor: `max`."""
 
     max: Annotated[float, InUnit("N·m", above=0)]
 
 
 class TableLimits(StrictModel):
-    """What the bench allows the axis; the controller's own limits hold as well."""
+    """Limits of the axis on this bench; the controller's own limits apply as well."""
 
     angle: AngleRange | None = Field(None, description="without it the axis has no ends")
     rate: RateRange
     acceleration: AccelerationRange
     frequency: FrequencyRange
-    torque: TorqueRange | None = Field(None, description="of a sine, worked out from options.inertia by the check")
+    torque: TorqueRange | None = Field(
+        None, description="maximum torque of a sine, computed from options.inertia by the check"
+    )
 
 
 def busy_s(options: TableOptions, limits: TableLimits) -> float:
-    """The longest move or change of rate; and a dialogue."""
+    """Duration of the longest move or change of rate; plus a dialogue."""
     way_deg = TURN_DEG if limits.angle is None else limits.angle.max - limits.angle.min
     motion_s = (way_deg + 2 * options.approach_distance) / options.rate + 2 * limits.rate.max / options.acceleration
     return BUSY_S + motion_s + options.settle.hold + options.settle.give_up
 
 
 def safe_state(options: TableOptions, limits: TableLimits, _safe: object) -> SafeState:
-    """At rest, from the fastest rate that the bench file allows."""
+    """At rest, from the maximum rate of the bench file."""
     return at_rest(limits.rate.max, options.acceleration)

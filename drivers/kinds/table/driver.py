@@ -1,4 +1,4 @@
-"""A rate table on any controller: goes to angles, turns at rates, swings as a sine, and proves that it does."""
+"""A rate table on any controller: moves to angles, turns at rates, oscillates, and proves that it does."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from drivers.timing.awake import Deadline
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
 
-MODE_CHANGE_S = 0.5  # at rest before another mode, as drivers of others do
-RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # in which a sine grows, slowly enough to add little to its peak acceleration
-RATE_RIPPLE = 1e-3  # of the rate: what a rate read at one instant may be off while its mean is right
+MODE_CHANGE_S = 0.5  # at rest before a change of mode, as in third-party drivers
+RUN_UP_S, RUN_UP_PERIODS = 2.0, 4  # run-up of a sine, slow enough to add little to its peak acceleration
+RATE_RIPPLE = 1e-3  # relative: possible deviation of an instantaneous rate with a correct mean
 
 
 class Table:
     """One axis, moved by the commands of its controller; a Positioner and a RateTable.
 
-    It never homes the axis and never resets a fault: both are for a person at the controller. Motions are sent once;
-    when an answer is missing, what is read back decides. Angles count whole turns from when it is connected, and moves
-    go where an angle stands in that count.
+    It never homes the axis and never resets a fault: a person at the controller has to do both. Motions are sent once;
+    if an answer is missing, the read-back decides. Angles count whole turns from the connection on, and targets of
+    moves are in that count.
 
-    Concurrency: a new motion, `stop` and `make_safe` end the motion under way, which then raises Refused.
+    Concurrency: a new motion, `stop` and `make_safe` supersede the running motion, which then raises Refused.
     """
 
     def __init__(self, name: str, axis: TableAxis, options: TableOptions, limits: TableLimits) -> None:
@@ -40,15 +40,15 @@ class Table:
         self._bounds = Bounds(name, limits)
         self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
-        self._latest: Latest[tuple[Mode, float]] = Latest(name, "motion")  # what it then does: a mode, its ° or °/s
+        self._latest: Latest[tuple[Mode, float]] = Latest(name, "motion")  # its result: a mode, with ° or °/s
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies."""
+        """Connect and identify."""
         await self._axis.open()
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Lets others command the table, if the controller still answers, and closes the wire; motions go on."""
+        """Release control of the table, if the controller still answers, and close the connection; motions go on."""
         try:
             with suppress(DriverError):
                 await self._axis.give_back()
@@ -66,24 +66,24 @@ class Table:
         if problem := self._departure(state):
             raise InstrumentFault(
                 self.name, problem, received=str(state),
-                remedy="Look for a tripped interlock, or who else moves it: the front panel, another program, a hand.",
+                remedy="Look for a tripped interlock, or another master: the front panel, another program, a hand.",
             )  # fmt: skip
         return {"angle": [self._angle(state)], "rate": [self._rate(state)]}
 
     async def angle(self) -> Reading:
-        """The angle now (°), over whole turns."""
+        """Angle (°), over whole turns."""
         return self._angle(await self._axis.look())
 
     async def rate(self) -> Reading:
-        """The rate now (°/s)."""
+        """Rate (°/s)."""
         return self._rate(await self._axis.look())
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Move to `angle_deg` and settle; return the angle read back after a further `settle_s`.
 
-        `from_below` and `from_above` begin at least `approach_distance` on that side, also when the axis stands at
-        the angle already, so that every visit is approached alike. Raises BeyondLimit before anything is sent;
-        Refused or InstrumentFault from the controller; NotSettled when the axis does not come to stand in its band.
+        `from_below` and `from_above` begin at least `approach_distance` on that side, even if the axis is at the angle
+        already, so that every visit has the same approach. Raises BeyondLimit before anything is sent; Refused or
+        InstrumentFault from the controller; NotSettled if the axis does not settle in its band.
         """
         begin_deg = begin_of(angle_deg, approach, self._options.approach_distance)
         self._bounds.check_angle("the angle", angle_deg)
@@ -100,7 +100,7 @@ class Table:
         return self._angle(state)
 
     async def rotate_at(self, rate_dps: float, *, acceleration_dps2: float | None) -> None:
-        """Turns at `rate_dps`; returns when the rate read back is that, within `rate_band` and a thousandth.
+        """Turn at `rate_dps`; return when the rate read back agrees within `rate_band` plus a thousandth.
 
         `acceleration_dps2` is `options.acceleration` unless given. Raises BeyondLimit before anything is sent, also on
         an axis with ends; Refused or InstrumentFault from the controller; NotSettled when the rate is not reached.
@@ -118,10 +118,10 @@ class Table:
         self._latest.done(order, (Mode.RATE, rate_dps))
 
     async def oscillate(self, amplitude_deg: float, frequency_hz: float) -> None:
-        """Swings as a sine by ± `amplitude_deg` about the angle where it stands, after a stop if need be.
+        """Oscillate sinusoidally by ± `amplitude_deg` about the present angle, after a stop if necessary.
 
-        Returns when amplitude and frequency are reached. Raises BeyondLimit before anything moves, when the sine needs
-        more rate, acceleration or angle than is allowed; Refused or InstrumentFault from the controller; NotSettled.
+        Returns when amplitude and frequency are reached. Raises BeyondLimit before anything moves, if the sine exceeds
+        a limit of rate, acceleration or angle; Refused or InstrumentFault from the controller; NotSettled.
         """
         self._bounds.check_sine(amplitude_deg, frequency_hz)
         run_up_s = max(RUN_UP_S, RUN_UP_PERIODS / frequency_hz)
@@ -139,16 +139,16 @@ class Table:
         self._latest.done(order, (Mode.SYNTHESIS, amplitude_deg))
 
     async def stop(self) -> None:
-        """Brings the rate to zero and holds it; returns when the table is at rest."""
+        """Decelerate to rate zero and hold it; return when the table is at rest."""
         self._latest.begin()
         await self._axis.stop()
         await self._axis.check_fault(await self._come_to_rest())
 
     async def make_safe(self) -> None:
-        """Stops the table where it is, within `safe_state`: no move, and the drive stays on to hold it if it was on.
+        """Stop the table where it is, within `safe_state`: no move, and a drive that was on stays on to hold it.
 
-        Proved by reading back; a table whose drive has tripped is not driven any more. Raises NoAnswer when it
-        cannot be proved; CannotConnect, WrongIdentity after a lost wire.
+        Proved by reading back; a table whose drive has tripped is not driven any more. Raises NoAnswer if it cannot be
+        proved; CannotConnect, WrongIdentity after a lost wire.
         """
         self._latest.begin()
         async with safe_in_time(self.name, self._safe_within_s):
@@ -157,7 +157,7 @@ class Table:
             await self._come_to_rest()
 
     async def _enter(self, order: Order, mode: Mode, acceleration_dps2: float) -> State:
-        """Energised, under control, in `mode` and at rest in it (in RATE perhaps turning); what the axis then does."""
+        """Energise, take control and enter `mode` at rest (in RATE possibly turning); return the state after it."""
         state = await self._axis.make_ready()
         rate_dps = self._options.rate if mode is Mode.POSITION else self._fastest_dps
         await self._axis.prepare(mode, rate_dps, acceleration_dps2)
@@ -171,12 +171,12 @@ class Table:
         await asyncio.sleep(MODE_CHANGE_S)
         state = await self._axis.look()
         order.check()
-        # A mode goes for its last demand as soon as it is entered.
+        # A mode follows its last demand as soon as it is entered.
         await self._axis.demand_here(mode, state.angle_deg)
         return await self._follow(order, mode)
 
     async def _follow(self, order: Order, mode: Mode) -> State:
-        """Make the servo follow the demand of a mode; what the axis does when it tells that mode, or at last."""
+        """Make the servo follow the demand of a mode; return the state with that mode, or the one at the time limit."""
         order.check()
         await self._axis.enter(mode)
         await READ_BACK.until(self._axis.look, lambda state: order.ended or state.mode is mode or state.stale)
@@ -195,7 +195,7 @@ class Table:
         await self._leg(order, target_deg, way_deg / max(legs, 1), hold_s)
 
     async def _leg(self, order: Order, target_deg: float, way_deg: float, hold_s: float) -> None:
-        """Send the axis to an angle once, and return when it has been there for `hold_s`."""
+        """Move the axis to an angle once, and return when it has been there for `hold_s`."""
         hold = Hold(hold_s)
 
         def stands(state: State) -> bool:
@@ -211,7 +211,7 @@ class Table:
         self, order: Order, mode: Mode, arrived: Callable[[State], bool], expected_s: float, problem: str,
         hold_s: float = 0.0,
     ) -> None:  # fmt: skip
-        """Returns when the axis has arrived and held; NotSettled when it takes `give_up` longer than expected."""
+        """Return when the axis has arrived and held; NotSettled `give_up` after the expected time."""
         near_s = _now_s() + expected_s
         deadline = Deadline(expected_s + hold_s + self._options.settle.give_up)
         while not arrived(state := await self._watch(order, mode)):
@@ -227,12 +227,12 @@ class Table:
         if problem := _lost_control(state, mode):
             raise InstrumentFault(
                 self.name, problem, received=str(state),
-                remedy="Look at the controller's panel for who changed it, then run again.",
+                remedy="Check the controller's panel for a change there, then run again.",
             )  # fmt: skip
         return state
 
     async def _come_to_rest(self) -> State:
-        """State of the axis after it has come to rest; NotSettled. A tripped one may tell of before for ever."""
+        """State of the axis at rest; raises NotSettled. A tripped axis may report old values for ever."""
         deadline = Deadline(self._safe_within_s + self._options.settle.give_up)
         while True:
             state = await self._axis.look()
@@ -247,7 +247,7 @@ class Table:
             await asyncio.sleep(self._options.poll)
 
     def _departure(self, state: State) -> str:
-        """How the state of the table differs from the command; "" if it does not."""
+        """Difference of the table's state from the command; "" if there is none."""
         if self._latest.result is None:
             return ""
         mode, value = self._latest.result
@@ -279,7 +279,7 @@ class Table:
 
 
 def _lost_control(state: State, mode: Mode) -> str:
-    """Why a motion in `mode` is not ours any more; "" when it is."""
+    """Reason why a motion in `mode` is no longer under our control; "" if it is."""
     if state.drive is not Drive.ON:
         return "the drive of the table was switched off"
     if state.mode is not mode:

@@ -8,25 +8,24 @@ from drivers.kinds.table.axis import Mode, State
 from drivers.kinds.table.description import AngleRange
 
 TURN_DEG = 360.0
-LONGEST_LEG_DEG = 120.0  # well below half a turn, so that there is no doubt which way is the shorter
+LONGEST_LEG_DEG = 120.0  # well below half a turn, so that the shorter direction is unambiguous
 
 
 class TurnCounter:
     """Counts turns from one poll of an axis to the next.
 
-    An axis with ends stands within the turn that its ends lie in the middle of. One without is from -180° to 180° when
-    it is looked at first; from then on it has gone by the mean of two rates times the time between them, give or take
-    less than half a turn: wrong only when nobody looks while it changes its rate. A sine stays within half a turn of
-    where it began.
+    An axis with ends stays within the turn centred on its travel. One without ends starts between -180° and 180°; from
+    then on the travel between two polls is predicted as mean rate times time, correct within half a turn unless the
+    rate changes unobserved. A sine stays within half a turn of its centre.
     """
 
     def __init__(self, ends: AngleRange | None) -> None:
         self._ends = ends
         self._last: tuple[float, State] | None = None
-        self._centre_deg = 0.0  # where the axis was before it swings
+        self._centre_deg = 0.0  # angle of the axis before an oscillation
 
     def count(self, at_s: float, state: State) -> State:
-        """The state of an axis at a time, its angle over whole turns."""
+        """Resolve the turn of a state at a time."""
         near_deg = self._expected_deg(at_s, state)
         angle_deg = near_deg + math.remainder(state.angle_deg - near_deg, TURN_DEG)
         if state.mode is not Mode.SYNTHESIS:
@@ -36,7 +35,7 @@ class TurnCounter:
         return state
 
     def _expected_deg(self, at_s: float, state: State) -> float:
-        """About where the axis is."""
+        """Predicted angle of the axis."""
         if self._ends is not None:
             return (self._ends.min + self._ends.max) / 2
         if self._last is None:

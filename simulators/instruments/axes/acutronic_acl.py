@@ -1,4 +1,4 @@
-"""A rate table on an Acutrol3000: one axis, its modes and limits, its interlock, its lock-outs, its TCP port."""
+"""A rate table on an Acutrol3000: one axis with modes, limits, interlock, lock-outs and TCP port."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.physics.profiles import Slew
 from simulators.world import World
 
-BRAKE_DPS2 = 400.0  # how the table slows down when its drive drops out
+BRAKE_DPS2 = 400.0  # deceleration of the table after its drive is switched off
 TURN_DEG = 360.0
 DEFAULT_DPS, DEFAULT_DPS2 = 100.0, 100.0
 FACTORY_LIMITS = "1000,4200,100000,-1000000,1000000,1100"  # rate, acceleration, jerk, lowest, highest, trip
-INTERLOCK_SUMMARY = 1 << 6 | 1 << 0  # of the status byte
+INTERLOCK_SUMMARY = 1 << 6 | 1 << 0  # bit of the status byte
 MESSAGE_LIMIT_BYTES = 32_768
 SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
 OK = Reply(wire.NO_ERROR, "OK")
@@ -38,7 +38,7 @@ Handler = Callable[[Sequence[str]], str | None]
 
 
 class Refusal(Exception):
-    """A command that is not carried out. The maker does not publish the error codes: these are our own."""
+    """A rejected command. The maker does not publish the error codes: these are our own."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(text)
@@ -50,7 +50,7 @@ UNKNOWN, BAD_ARGUMENT, NOT_NOW, LOCKED = 1, 2, 3, 4
 
 @dataclass
 class Limits:
-    """How fast a mode moves the axis, and changes its rate."""
+    """Rate and acceleration limits of a mode."""
 
     rate_dps: float = DEFAULT_DPS
     acceleration_dps2: float = DEFAULT_DPS2
@@ -59,9 +59,9 @@ class Limits:
 class SimulatedAcutrol:
     """A controller with one axis without ends, which is the axis of the world; initially de-energised.
 
-    A fault drops the drive and latches, with the status as it was, until it is reset. A mode other than OFF is entered
-    at rest only, and a sine is set up before it is entered; jerk is not limited. Angles are told from -180° to 180°.
-    `frozen`: the readings stand still. `stuck`: demands are accepted and the table does not follow.
+    A fault switches the drive off and latches, with the status frozen, until it is reset. A mode other than OFF is
+    entered at rest only, and a sine is set up before it is entered; jerk is not limited. Angles are reported from -180°
+    to 180°. `frozen`: the readings do not change. `stuck`: demands are accepted and the table does not follow.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class SimulatedAcutrol:
         self._sine = (0.0, 0.0, 0.0)  # °, Hz, ° of phase
         self._slews = (10.0, 10.0)  # °/s, Hz/s
         self._tripped, self._inputs = SoftwareFault(0), InterlockInput(0)
-        self._latched: Dynamics | None = None  # the status of before a fault
+        self._latched: Dynamics | None = None  # status before a fault
         self._seen_deg = self._seen_dps = 0.0
         self._registers: dict[str, Callable[[], IntFlag]] = {
             f"A{axis}DYN": self._dynamics,
@@ -87,7 +87,7 @@ class SimulatedAcutrol:
             f"A{axis}INTLK": lambda: self._inputs,
             "SUP0": lambda: self.supervisor,
         }
-        self._known: dict[str, Handler] = {}  # commands as they have come, cut short or not
+        self._known: dict[str, Handler] = {}  # commands as received, abbreviated or not
         self._commands: dict[str, Handler] = {
             "*IDN?": lambda _: self._identity,
             "UTILITY:LOCKOUT": lambda words: self._lock(Supervisor.LOCKOUT, words),
@@ -121,12 +121,12 @@ class SimulatedAcutrol:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         options = setup.options
         return cls(setup.world, setup.faults, axis=options.axis, byte_order=options.byte_order, role=setup.axis)
 
     def session(self) -> AclSession:
-        """A new connection."""
+        """Open a connection."""
         return AclSession(self)
 
     def trip(self, fault: SoftwareFault, inputs: InterlockInput) -> None:
@@ -143,11 +143,11 @@ class SimulatedAcutrol:
         return self.execute(message)
 
     def answer(self, line: bytes) -> bytes:
-        """Carries one message out; its answer as it goes over the wire."""
+        """Execute one message; return its answer as sent over the wire."""
         return wire.render(self.execute(line.decode("latin-1").strip()), self._order)
 
     def execute(self, message: str) -> Reply:
-        """Carries one message out: the answers to its queries, or OK, or the first error."""
+        """Execute one message; return the answers to its queries, or OK, or the first error."""
         answers: list[str] = []
         try:
             for command in scpi.commands(message):
@@ -160,7 +160,7 @@ class SimulatedAcutrol:
         return Reply(wire.NO_ERROR, ";".join(answers)) if answers else OK
 
     def _carried_out(self, command: scpi.Command) -> str | None:
-        """The answer to a query; a setting is acknowledged before it is looked at where the controller lags."""
+        """Answer to a query; with `lag` a setting is acknowledged before it is evaluated."""
         handler, words = self._handler(command.header), _words(command.argument)
         if command.header.endswith("?") or command.header.startswith("R") or not self.faults.active("lag"):
             return handler(words)
@@ -168,7 +168,7 @@ class SimulatedAcutrol:
         return None
 
     def _handler(self, header: str) -> Handler:
-        """What carries out a command, each of whose words may be cut short; READ needs no question mark."""
+        """Handler of a command, each of whose words may be abbreviated; READ needs no question mark."""
         if header not in self._known:
             self._known[header] = self._looked_up(header)
         return self._known[header]
@@ -266,12 +266,12 @@ class SimulatedAcutrol:
         self._position([words[0], f"{self._driven.target_deg() + by_deg:.9f}"])
 
     def _acceleration(self, words: Sequence[str]) -> None:
-        """Of no effect in the modes that are simulated: TRACK alone follows it."""
+        """Do nothing: only TRACK uses the acceleration, and it is not simulated."""
         self._check_axis(words[0])
         scpi.number(words[1])
 
     def _format(self, words: Sequence[str]) -> None:
-        """No effect: numbers are always sent as decimals, which other programs request by F."""
+        """Do nothing: numbers are always sent as decimals, which other programs request by F."""
         if not words[0].upper().startswith("F"):
             raise Refusal(BAD_ARGUMENT, "only decimal numbers are simulated")
 
@@ -286,9 +286,9 @@ class SimulatedAcutrol:
         sine = (scpi.number(words[1]), scpi.number(words[2]), scpi.number(words[3]))
         under_way = self.mode is Mode.SYNTHESIS and self._driven.moving(self._world.now())
         if under_way and sine[0]:
-            raise Refusal(NOT_NOW, "a sine under way is not changed here")
+            raise Refusal(NOT_NOW, "a running sine is not changed here")
         self._sine = sine
-        if under_way:  # without an amplitude it ends
+        if under_way:  # an oscillation ends at zero amplitude
             self._world.turn(0.0, self._limits[Mode.SYNTHESIS].acceleration_dps2, self._role)
         elif self.mode is Mode.SYNTHESIS:
             self._swing()
@@ -321,13 +321,13 @@ class SimulatedAcutrol:
     # Readings
 
     def _angle_deg(self) -> float:
-        """The reported angle."""
+        """Reported angle."""
         if not self.faults.active("frozen"):
             self._seen_deg = math.remainder(self._driven.encoder_deg(self._world.now()), TURN_DEG)
         return self._seen_deg
 
     def _rate_dps(self) -> float:
-        """The reported rate."""
+        """Reported rate."""
         if not self.faults.active("frozen"):
             self._seen_dps = self._driven.rate_dps(self._world.now())
         return self._seen_dps
@@ -368,7 +368,7 @@ class AclSession:
         self._rest = b""
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers to the messages that they complete."""
+        """Receive bytes in any portions; return the answers to completed messages."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > MESSAGE_LIMIT_BYTES:
             self._rest = b""
@@ -388,5 +388,5 @@ def _positive(text: str) -> float:
 
 
 def _spell(value: float) -> str:
-    """With five digits after the point, as fine as the encoder; never -0."""
+    """Format with five digits after the point, the resolution of the encoder; never -0."""
     return f"{round(value, 5) + 0.0:.5f}"

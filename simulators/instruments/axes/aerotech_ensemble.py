@@ -1,6 +1,6 @@
-"""An indexing head on an Ensemble controller: one axis, its servo, its faults, its ASCII port.
+"""An indexing head on an Ensemble controller: one axis with servo, faults and ASCII port.
 
-What our driver does not send, and how parameters are numbered, is as ESRF's BLISS has it.
+Commands that our driver does not send, and parameter numbers, follow ESRF's BLISS.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _MOVING = (
     "FREERUN",
     "ABORT",
     "SETPARM",
-)  # and what else changes something
+)  # further commands that change a setting
 _PARAMETERS = {  # number: name, in capitals
     2: "COUNTSPERUNIT", 37: "SOFTWARELIMITLOW", 38: "SOFTWARELIMITHIGH", 47: "POSITIONFEEDBACKTYPE",
     67: "ENCODERDIVIDER", 71: "DEFAULTSPEED", 72: "DEFAULTRAMPRATE", 75: "HOMESETUP", 76: "HOMESPEED",
@@ -42,8 +42,8 @@ _DONE, _INVALID, _FAULT = Reply(Outcome.DONE), Reply(Outcome.INVALID), Reply(Out
 class SimulatedEnsemble:
     """A controller with one axis, the head of the world or that of a `role`; energised until something disables it.
 
-    Faults latch and disable the axis until they are acknowledged; a move beyond the software limits is such a fault.
-    `frozen`: the feedback stands still. `stuck`: a move is acknowledged and does not begin.
+    Faults latch and disable the axis until they are acknowledged; a move beyond the software limits is one. `frozen`:
+    the feedback does not change. `stuck`: a move is acknowledged and does not begin.
     """
 
     def __init__(
@@ -56,8 +56,8 @@ class SimulatedEnsemble:
         self._world, self._axis = world, axis.upper()
         self._latched = AxisFault(0)
         self._feedback_deg = self._driven.encoder_deg(world.now())
-        self._ramp_dps2: float | None = None  # that of the axis
-        self._incremental = False  # what LINEAR takes its distance for
+        self._ramp_dps2: float | None = None  # number of the axis
+        self._incremental = False  # unit of the distance of LINEAR
         low_deg, high_deg = software_limits_deg
         self._parameters = {
             **dict.fromkeys(_PARAMETERS.values(), "1"), wire.FINGERPRINT_PARAMETER.upper(): str(counts_per_unit),
@@ -88,11 +88,11 @@ class SimulatedEnsemble:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         return cls(setup.world, setup.faults, axis=setup.options.axis, role=setup.axis)
 
     def session(self) -> EnsembleSession:
-        """A new connection."""
+        """Open a connection."""
         return EnsembleSession(self)
 
     def trip(self, fault: AxisFault) -> None:
@@ -102,7 +102,7 @@ class SimulatedEnsemble:
         self._world.stop(self._role)
 
     def execute(self, line: bytes) -> bytes:
-        """Carries one line out; its answer."""
+        """Execute one line; return its answer."""
         try:
             command = wire.parse_command(line)
             if (said := " ".join([command.word, *command.arguments])) in _ACCEPTED:
@@ -124,7 +124,7 @@ class SimulatedEnsemble:
         return self._words[word](arguments)
 
     def _apart(self, arguments: Sequence[str]) -> list[str]:
-        """Arguments with the axis by its name and apart from its number: `X1.0 XF10.0` and `@0 1.0 F 10.0` are one."""
+        """Normalise arguments, axis by name and separate from its number: `X1.0 XF10.0` equals `@0 1.0 F 10.0`."""
         text = " ".join(arguments).replace("@0", self._axis)
         text = re.sub(rf"\b{self._axis}(?=[+-]?[.\d])", f"{self._axis} ", text)
         return re.sub(rf"\b(?:{self._axis})?F\s*(?=[.\d])", "F", text).split()
@@ -135,11 +135,11 @@ class SimulatedEnsemble:
 
     @property
     def has_fault(self) -> bool:
-        """Whether a fault is latched."""
+        """True if a fault is latched."""
         return bool(self._latched)
 
     def _of_the_controller(self, said: str) -> Reply:
-        """Commands without an axis."""
+        """Execute a command without an axis."""
         if said == "ACKNOWLEDGEALL":
             self._latched = AxisFault(0)
         if said in ("ABSOLUTE", "INCREMENTAL"):
@@ -217,7 +217,7 @@ class SimulatedEnsemble:
         return _DONE
 
     def _commanded_deg(self) -> float:
-        """Where the controller wants the axis to be, which is where it is while it moves."""
+        """Commanded angle of the axis, which during a move is the present one."""
         now_s = self._world.now()
         return self._driven.encoder_deg(now_s) if self._driven.moving(now_s) else self._driven.target_deg()
 
@@ -249,7 +249,7 @@ class SimulatedEnsemble:
 
 
 class EnsembleSession:
-    """One connection: lines end with LF, and those after a HOME wait until it is over."""
+    """One connection: lines end with LF, and those after a HOME wait until it is finished."""
 
     def __init__(self, controller: SimulatedEnsemble) -> None:
         self._controller = controller
@@ -263,7 +263,7 @@ class EnsembleSession:
         self._later = later
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers to the lines that they complete."""
+        """Receive bytes in any portions; return the answers to completed lines."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         self._lines.extend(lines)
         return self._carry_on()
@@ -286,5 +286,5 @@ class EnsembleSession:
 
 
 def _named(parameter: str) -> str:
-    """A parameter by its name or by its number; ValueError."""
+    """Parameter by name or number; ValueError."""
     return _PARAMETERS.get(int(parameter), "") if parameter.isdecimal() else parameter

@@ -1,6 +1,6 @@
 """A head or a rate table with the frame protocol of a profile, driving an axis of the world.
 
-It follows the profile, so that a profile can be rehearsed; this does not show that the real controller does the same.
+It follows the profile, to rehearse it; that is no evidence of the behaviour of the real controller.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from simulators.world import World
 
 TURN_DEG = 360.0
 SERIAL_NUMBER, FIRMWARE = 1001, 12
-RATE_DPS, ACCELERATION_DPS2 = 10.0, 40.0  # of a controller whose commands do not contain them
-STOP_DPS2 = 4000.0  # how it slows down
+RATE_DPS, ACCELERATION_DPS2 = 10.0, 40.0  # default for a controller whose commands do not contain them
+STOP_DPS2 = 4000.0  # deceleration
 HOMING_DPS = 10.0
-RUN_UP_S = 2.0  # in which a sine grows
+RUN_UP_S = 2.0  # run-up of a sine
 
 
 class SimulatedFrames:
-    """One axis: energised by `enable` where there is such a command, else always; homed by default.
+    """One axis: energised by `enable` if there is such a command, else always; homed by default.
 
-    A fault drops the motor and stays until `clear_fault`; so does a pressed emergency stop until it is released, and
-    nothing is energised before. Commands that it does not take leave everything as it was: it has no other way to say
-    so. `frozen`: the readings stand still. `stuck`: commands are taken and the axis does not follow.
+    A fault switches the motor off and stays until `clear_fault`; so does a pressed emergency stop until it is released.
+    A rejected command changes nothing; there is no other sign of the rejection. `frozen`: the readings do not change.
+    `stuck`: commands are accepted and the axis does not follow.
 
-    `stale` sends the last status again, counter and all; `loses` drops every so-manieth status.
+    `stale` repeats the last status including its counter; `loses` = n drops every n-th status.
     """
 
     def __init__(
@@ -64,18 +64,18 @@ class SimulatedFrames:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it; its profile is there, since the bench file was checked."""
+        """Create from a bench file, whose check has made sure of the profile."""
         number = int(setup.serial) if setup.serial.isdecimal() else SERIAL_NUMBER
         return cls(
             setup.world, setup.faults, setup.options.profile.content, role=setup.axis, serial_number=number
         )  # fmt: skip
 
     def session(self) -> FramesSession:
-        """A new connection."""
+        """Open a connection."""
         return FramesSession(self)
 
     def trip(self, index: int = 0) -> None:
-        """Raise a fault of the profile: the motor drops out."""
+        """Raise a fault of the profile: the motor is switched off."""
         self._latched.add(index)
         self._drop()
 
@@ -92,12 +92,12 @@ class SimulatedFrames:
     }
 
     def carry_out(self, name: str, frame: bytes) -> None:
-        """Takes a command."""
+        """Execute a command."""
         if self.remote:
             self.faults.do(lambda: self._handlers[name](frame))
 
     def status(self, request: bytes = b"") -> bytes:
-        """The status now, b"" for one that is lost; `request` is what it answers."""
+        """Present status, b"" for a lost one; `request` is the request that it answers."""
         self._sent += 1
         if self.loses and self._sent % self.loses == 0:
             return b""
@@ -129,7 +129,7 @@ class SimulatedFrames:
         return self.profile.format("status").build([*numbers, *self._bytes_of_bits()])
 
     def _bytes_of_bits(self) -> list[tuple[NumberFormat, Raw]]:
-        """The bytes of states and faults."""
+        """Bytes of state and fault bits."""
         now = self._world.now()
         states = self.profile.status.states
         moving, swings = self._axis.moving(now), self.mode == "sine"
@@ -215,7 +215,7 @@ class SimulatedFrames:
         return abs(self._value(name, "acceleration", frame)) or ACCELERATION_DPS2
 
     def _value(self, name: str, key: str, frame: bytes) -> float:
-        """A value of a command; 0 where its frame has no place for it."""
+        """Value of a command; 0 if its frame has no field for it."""
         number: Number | None = getattr(self.profile.shape(name), key)
         if number is None:
             return 0.0
@@ -244,7 +244,7 @@ class FramesSession:
         later(cycle.period, tick)
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers to the frames that they complete."""
+        """Receive bytes in any portions; return the answers to completed frames."""
         answers = []
         for form, frame in self._splitter.feed(data):
             if form.name == "request":
@@ -257,7 +257,7 @@ class FramesSession:
 
 
 def _spelled(fault: Fault, there: bool) -> int:
-    """A fault in its byte."""
+    """Raw value of a fault."""
     if fault.bit is not None:
         return int(there) << fault.bit
     return next(code for code in range(1, 256) if code not in fault.quiet) if there else fault.quiet[0]

@@ -1,4 +1,4 @@
-"""An indexing head on an XPS controller: one group with one positioner, its states, its errors, its TCP port."""
+"""An indexing head on an XPS controller: one group with one positioner, its states and errors, and the TCP port."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _CODE_WORDS = {
 
 
 class CallRefusedError(Exception):
-    """A call that is answered with a number other than 0."""
+    """A call answered with an error number."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
@@ -60,8 +60,8 @@ class CallRefusedError(Exception):
 class SimulatedXps:
     """A controller with one axis, the head of the world or that of a `role`.
 
-    Errors stay until PositionerErrorGet reads them. `frozen`: the encoder stands still. `stuck`: a move is answered and
-    does not begin.
+    Errors stay until PositionerErrorGet reads them. `frozen`: the encoder angle does not change. `stuck`: a move is
+    answered and does not begin.
     """
 
     def __init__(
@@ -109,32 +109,32 @@ class SimulatedXps:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         options = setup.options
         return cls(setup.world, setup.faults, group=options.group, positioner=options.positioner, role=setup.axis)
 
     def session(self) -> XpsSession:
-        """A new connection."""
+        """Open a connection."""
         return XpsSession(self)
 
     @property
     def status(self) -> int:
-        """The number of the group's status now."""
+        """Number of the group status."""
         if self._status in (_HOMING, _MOVING) and not self._driven.moving(self._world.now()):
             self._status = _HOMED if self._status == _HOMING else _ARRIVED
         return self._status
 
     def trip(self) -> None:
-        """The axis does not follow: it stops, is disabled, and its move is answered with that."""
+        """Following error: the axis stops and is disabled, and its move is answered with the error."""
         self._error |= FOLLOWING_ERROR_BIT
         self._end_motion(_FOLLOWING_ERROR, wire.FOLLOWING_ERROR)
 
     def stop_at_once(self) -> None:
-        """The emergency stop: the group is killed, as by GroupKill."""
+        """Emergency stop: the group is killed, as by GroupKill."""
         self._end_motion(_KILLED, wire.EMERGENCY)
 
     def execute(self, text: str, session: XpsSession) -> Reply | None:
-        """Carries a call out; None for one that is answered when its motion ends."""
+        """Execute a call; None for one that is answered at the end of its motion."""
         try:
             call = wire.parse_call(text)
             answer = self._functions[call.name](call.arguments)
@@ -168,7 +168,7 @@ class SimulatedXps:
         return ",".join(f"{value:.12g}" for value in values)
 
     def _of_axis(self, given: Sequence[str], values: Sequence[float] = ()) -> str:
-        """Of the group, which is this one axis, or of its positioner: what asks for groups is asked for either."""
+        """Return whether a name is the group, which consists of this one axis, or its positioner; both are accepted."""
         return self._of_positioner([self._positioner] if given[0] == self._group else given, values)
 
     def _from(self, given: Sequence[str], *states: GroupState) -> None:
@@ -277,20 +277,20 @@ class XpsSession:
         self._later = later
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers that are there at once."""
+        """Receive bytes in any portions; return the immediate answers."""
         *calls, self._rest = (self._rest + data).split(b")")
         replies = [self._execute(f"{call.decode('latin-1')})") for call in calls]
         return b"".join(wire.render(reply) for reply in replies if reply is not None)
 
     def answer_in(self, delay_s: float, text: str) -> None:
-        """The call `text` is answered when its motion has ended."""
+        """Answer the call `text` at the end of its motion."""
         self._under_way = text
         self._motions += 1
         motion = self._motions
         self._later(delay_s, lambda: self._finish(motion, wire.SUCCESS))
 
     def end(self, code: int) -> None:
-        """The motion ends before that, with this number."""
+        """End the motion early, with this error number."""
         motion = self._motions
         self._later(0.0, lambda: self._finish(motion, code))
 

@@ -1,4 +1,4 @@
-"""An indexing head without a motor, and the hands that turn it."""
+"""An indexing head without a motor, and the operator who turns it."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class HandTurnedHead:
 
     @property
     def attended(self) -> bool:
-        """Whether an operator is present."""
+        """True if an operator is present."""
         return not self.faults.active("silent")
 
     @property
     def shown_deg(self) -> float:
-        """What its dial shows (°)."""
+        """Angle shown by its dial (°)."""
         return self._world.axis_of(self._role).encoder_deg(self._world.now())
 
     def turn(self, turn: Turn) -> None:

@@ -1,1 +1,1 @@
-"""Nodes that send CAN frames by themselves."""
+"""Nodes that send CAN frames unsolicited."""

@@ -1,4 +1,4 @@
-"""The pulse counter: latches the units' converters on its own time base and sends frames by itself."""
+"""The pulse counter: latches the units' converters on its own time base and sends frames unsolicited."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ BOARD_C = 25.0
 class CounterSettings:
     """A counter as its bench file describes it.
 
-    `readings` gives the place that a temperature signal belongs to, by `Message.Signal`, `boards` the place whose
-    converter it is at, and `imu_readings` the place and the sensors of an inertial unit; `name` is the counter's role.
-    `encoders` are the counts in a degree of the axes whose encoders it latches.
+    By `Message.Signal` of a temperature: `readings` gives the place of the unit, `boards` the place of the converter,
+    and `imu_readings` the place and the sensors of an inertial unit; `name` is the counter's role. `encoders` are the
+    counts per degree of the latched encoders, by axis.
     """
 
     name: str
@@ -56,14 +56,14 @@ class CounterSettings:
 
 @dataclass(frozen=True, slots=True)
 class _Converters:
-    """Converters that are worked out together: all whose charge does not turn round between two latches, or one."""
+    """Converters computed together: all whose charge is monotonic between two latches, or a single one."""
 
     channels: Sequence[str]
     swings: bool
     integrator: Integrator
 
     def count(self, pulses: Array, frozen: bool) -> tuple[Counts, Counts]:
-        """Their + and - counts after the charge of each latch, (c, n), in pulses; frozen ones stand."""
+        """Their + and - counts after the charge of each latch, (c, n), in pulses; frozen counts do not change."""
         if frozen:
             stood = np.zeros(pulses.shape, np.int64)
             return stood + self.integrator.positive, stood + self.integrator.negative
@@ -76,7 +76,7 @@ class _Converters:
 class SimulatedCounter(CanNode):
     """A counter on the world's units.
 
-    A channel with a place counts what that unit's converter fires; one without counts nothing.
+    A channel with a place counts the pulses of that unit's converter; one without counts nothing.
     """
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
@@ -91,8 +91,8 @@ class SimulatedCounter(CanNode):
         self._tick0 = int(draws.integers(0, 1 << 32))
         self._sequence0 = int(draws.integers(0, 1 << 16))
         self._boots = 0
-        self._latch = self._shown = 0  # the number of the last latch, and that which the frames last showed
-        self._origin_s = self._counted_s = world.now()  # true times of latch 0, and up to which pulses are counted
+        self._latch = self._shown = 0  # number of the last latch, and the one last sent in frames
+        self._origin_s = self._counted_s = world.now()  # true time of latch 0, and time up to which pulses are counted
         self._units: dict[str, SimulatedUnit | SimulatedGyro | ImuChannel] = {
             unit.settings.channel: unit for unit in world.counted.values() if unit.settings.channel
         }
@@ -102,16 +102,16 @@ class SimulatedCounter(CanNode):
             [draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in settings.form.channels
         ]
         self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
-        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, from before a change of stimulus
+        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, before a change of stimulus
         self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         self.may_swap = frozenset(channel.sequence.message.id for channel in settings.form.channels.values())
-        self._held: dict[str, int] = {}  # where counts have got stuck
-        self._cleared: dict[str, int] = {}  # where they were when they were cleared
+        self._held: dict[str, int] = {}  # values of stuck counts
+        self._cleared: dict[str, int] = {}  # values of counts before they were cleared
         world.integrate_with(self._before_change)
 
     @classmethod
     def of(cls, setup: NodeSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         options: CounterOptions = setup.options
         dbc = dbc_in(options.dbc)
         encoders = {device: ARCSEC_PER_DEG / encoder.resolution for device, encoder in options.positions.items()}
@@ -122,7 +122,7 @@ class SimulatedCounter(CanNode):
         return cls(setup.world, settings, setup.faults)
 
     def _made(self, began: Array) -> list[_Converters]:
-        """The converters of all channels, a row for each: the residue of its charge and its + and - counts."""
+        """Converters of all channels, one row each: residual charge, and + and - counts."""
         residue, counts = began[:, :1], began[:, 1:].astype(np.int64)
         steady, made = [], []
         for row, name in enumerate(self._settings.form.channels):
@@ -138,8 +138,8 @@ class SimulatedCounter(CanNode):
         return made
 
     def _before_change(self) -> None:
-        """Makes the latches that are due, and counts what has come since under the stimulus that is about to change."""
-        now = self._world.now()  # before the latches, which are due while it goes on
+        """Send latches that are due, and integrate the charge under the stimulus that is about to change."""
+        now = self._world.now()  # before the latches, which are sent during it
         self._catch_up()
         if now > self._counted_s:
             for channel, unit in self._units.items():
@@ -147,7 +147,7 @@ class SimulatedCounter(CanNode):
             self._counted_s = now
 
     def _catch_up(self) -> None:
-        """Makes the latches that are due."""
+        """Send the latches that are due."""
         if self.faults.times("restart") > self._boots:
             self._restart()
         due = math.floor((self._world.now() - self._origin_s) / self._latch_s) - self._latch
@@ -160,7 +160,7 @@ class SimulatedCounter(CanNode):
         self._sent.append(self._frames(numbers, edges_s))
 
     def _restart(self) -> None:
-        """Power-on: the device's clock, the latches and all counts begin at 0, and the boot counter goes up."""
+        """Power-on: device clock, latches and counts start at 0, and the boot counter increases."""
         self._boots += 1
         self._origin_s, self._latch, self._tick0, self._sequence0 = self._counted_s, 0, 0, 0
         self._converters = self._made(np.zeros((len(self._settings.form.channels), 3)))
@@ -196,7 +196,7 @@ class SimulatedCounter(CanNode):
         return in_order([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
 
     def _spoilt(self, name: str, at_s: Array, counts: Counts) -> Counts:
-        """Counts of one sign at the times, that get stuck or are cleared on the way."""
+        """Apply stuck and cleared counts to the counts of one sign at the times."""
         for begin_s, _ in self.faults.spans_s("cleared_count"):
             since = at_s >= begin_s
             if since.any():
@@ -210,13 +210,13 @@ class SimulatedCounter(CanNode):
         return counts
 
     def _counts(self, edges_s: Array, frozen: bool) -> Iterator[tuple[str, Counts, Counts]]:
-        """Every channel with its + and - counts at the latches."""
+        """+ and - counts of every channel at the latches."""
         for converters in self._converters:
             pulses = np.array([self._pulses(channel, edges_s) for channel in converters.channels])
             yield from zip(converters.channels, *converters.count(pulses, frozen), strict=True)
 
     def _pulses(self, channel: str, edges_s: Array) -> Array:
-        """What a channel is owed at each latch."""
+        """Charge of a channel at each latch, in pulses."""
         unit = self._units.get(channel)
         if unit is None:
             return np.zeros(len(edges_s) - 1)
@@ -226,12 +226,12 @@ class SimulatedCounter(CanNode):
         return pulses
 
     def _positions(self, role: str, at_s: Array) -> NDArray[np.int64]:
-        """What the encoder of an axis reads at the times, in counts."""
+        """Encoder reading of an axis at the times, in counts."""
         angle_deg = self._world.axis_of(role).encoder_angles_deg(at_s + self._world.settings.encoder_skew_s)
         return np.floor(angle_deg * self._settings.encoders[role]).astype(np.int64)
 
     def _warmth(self, numbers: NDArray[np.int64], at_s: Array) -> FrameBlock:
-        """One frame of each temperature message a second; a signal without a unit shows the converter's board."""
+        """One frame of each temperature message per second; a signal without a unit is the converter board's."""
         at_s = at_s[numbers % self._warmth_latches == 0]
         fields, host_s = self._settings.form.temperatures, self._world.host_time(at_s)
         return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)

@@ -1,4 +1,4 @@
-"""What all simulated CAN nodes are: computed lazily, when frames are taken."""
+"""Common part of simulated CAN nodes: computed lazily, when frames are taken."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from simulators.world import World
 Array = NDArray[np.float64]
 T = TypeVar("T", bound=np.generic)
 TEMPERATURE_PERIOD_S = 1.0
-BAD_SHARE = 0.02  # of the frames on a bad bus suffers
+BAD_SHARE = 0.02  # share of affected frames on a bad bus
 PROTOCOL_ERROR = 0x008
 
 
 @dataclass(frozen=True, slots=True)
 class NodeSetup:
-    """A device of a bench file that sends frames, as its simulator sees it.
+    """A device of a bench file that sends frames, as given to its simulator.
 
-    `options` is the driver's own model. `places` are those of the units whose outputs it sends, by its channels. By the
-    names of its readings: `readings` gives the place whose unit has the thermometer, `boards` the place whose converter
-    has it, `imu_readings` the place and the sensors of an inertial unit. Encoders are latched later than a sample ends
-    by `encoder_skew_s`; that of counters is one of the world.
+    `options` is the driver's own model. `places` are the places of the units whose outputs it sends, by channel. By
+    reading name: `readings` gives the place of the unit with the thermometer, `boards` the place of the converter with
+    it, `imu_readings` the place and the sensors of an inertial unit. `encoder_skew_s` is the delay of the encoder latch
+    after the end of a sample; that of counters is a setting of the world.
     """
 
     role: str
@@ -54,7 +54,7 @@ class NodeSetup:
 
     @property
     def units(self) -> Mapping[str, SimulatedUnit | SimulatedGyro | ImuChannel]:
-        """The simulated units, or the sensors of inertial ones, on its channels."""
+        """Simulated units, or sensors of inertial units, on its channels."""
         imus, counted = self.world.imus, self.world.counted
         return {
             channel: imus[place].channels[channel] if place in imus else counted[place]
@@ -63,13 +63,13 @@ class NodeSetup:
 
 
 def make_node(target: str, setup: NodeSetup) -> CanNode:
-    """The simulator at `module:Class`; imports its module. NotSimulated."""
+    """Create the simulator at `module:Class`; imports its module. Raises NotSimulated."""
     of: Callable[[NodeSetup], CanNode] = loaded(target).of
     return of(setup)
 
 
 class CanNode(ABC):
-    """A node on the bus; a frame link whose frames are those it has sent.
+    """A node on the bus; as a frame link it delivers the frames that it has sent.
 
     A block of frames is computed when it is taken, or just before a stimulus changes.
     """
@@ -86,16 +86,16 @@ class CanNode(ABC):
         self._sent: list[FrameBlock] = []
         self._draws = stream(world.settings.seed, "bus", name)
         self._told_off = False
-        self.may_swap: frozenset[int] = frozenset()  # the identifiers of frames that are alike
+        self.may_swap: frozenset[int] = frozenset()  # identifiers of frames with equal content
         self.longest_block_s = IDLE_BLOCK_S
 
     @property
     def block_s(self) -> float:
-        """As long as its temperatures go straight on: what a power cut costs a rehearsal is done again."""
+        """Time for which temperatures stay linear; a rehearsal may lose buffered frames in a power cut."""
         return max(IDLE_BLOCK_S, min(self.longest_block_s, self._world.straight_for_s))
 
     def take(self) -> FrameBlock:
-        """Every frame sent since the last call; LinkLost when the connection is cut."""
+        """Frames sent since the last call; LinkLost if the connection is cut."""
         self._world.look()
         self._catch_up()
         sent, self._sent = self._sent, []
@@ -104,7 +104,7 @@ class CanNode(ABC):
         return self._carried(self._heard(FrameBlock.joined(sent)))
 
     def _carried(self, frames: FrameBlock) -> FrameBlock:
-        """What a bad bus makes of frames."""
+        """Apply the faults of a bad bus to frames."""
         if self.faults.active("bus_off"):
             off_s = float(self._world.host_time(np.array(self.faults.since_s("bus_off"))))
             told, self._told_off = self._told_off, True
@@ -117,10 +117,10 @@ class CanNode(ABC):
         return frames
 
     def close(self) -> None:  # noqa: B027  nothing is to be done
-        """The client has left; no effect on the node."""
+        """Do nothing: a node is independent of its client."""
 
     def _heard(self, frames: FrameBlock) -> FrameBlock:
-        """Frames without those that were sent while it was silent."""
+        """Frames without those sent while the node was silent."""
         for span_s in self.faults.spans_s("silent"):
             begin_s, end_s = self._world.host_time(np.array(span_s))
             frames = _rows(frames, np.flatnonzero((frames.at_s < begin_s) | (frames.at_s >= end_s)))
@@ -128,11 +128,11 @@ class CanNode(ABC):
 
     @abstractmethod
     def _catch_up(self) -> None:
-        """Sends what is due."""
+        """Send due frames."""
 
 
 def in_order(blocks: Sequence[FrameBlock]) -> FrameBlock:
-    """Frames of several blocks, each in the order of its times, in the order of all; of one time as the blocks are."""
+    """Merge blocks, each in order of time, in order of time; for equal times in the order of the blocks."""
     return reduce(_merged, blocks)
 
 
@@ -156,7 +156,7 @@ def _merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
 
 
 def _before(frames: FrameBlock, at_s: float) -> FrameBlock:
-    """What was sent before a time of the host's clock."""
+    """Frames sent before a time of the host's clock."""
     return _rows(frames, np.flatnonzero(frames.at_s < at_s))
 
 

@@ -1,4 +1,4 @@
-"""The telemetry of units: each samples its own output by its own clock and sends it while it has power."""
+"""Telemetry of units: each samples its own output by its own clock and sends it while powered."""
 
 from __future__ import annotations
 
@@ -35,31 +35,31 @@ Integers = NDArray[np.int64]
 
 
 class Sender(Protocol):
-    """What sends the samples of one channel: a unit, or a channel of an inertial one."""
+    """Source of the samples of one channel: a unit, or a channel of an inertial unit."""
 
     @property
     def place(self) -> str:
-        """Where the unit is."""
+        """Place of the unit."""
 
     @property
     def faults(self) -> FaultPlan:
-        """How the unit breaks."""
+        """Faults of the unit."""
 
     @property
     def powered_at_s(self) -> float | None:
-        """Since when it has power; None without."""
+        """Time of power-on; None without power."""
 
     @property
     def sent(self) -> Sent:
-        """How it sends codes."""
+        """Its conversion to codes."""
 
     def mean_codes(self, edges_s: Array) -> Array:
-        """What it sends of its mean in each interval between consecutive times, not yet rounded."""
+        """Mean output in each interval between consecutive times, in codes before rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class EncoderSettings:
-    """The encoder of an axis that is latched with samples: its frames, and its counts in a degree."""
+    """Encoder of an axis latched with samples: its frames, and its counts per degree."""
 
     form: PositionFormat
     per_deg: float
@@ -67,9 +67,9 @@ class EncoderSettings:
 
 @dataclass(frozen=True, slots=True)
 class ChannelSettings:
-    """One channel: its frames, the place of the unit whose output it carries, and the encoders latched with it.
+    """One channel: its frames, the place of its unit, and the encoders latched with it.
 
-    These by the devices that drive the axes; they are latched later than a sample ends by `encoder_skew_s`.
+    Encoders are keyed by the devices that drive the axes, and latched `encoder_skew_s` after the end of a sample.
     """
 
     form: SampleFormat
@@ -84,8 +84,7 @@ class ChannelSettings:
 class TelemetrySettings:
     """The telemetry of a bench; `name` is its role.
 
-    `readings` gives the place that a temperature signal belongs to, `imu_readings` the place and the sensors of an
-    inertial unit.
+    `readings` gives the place of a temperature signal, `imu_readings` the place and the sensors of an inertial unit.
     """
 
     name: str
@@ -123,7 +122,7 @@ class SimulatedTelemetry(CanNode):
 
     @classmethod
     def of(cls, setup: NodeSetup) -> Self:
-        """As a bench file has it; only channels with a unit send."""
+        """Create from a bench file; only channels with a unit send."""
         options: TelemetryOptions = setup.options
         dbc = dbc_in(options.dbc)
         forms, encoders = formats_of(options, dbc), encoders_of(options, dbc)
@@ -144,8 +143,8 @@ class SimulatedTelemetry(CanNode):
         return cls(setup.world, settings, setup.faults)
 
     def _before_change(self) -> None:
-        """Sends what is due, and takes in what has come since under the stimulus that is about to change."""
-        now_s = self._world.now()  # before the samples, which are due while it goes on
+        """Send samples that are due, and integrate the output under the stimulus that is about to change."""
+        now_s = self._world.now()  # before the samples, which are sent during it
         self._catch_up()
         for each in self._streams:
             each.integrate(now_s)
@@ -159,7 +158,7 @@ class SimulatedTelemetry(CanNode):
         warmed = set[str]()
         for message, streams in self._messages.items():
             values: dict[str, Integers] = {}
-            for each in streams:  # which sample together
+            for each in streams:  # streams that sample together
                 numbers, at_s, codes = each.samples(self._world.now(), frozen=frozen)
                 values |= each.values(numbers, codes)
             if len(numbers) and not each.unit.faults.active("silent"):
@@ -175,7 +174,7 @@ class SimulatedTelemetry(CanNode):
             self._sent.append(in_order(blocks))
 
     def _positions(self, each: _Stream, numbers: Integers, at_s: Array) -> dict[str, dict[str, Integers]]:
-        """What the encoders read that are latched with samples at the times."""
+        """Readings of the encoders latched with samples at the times."""
         said = {}
         for role, encoder in each.settings.encoders.items():
             angle_deg = self._world.axis_of(role).encoder_angles_deg(at_s + each.settings.encoder_skew_s)
@@ -185,7 +184,7 @@ class SimulatedTelemetry(CanNode):
         return said
 
     def _warmth(self, place: str, at_s: Array) -> FrameBlock:
-        """Readings of the thermometers in a unit, once a second."""
+        """Thermometer readings of a unit, once a second."""
         fields, host_s = self._thermometers[place], self._world.host_time(at_s)
         return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
 
@@ -197,7 +196,7 @@ class SimulatedTelemetry(CanNode):
 
 
 def _check_messages(role: str, channels: Mapping[str, ChannelSettings]) -> None:
-    """NotSimulated for a message of several units, or of several periods."""
+    """Raise NotSimulated for a message of several units, or of several periods."""
     alike: dict[str, set[tuple[str, float]]] = {}
     for each in channels.values():
         alike.setdefault(each.form.value.message.name, set()).add((each.place, each.period_s))
@@ -210,7 +209,7 @@ def _check_messages(role: str, channels: Mapping[str, ChannelSettings]) -> None:
 
 
 class _Stream:
-    """The samples of one channel: means of its unit's output from one sample to the next."""
+    """Samples of one channel: means of its unit's output over a sample period."""
 
     def __init__(self, name: str, unit: Sender, settings: ChannelSettings, world: World) -> None:
         self.unit, self.settings, self._how = unit, settings, unit.sent
@@ -218,17 +217,17 @@ class _Stream:
         self._sample_s = settings.period_s / (1 + self._how.clock)  # true seconds from sample to sample
         self._noise = stream(world.settings.seed, "noise", unit.place, f"telemetry {name}")
         self._powered_at_s: float | None = None
-        self._shown: tuple[int, int] = (0, 0)  # the last number and code that a frame showed
+        self._shown: tuple[int, int] = (0, 0)  # last number and code sent in a frame
         self.begin(world.now())
 
     def begin(self, at_s: float) -> None:
-        """Its clock and its numbers begin at 0."""
+        """Start clock and sample numbers at 0."""
         self._origin_s = self.integrated_s = at_s
         self._number = 0
-        self._owed = 0.0  # of the current sample, codes times seconds from before a change of stimulus
+        self._owed = 0.0  # of the current sample: codes times seconds, before a change of stimulus
 
     def integrate(self, until_s: float) -> None:
-        """Takes in what has come since the last sample."""
+        """Integrate the output since the last sample."""
         if until_s > self.integrated_s:
             mean = float(self.unit.mean_codes(np.array([self.integrated_s, until_s]))[0])
             self._owed += mean * (until_s - self.integrated_s)
@@ -237,7 +236,7 @@ class _Stream:
     def samples(self, now_s: float, *, frozen: bool) -> tuple[Integers, Array, Integers]:
         """Numbers, true times and codes of the samples that are due; none without power."""
         if self.unit.powered_at_s is None:
-            self.integrate(now_s)  # the unit's history goes on
+            self.integrate(now_s)  # the history of the unit continues
             return np.empty(0, np.int64), np.empty(0), np.empty(0, np.int64)
         if self._powered_at_s != self.unit.powered_at_s:
             self._powered_at_s = self.unit.powered_at_s
@@ -261,7 +260,7 @@ class _Stream:
         return numbers, at_s, codes
 
     def values(self, numbers: Integers, codes: Integers) -> Mapping[str, Integers]:
-        """Values of its frames, by signal; the status is that of a good sample."""
+        """Signal values of its frames; the status is that of a valid sample."""
         form = self.settings.form
         ticks = np.rint(numbers * (self.settings.period_s / self.settings.tick_period_s)).astype(np.int64)
         said = ((form.value, codes), (form.tick, ticks), (form.sequence, numbers))

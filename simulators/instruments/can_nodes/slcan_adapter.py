@@ -11,7 +11,7 @@ from drivers.transport import slcan
 from simulators.instruments.can_nodes.can_node import CanNode
 
 SEND_EVERY_S = 0.02
-UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; later ones are lost, as on an adapter
+UNREAD_LIMIT_BYTES = 65_536  # frames buffered for a slow client; later ones are lost, as on an adapter
 
 
 class SimulatedAdapter(asyncio.Protocol):
@@ -25,19 +25,19 @@ class SimulatedAdapter(asyncio.Protocol):
         self._sending: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The serial line is there."""
+        """Store the transport."""
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
 
     def data_received(self, data: bytes) -> None:
-        """Commands to the adapter; each is answered by CR, or BEL when it is refused."""
+        """Execute commands to the adapter; each is answered by CR, or BEL if it is refused."""
         *commands, self._rest = (self._rest + data).split(slcan.END)
         for command in commands:
             if command and self._transport is not None:
                 self._transport.write(slcan.END if self._obey(command) else slcan.REFUSED)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The serial line is gone."""
+        """Stop sending."""
         self._close()
         self._transport = None
 
@@ -46,7 +46,7 @@ class SimulatedAdapter(asyncio.Protocol):
             self._bitrate_set = True
             return True
         if command == slcan.OPEN and self._sending is None and self._bitrate_set:
-            self._node.take()  # what was on the bus before the channel opened is gone
+            self._node.take()  # earlier frames on the bus are lost
             self._sending = asyncio.get_running_loop().create_task(self._send())
             return True
         if command == slcan.CLOSE and self._sending is not None:
@@ -71,6 +71,6 @@ class SimulatedAdapter(asyncio.Protocol):
 
 
 def _without_errors(block: FrameBlock) -> FrameBlock:
-    """Frames that an adapter sends: its protocol has no error frames."""
+    """Frames without error frames, which the protocol of the adapter does not have."""
     rows = np.flatnonzero((block.ids & np.uint32(ERROR)) == 0)
     return FrameBlock(block.ids[rows], block.at_s[rows], block.dlc[rows], block.payloads(rows))

@@ -1,4 +1,4 @@
-"""A socketcand server on a simulated bus: greets, opens its bus, and sends what a node sends, in texts of their own."""
+"""A socketcand server on a simulated bus: greets, opens its bus, and sends the frames of a node as texts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from drivers.transport.socketcand import HI, OK, RAW_MODE, open_text, render
 from simulators.instruments.can_nodes.can_node import CanNode
 
 SEND_EVERY_S = 0.02
-UNREAD_LIMIT_BYTES = 65_536  # of frames that the other end does not take; later ones are lost
+UNREAD_LIMIT_BYTES = 65_536  # frames buffered for a slow client; later ones are lost
 _TEXT = re.compile(rb"<[^<>]*>")
 
 
@@ -28,20 +28,20 @@ class SimulatedServer(asyncio.Protocol):
         self._sending: asyncio.Task[None] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """A client is there."""
+        """Greet the client."""
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
             transport.write(HI)
 
     def data_received(self, data: bytes) -> None:
-        """Requests from the client, in any portions."""
+        """Receive requests of the client, in any portions."""
         self._rest += data
         while (text := _TEXT.search(self._rest)) is not None and self._transport is not None:
             self._rest = self._rest[text.end() :]
             self._obey(text[0], self._transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client is gone."""
+        """Stop sending."""
         self._transport = None
         if self._sending is not None:
             self._sending.cancel()
@@ -61,8 +61,8 @@ class SimulatedServer(asyncio.Protocol):
             transport.write(b"< error unknown command >")
 
     async def _send(self, transport: asyncio.Transport) -> None:
-        await asyncio.sleep(SEND_EVERY_S)  # a client may take the answer and what follows it for one
-        self._node.take()  # what was on the bus before is gone
+        await asyncio.sleep(SEND_EVERY_S)  # a client may take the answer and the next text for one
+        self._node.take()  # earlier frames on the bus are lost
         while not transport.is_closing():
             await asyncio.sleep(SEND_EVERY_S)
             try:

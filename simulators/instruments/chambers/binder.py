@@ -1,6 +1,6 @@
 """A Binder chamber with an MB1 or MB2: its temperature registers, mode and operation lines.
 
-What a chamber does that is idle is not simulated: a new set point waits until it is followed.
+The idle state is not simulated: a new set point is stored until it becomes active.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
 ANSWER_AFTER_S = 0.25
-AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
+AFTER_RESTART_C = 25.0  # set point after a power cycle
 PROGRAM_C = 40.0  # set point of a program started at the panel
 _LINES_READ = 0x1292
 
 
 class SimulatedBinder(SimulatedChamber):
-    """Registers of one controller, which answers after a quarter of a second.
+    """Registers of one controller, which answers after 0.25 s.
 
-    An MB1 takes a set point into force when its mode is written, so that a mode before its set point brings back the
-    old one; an MB2 takes it at once. Temperatures outside `range_c`, halves of a temperature and modes that are none
-    are refused with exception 3; a register that is not here, and a write to one that is only read, with exception 2.
+    An MB1 activates a set point when its mode is written, so a mode written before its set point restores the old one;
+    an MB2 activates it at once. Temperatures outside `range_c`, halves of a temperature and invalid modes are refused
+    with exception 3; an unknown register, and a write to a read-only one, with exception 2.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class SimulatedBinder(SimulatedChamber):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         options = setup.options
         found = cls(
             setup.world, setup.faults, kind=options.controller, swapped=options.swapped, unit_id=options.unit_id,
@@ -71,11 +71,11 @@ class SimulatedBinder(SimulatedChamber):
         return found
 
     def session(self) -> ModbusRtuSession:
-        """A new connection."""
+        """Open a connection."""
         return ModbusRtuSession(self._server, self._world.now, answer_after_s=ANSWER_AFTER_S)
 
     def read(self, address: int, count: int) -> Sequence[int]:
-        """Words from `address`."""
+        """Read words from `address`."""
         self._world.look()
         self._restart_once()
         held = self._held()
@@ -84,7 +84,7 @@ class SimulatedBinder(SimulatedChamber):
         return [held[each] for each in range(address, address + count)]
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Takes one temperature or one word."""
+        """Write one temperature or one word."""
         self._restart_once()
         if address in self._here():
             self._write_set_point(address, tuple(words))
@@ -94,12 +94,12 @@ class SimulatedBinder(SimulatedChamber):
             raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
 
     def open_door(self) -> None:
-        """The door contact reports it."""
+        """Set the door contact."""
         super().open_door()
         self.door = 1
 
     def close_door(self) -> None:
-        """The same."""
+        """Clear the door contact."""
         super().close_door()
         self.door = 0
 
@@ -108,7 +108,7 @@ class SimulatedBinder(SimulatedChamber):
         self.alarm = 1
 
     def clear_alarm(self) -> None:
-        """It is seen to."""
+        """Clear the alarm."""
         self.alarm = 0
 
     def start_program(self) -> None:
@@ -117,11 +117,11 @@ class SimulatedBinder(SimulatedChamber):
         self._world.ramp(PROGRAM_C, 1 / 60)
 
     def _here(self) -> tuple[int, ...]:
-        """Where this controller has set points."""
+        """Register addresses of this controller's set points."""
         return (BASIC, MANUAL) if self.kind == "mb1" else (registers_of("mb2", "manual", swapped=False).set_point,)
 
     def _held(self) -> Mapping[int, int]:
-        """Every word that can be read."""
+        """All readable words."""
         at = registers_of(self.kind, "manual", swapped=False)
         pairs = {address: self._set_points[address] for address in self._here()}
         pairs[at.process_value] = words(self.measured_c())
@@ -162,7 +162,7 @@ class SimulatedBinder(SimulatedChamber):
         self._follow()
 
     def _follow(self) -> None:
-        """Takes the set point into force that is to be followed."""
+        """Activate the selected set point."""
         if self.program_runs:
             return
         if self.kind == "mb2":

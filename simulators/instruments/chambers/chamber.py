@@ -1,4 +1,4 @@
-"""What every simulated chamber has: a door, a heater, cooling, a sensor in its air; and how they fail."""
+"""Common part of simulated chambers: door, heater, cooling and air sensor, with their faults."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from simulators.world import World
 
 
 class SimulatedChamber:
-    """A chamber in the world behind a controller of some make, which reads its air by `measured_c`.
+    """A chamber of the world with a controller of some make, which reads its air by `measured_c`.
 
-    A controller with a contact at the door adds what it makes of it.
+    A controller with a door contact adds its reaction.
 
-    `frozen`: the air reads as it was. `open_sensor`: as an open sensor does. `detached_sensor`: as the room.
+    `frozen`: the air reading does not change. `open_sensor`: it is that of an open sensor. `detached_sensor`: it is the
+    room temperature.
     """
 
     faults: FaultPlan
-    _air_c: float  # the last reading, for when it is frozen
+    _air_c: float  # last reading, repeated while frozen
 
     def __init__(self, world: World, faults: FaultPlan) -> None:
         self._world, self.faults = world, faults
         self._air_c = world.thermal.air_c
 
     def measured_c(self) -> float:
-        """Reading of the controller's sensor; the world is computed up to now."""
+        """Reading of the controller's sensor, with the world advanced to now."""
         if self.faults.active("open_sensor"):
             return OPEN_C
         if self.faults.active("detached_sensor"):
@@ -44,7 +45,7 @@ class SimulatedChamber:
         self._world.door(is_open=False)
 
     def break_down(self, failure: Failure | None) -> None:
-        """Something of the chamber breaks, whatever its controller does; None repairs it."""
+        """Break a part of the chamber, independent of its controller; None repairs it."""
         self._world.chamber_fails(failure)
 
 
@@ -58,4 +59,4 @@ CHAMBER_MISHAPS: Mapping[FaultKind, Mishap] = {
     "open_sensor": LOOKED_FOR,
     **{failure: _breaks(failure) for failure in get_args(Failure)},
 }
-"""What can happen to every chamber."""
+"""Faults of every chamber."""

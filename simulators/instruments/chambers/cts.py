@@ -1,6 +1,6 @@
 """A CTS chamber: frames of its ASCII protocol in front of the world's chamber.
 
-What the air of a chamber does that is off is not simulated: a new set point waits until it is started.
+The off state is not simulated: a new set point is stored until the chamber is started.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _SWITCH = re.compile(r"s([1-9:;]) ([01])")
 
 
 class SimulatedCts(SimulatedChamber):
-    """A chamber at one address; it does not answer messages that are for others, broken or unknown.
+    """A chamber at one address; it does not answer messages for others, or invalid or unknown ones.
 
-    `set_point_reads` is what it reports as its set point during a ramp. `error` is the number of one that stops it.
-    `stuck`: settings are accepted and not carried out. `frozen`: the air reads as it was.
+    `set_point_reads` selects the set point reported during a ramp. `error` is the number of an error that stops it.
+    `stuck`: settings are accepted and not executed. `frozen`: the air reading does not change.
     """
 
     def __init__(
@@ -49,16 +49,16 @@ class SimulatedCts(SimulatedChamber):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         options = setup.options
         return cls(setup.world, setup.faults, address=options.address, ramp_channel=options.ramp_channel)
 
     def session(self) -> FrameSession:
-        """A new connection."""
+        """Open a connection."""
         return FrameSession(self)
 
     def execute(self, text: str) -> str:
-        """What is answered to one text; nothing to one that is not known."""
+        """Answer to one text; none to an unknown one."""
         self._world.look()
         match text:
             case "A0":
@@ -78,11 +78,11 @@ class SimulatedCts(SimulatedChamber):
 
     @property
     def _not_now(self) -> bool:
-        """Whether a setting is acknowledged before it is processed."""
+        """True if a setting is acknowledged before it is executed."""
         return self.faults.active("stuck") or self.faults.active("lag")
 
     def fail(self, number: str) -> None:
-        """Something happens that stops the chamber, until it is acknowledged at the chamber: `error` and `running`."""
+        """Raise an error that stops the chamber until it is acknowledged: `error` and `running`."""
         self.error, self.running = number, False
 
     def acknowledge(self) -> None:
@@ -105,7 +105,7 @@ class SimulatedCts(SimulatedChamber):
         if self._limits_c[0] <= set_point_c <= self._limits_c[1]:
             self.set_point_c, self.program = set_point_c, False
             self._follow()
-        return True  # one beyond its limits is acknowledged and not taken
+        return True  # a set point beyond the limits is acknowledged and ignored
 
     def _set_rate(self, match: re.Match[str]) -> bool:
         direction, channel, rate = match.groups()
@@ -118,7 +118,7 @@ class SimulatedCts(SimulatedChamber):
         on = match[2] == "1"
         if match[1] == "1":
             if on and not self.running:
-                self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp begins where the air is
+                self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp starts at the air temperature
             self.running, self.paused = on and not self.error, False
         elif match[1] == "3":
             self.paused = not on
@@ -126,7 +126,7 @@ class SimulatedCts(SimulatedChamber):
         return True
 
     def _follow(self) -> None:
-        """The active set point ramps to the set point at its rate, or holds."""
+        """Ramp the active set point to the set point at its rate, or hold it."""
         now_c = self._world.thermal.set_point_c
         if not self.running or self.paused:
             self._world.ramp(now_c, math.inf)
@@ -158,14 +158,14 @@ class SimulatedCts(SimulatedChamber):
 
 
 class FrameSession:
-    """One connection: frames out of a stream of bytes."""
+    """One connection: splits a byte stream into frames."""
 
     def __init__(self, chamber: SimulatedCts) -> None:
         self._chamber = chamber
         self._received = b""
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers to the frames that are whole now."""
+        """Receive bytes in any portions; return the answers to completed frames."""
         *frames, self._received = (self._received + data).split(bytes([ETX]))
         self._received = self._received[-FRAME_LIMIT_BYTES:]
         return b"".join(map(self._answer, frames))

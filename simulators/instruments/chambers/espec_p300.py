@@ -1,6 +1,6 @@
 """An ESPEC chamber with a P300 controller: lines in front of the world's chamber.
 
-What the modes OFF and STANDBY do to the air is not simulated: a new set point waits for constant operation.
+The modes OFF and STANDBY are not simulated: a new set point is stored until constant operation.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
 RUN = "RUN"
-PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # to where, °C, and how fast, °C/min
-QUESTION_GAP_S, SETTING_GAP_S = 0.2, 0.5  # what it needs at least
+PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # target, °C, and rate, °C/min
+QUESTION_GAP_S, SETTING_GAP_S = 0.2, 0.5  # minimum pause
 _TEMPERATURE = re.compile(
     r"TEMP,\s*(?=[SHL])(?:S(-?\d{1,3}\.\d))?\s*(?:H\s*(-?\d{1,3}\.\d))?\s*(?:L\s*(-?\d{1,3}\.\d))?"
 )
@@ -34,15 +34,14 @@ _END = re.compile(rf"PRGM,END,({OFF}|{STANDBY}|{CONSTANT})")
 
 
 class Refusal(Exception):
-    """What is not done, with the reason that is answered."""
+    """A rejected command, with the reason in its answer."""
 
 
 class SimulatedP300(SimulatedChamber):
-    """One controller of a chamber without humidity, or with one that stands still.
+    """One controller of a chamber without humidity, or with a constant one.
 
-    `protected` is the switch at its front panel, `alarm` stops it. `hurried` counts the lines that came sooner than the
-    makers' waiting times allow. `stuck`: settings are accepted and not carried out. `frozen`: the air reads as it
-    was.
+    `protected` is the switch at its front panel, `alarm` stops it. `hurried` counts lines received before the maker's
+    waiting time was over. `stuck`: settings are accepted and not executed. `frozen`: the air reading does not change.
     """
 
     def __init__(
@@ -77,15 +76,15 @@ class SimulatedP300(SimulatedChamber):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         return cls(setup.world, setup.faults, kind=setup.model or "S2", address=setup.options.address)
 
     def session(self) -> LineSession:
-        """A new connection."""
+        """Open a connection."""
         return LineSession(self.execute, end=b"\n", answer_end=wire.END)
 
     def execute(self, line: str) -> str:
-        """What is answered to one line; nothing to one for another address."""
+        """Answer to one line; none to a line for another address."""
         if self._address is not None:
             address, _, line = line.partition(",")
             if address != str(self._address):
@@ -109,7 +108,7 @@ class SimulatedP300(SimulatedChamber):
             self._run(1)
 
     def end_program(self) -> None:
-        """He goes back to constant operation."""
+        """Return to constant operation at the front panel."""
         if self.mode == RUN:
             self._enter(CONSTANT)
 
@@ -118,7 +117,7 @@ class SimulatedP300(SimulatedChamber):
         self.protected = True
 
     def unprotect(self) -> None:
-        """They are free again."""
+        """Release the settings at the front panel."""
         self.protected = False
 
     def _protect_keys(self, match: re.Match[str]) -> None:

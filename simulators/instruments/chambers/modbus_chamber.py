@@ -1,6 +1,6 @@
-"""Any chamber whose controller a profile describes: the registers of the profile in front of the world's chamber.
+"""A chamber whose controller a profile describes: the registers of the profile, connected to the world's chamber.
 
-It follows the profile, so that a profile can be rehearsed; this does not show that the real controller does the same.
+It follows the profile, to rehearse it; that is no evidence of the behaviour of the real controller.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from simulators.instruments.modbus import (
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
-AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
-LIMITS_C = (-70.0, 180.0)  # in the registers that hold them
-ELSEWHERE_C = 40.0  # where it goes when something else decides
+AFTER_RESTART_C = 25.0  # set point after a power cycle
+LIMITS_C = (-70.0, 180.0)  # values in the registers
+ELSEWHERE_C = 40.0  # target of another mode
 
 
 class SimulatedProfile(SimulatedChamber):
-    """Holding and input registers as a profile has them, numbered by themselves.
+    """Holding and input registers of a profile, numbered separately.
 
-    A set point beyond the limits and a mode that the profile does not have are refused with exception 3, as is half of
-    a value; a register that is not here, and a write to one that is only read, with exception 2; a function that the
-    profile does not use with exception 1.
+    A set point beyond the limits, a mode that is not in the profile and half of a value are refused with exception 3;
+    an unknown register, and a write to a read-only one, with exception 2; a function that the profile does not use with
+    exception 1.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class SimulatedProfile(SimulatedChamber):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it; its profile is there, since the bench file was checked."""
+        """Create from a bench file, whose check has made sure of the profile."""
         options = setup.options
         return cls(
             setup.world, setup.faults, options.profile.content, unit_id=options.unit_id,
@@ -67,17 +67,17 @@ class SimulatedProfile(SimulatedChamber):
         )  # fmt: skip
 
     def session(self) -> ModbusTcpSession | ModbusRtuSession:
-        """A new connection."""
+        """Open a connection."""
         if self._serial_line:
             return ModbusRtuSession(self._server, self._world.now)
         return ModbusTcpSession(self._server)
 
     def read(self, address: int, count: int) -> Sequence[int]:
-        """Words of holding registers from `address`."""
+        """Read words of holding registers from `address`."""
         return self.read_by(READ, address, count)
 
     def read_by(self, function: int, address: int, count: int) -> Sequence[int]:
-        """Words from `address` of the registers that a function reads."""
+        """Read words from `address` by the registers of a function."""
         self._world.look()
         self._restart_once()
         held = {
@@ -91,7 +91,7 @@ class SimulatedProfile(SimulatedChamber):
         return [held[each] for each in range(address, address + count)]
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Takes one value."""
+        """Write one value."""
         self._restart_once()
         profile = self.profile
         if address == profile.set_point.address:
@@ -114,7 +114,7 @@ class SimulatedProfile(SimulatedChamber):
         self._world.ramp(ELSEWHERE_C, 1 / 60)
 
     def _held(self) -> list[tuple[CodeRegister, Words]]:
-        """Every register of the profile with what is in it."""
+        """All registers of the profile with their content."""
         profile, set_point_c = self.profile, self._world.thermal.set_point_c
         held: list[tuple[CodeRegister, Words]] = [
             (profile.process_value, self._words(profile.process_value, self.measured_c())),
@@ -156,7 +156,7 @@ class SimulatedProfile(SimulatedChamber):
             self._follow()
 
     def _follow(self) -> None:
-        """The set point in force starts for the set point, or jumps to it, where that decides."""
+        """Ramp the active set point to the set point, or set it, if the mode follows the set point."""
         profile = self.profile
         if profile.mode is not None and self.mode not in profile.mode.follows:
             return
@@ -203,16 +203,16 @@ class _Inputs:
     of: SimulatedProfile
 
     def read(self, address: int, count: int) -> Sequence[int]:
-        """Words from `address`."""
+        """Read words from `address`."""
         return self.of.read_by(READ_INPUT, address, count)
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Refuses."""
+        """Refuse the write."""
         raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
 
 
 def _written_by(profile: ChamberProfile) -> set[int]:
-    """The functions that write what the profile writes."""
+    """Functions that write the registers of the profile."""
     values = [profile.set_point, *([profile.ramp.rate] if profile.ramp is not None else [])]
     functions: set[int] = {WRITE_MANY if each.count == 2 else each.write for each in values}
     if profile.mode is not None and profile.mode.start is not None:

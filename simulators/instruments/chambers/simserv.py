@@ -1,6 +1,6 @@
 """A Weiss or Vötsch chamber with a SIMPAC controller: SIMSERV messages in front of the world's chamber.
 
-What the air of a chamber does that is off is not simulated: a new set point waits until it is started.
+The off state is not simulated: a new set point is stored until the chamber is started.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from simulators.instruments.scpi import LineSession
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
-PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # to where, °C, and how fast, °C/min
+PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # target, °C, and rate, °C/min
 MESSAGES = ("Door open", "Temperature limiter", "Water supply")
 NO_SUCH_CHAMBER, UNKNOWN, WRONG_ARGUMENTS, NOTHING_THERE, NOT_CARRIED_OUT = -4, -5, -6, -8, -9
 OUTPUTS = 16
-# What programs of other people ask besides, by the numbers of the manual of 2019 as SengerM's package has them.
+# Further queries of third-party programs, with the numbers of the manual of 2019 as in SengerM's package.
 _VARIABLES, _VARIABLE_NAME, _OUTPUTS, _OUTPUT_NAME = 11018, 11026, 14007, 14010
-_LOW_LIMITS, _HIGH_LIMITS = (11014, 11016), (11015, 11017)  # of alarms and warnings
+_LOW_LIMITS, _HIGH_LIMITS = (11014, 11016), (11015, 11017)  # numbers of alarms and warnings
 _MEASURED_VALUES, _INPUTS, _PROGRAM = 12012, 15004, 19204
 _OUTPUT_NAMES = {1: "Start", 7: "Compressed air", 8: "Dryer"}
 
 
 class Refusal(Exception):
-    """What is not done, with the number that is answered."""
+    """A rejected command, with the number in its answer."""
 
     def __init__(self, code: int) -> None:
         super().__init__(str(code))
@@ -40,9 +40,9 @@ class Refusal(Exception):
 class SimulatedSimserv(SimulatedChamber):
     """A chamber with one control variable, its temperature.
 
-    `set_point_reads` is what it reports as its set point during a ramp. `error` stops it with a message that is active
-    until errors are cleared and its cause is gone. `stuck`: settings are accepted and not carried out. `frozen`: the
-    air reads as it was.
+    `set_point_reads` selects the set point reported during a ramp. `error` stops it with a message that is active until
+    errors are cleared and its cause is gone. `stuck`: settings are accepted and not executed. `frozen`: the air reading
+    does not change.
     """
 
     def __init__(
@@ -93,18 +93,18 @@ class SimulatedSimserv(SimulatedChamber):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         return cls(
             setup.world, setup.faults, kind=setup.model or "WT3-180/70", serial=setup.serial or "59226001",
             set_point_reads=setup.options.set_point_reads,
         )  # fmt: skip
 
     def session(self) -> LineSession:
-        """A new connection."""
+        """Open a connection."""
         return LineSession(self.execute, end=wire.END, answer_end=wire.ANSWER_END)
 
     def execute(self, line: str) -> str:
-        """What is answered to one message."""
+        """Answer to one message."""
         self._world.look()
         try:
             return self._carry_out(line.split(wire.SEPARATOR))
@@ -112,17 +112,17 @@ class SimulatedSimserv(SimulatedChamber):
             return str(refusal.code)
 
     def error(self, index: int) -> None:
-        """Something happens that stops the chamber: a message, counted from 1, is active."""
+        """Raise an error that stops the chamber, with an active message, numbered from 1."""
         self.active.add(index)
         self.outputs[wire.START] = False
 
     def open_door(self) -> None:
-        """The contact at the door stops it, with a message."""
+        """Open the door; its contact stops the chamber, with a message."""
         super().open_door()
         self.error(1)
 
     def close_door(self) -> None:
-        """The message goes; the chamber stays off."""
+        """Clear the door message; the chamber stays off."""
         super().close_door()
         self.active.discard(1)
 
@@ -195,7 +195,7 @@ class SimulatedSimserv(SimulatedChamber):
         if int(output) == wire.START and on == "1" and self.active:
             raise Refusal(NOT_CARRIED_OUT)
         if int(output) == wire.START and on == "1" and not self._runs:
-            self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp begins where the air is
+            self._world.ramp(self._world.thermal.air_c, math.inf)  # a ramp starts at the air temperature
         self.outputs[int(output)] = on == "1"
         self._follow()
 
@@ -213,7 +213,7 @@ class SimulatedSimserv(SimulatedChamber):
             self.program, self.outputs[wire.START] = 0, False
 
     def _follow(self) -> None:
-        """The set point in force starts for the set point, at its gradient."""
+        """Ramp the active set point to the set point, at its gradient."""
         if not self._runs or self.program:
             return
         up = self.set_point_c > self._world.thermal.set_point_c
@@ -233,7 +233,7 @@ class SimulatedSimserv(SimulatedChamber):
 
 
 def _called(function: Callable[..., object], count: int, arguments: list[str]) -> object:
-    """Calls with as many arguments as are needed; further ones, such as a user name, are ignored."""
+    """Call a handler with as many arguments as it needs; further ones, such as a user name, are ignored."""
     if len(arguments) < count:
         raise Refusal(WRONG_ARGUMENTS)
     try:
@@ -243,13 +243,13 @@ def _called(function: Callable[..., object], count: int, arguments: list[str]) -
 
 
 def _decimal(value: float) -> str:
-    """With as many digits after the point as it has, one to three."""
+    """Format with as many decimals as necessary, one to three."""
     whole, _, digits = f"{value:.3f}".partition(".")
     return f"{whole}.{digits.rstrip('0') or '0'}"
 
 
 def _output(text: str) -> int:
-    """The number of a digital output; raises Refusal for one that is not there."""
+    """Number of a digital output; raises Refusal for an unknown one."""
     if not 1 <= int(text) <= OUTPUTS:
         raise Refusal(WRONG_ARGUMENTS)
     return int(text)

@@ -1,6 +1,6 @@
-"""A Watlow F4 S or D: the registers of its temperature channel in front of the world's chamber.
+"""A Watlow F4 S or D: registers of its temperature channel, connected to the world's chamber.
 
-What a chamber does whose power is off is not simulated: a new set point waits until it is on.
+A chamber switched off is not simulated: a new set point is stored until it is switched on.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
 SERIAL, SOFTWARE, REVISION = (12, 3456), 3, 201
-AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
-PROFILE_C = 40.0  # where the profile goes that somebody starts
+AFTER_RESTART_C = 25.0  # set point after a power cycle
+PROFILE_C = 40.0  # target of the profile
 _SWITCHED_OFF = frozenset((103, 104, 105, 107, 108, 109, 110, 111, 115, 319, 1922, 1925))  # features; read as zero
 UNIT_FAMILY = 608  # of channel 1; 0 is a temperature
 
 
 class SimulatedF4(SimulatedChamber):
-    """Registers of channel 1, the event outputs, and a profile that goes to PROFILE_C.
+    """Registers of channel 1, the event outputs, and a profile with the target PROFILE_C.
 
-    A set point outside its limits and a number that a register does not know are refused with exception 3; a register
-    that is not here, and a write to one that is only read, with exception 2. `memory_writes` counts what wears out the
-    memory: every write to a setting, of the same number too. Temperatures are in °C whatever `display_unit` says.
+    A set point outside its limits and an invalid number are refused with exception 3; an unknown register, and a write
+    to a read-only one, with exception 2. `memory_writes` counts the writes that wear out the memory: all writes to
+    settings, even of the same number. Temperatures are in °C with any `display_unit`.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class SimulatedF4(SimulatedChamber):
         self._server = ModbusServer(self, unit_id)
         self._form = form = TemperatureFormat(decimals)
         self._power = event_output(power_event) if power_event is not None else None
-        self._profile = (0, 0)  # as selected, with its step
+        self._profile = (0, 0)  # selected profile, with its step
         low_c, high_c = set_point_limits_c
         self._settings: dict[int, int] = {
             Register.SET_POINT: form.word(world.thermal.set_point_c),
@@ -83,22 +83,22 @@ class SimulatedF4(SimulatedChamber):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         options = setup.options
         return cls(setup.world, setup.faults, unit_id=options.unit_id, power_event=options.power_event)
 
     def session(self) -> ModbusRtuSession:
-        """A new connection."""
+        """Open a connection."""
         return ModbusRtuSession(self._server, self._world.now)
 
     def read(self, address: int, count: int) -> Sequence[int]:
-        """Words from `address`."""
+        """Read words from `address`."""
         self._world.look()
         self._restart_once()
         return [self._word_at(each) for each in range(address, address + count)]
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Takes words from `address` on, all or none."""
+        """Write words from `address` on, all or none."""
         self._restart_once()
         for where, word in enumerate(words, address):
             self._check(where, word)
@@ -166,11 +166,11 @@ class SimulatedF4(SimulatedChamber):
         self.alarm = 1
 
     def open_sensor(self) -> None:
-        """The wire of the sensor comes off."""
+        """Open the sensor circuit."""
         self.sensor_error = 1
 
     def clear(self) -> None:
-        """Both are seen to."""
+        """Clear alarm and sensor fault."""
         self.alarm = self.sensor_error = 0
 
     def start_profile(self) -> None:
@@ -179,7 +179,7 @@ class SimulatedF4(SimulatedChamber):
         self._world.ramp(PROFILE_C, 1 / 60)
 
     def _end_profile(self) -> None:
-        """The set point is off then: below the lowest that it may be."""
+        """End the profile, which switches the set point off: below its lower limit."""
         if self._status >= Status.PROFILE_RUNS:
             self._status = Status.STATIC
             self._settings[Register.SET_POINT] = (self._settings[Register.SET_POINT_MIN] - 1) & 0xFFFF

@@ -1,6 +1,6 @@
-"""A Watlow F4T with one control loop: registers in front of the world's chamber.
+"""A Watlow F4T with one control loop: registers connected to the world's chamber.
 
-What the manual mode and the mode off do to the air is not simulated: a new set point waits until the loop is in auto.
+The modes manual and off are not simulated: a new set point is stored until the loop is in auto.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from simulators.world import World
 _UNUSED = (2812, 2816, 2818)  # between the values of a loop; read as zero
 _EVENTS = (16594, 16596, 16598, 16600, 16822, 16824, 16826, 16828)
 _SECONDS = {RampScale.MINUTES: 60.0, RampScale.HOURS: 3600.0}
-AFTER_RESTART_C = 25.0  # the set point of a controller that was switched off and on
+AFTER_RESTART_C = 25.0  # set point after a power cycle
 _POWER_PER_C = 20.0  # % of power for a degree between set point and air
 
 
@@ -44,9 +44,8 @@ class _Switch(IntEnum):
 class SimulatedF4T(SimulatedChamber):
     """Registers of one control loop, the display unit, analog input 1 and the event outputs.
 
-    A set point outside the set-point limits, and a number outside its enumeration, is refused with exception 3; a
-    register that is not here, and a write to one that is only read, with exception 2. Temperatures are in °C whatever
-    `display_unit` says.
+    A set point outside the set-point limits, and a number outside its enumeration, is refused with exception 3; an
+    unknown register, and a write to a read-only one, with exception 2. Temperatures are in °C with any `display_unit`.
     """
 
     def __init__(
@@ -96,7 +95,7 @@ class SimulatedF4T(SimulatedChamber):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         options = setup.options
         return cls(
             setup.world, setup.faults, unit_id=options.unit_id, loop=options.loop, word_order=options.word_order,
@@ -104,35 +103,35 @@ class SimulatedF4T(SimulatedChamber):
         )  # fmt: skip
 
     def session(self) -> ModbusTcpSession | ModbusRtuSession:
-        """A new connection."""
+        """Open a connection."""
         if self._serial_line:
             return ModbusRtuSession(self._server, self._world.now)
         return ModbusTcpSession(self._server)
 
     def switch_off(self) -> None:
-        """Start a program at the front panel."""
+        """Switch the loop off at the front panel."""
         self._enter(ControlMode.OFF)
 
     def switch_on(self) -> None:
-        """The loop controls again."""
+        """Switch the loop to auto at the front panel."""
         self._enter(ControlMode.AUTO)
 
     def restart(self) -> None:
-        """The mains fail for a moment: it begins anew, without a ramp."""
+        """Short power failure: it restarts without a ramp."""
         at, form = self._form.address, self._form
         self._stored[at(LoopRegister.SET_POINT)] = form.words(AFTER_RESTART_C)
         self._stored[at(LoopRegister.RAMP_ACTION)] = (RampAction.OFF, 0)
         self.switch_on()
 
     def read(self, address: int, count: int) -> Sequence[int]:
-        """Words from `address`; a half of a value is given as it is."""
+        """Read words from `address`; half of a value is returned as is."""
         self._world.look()
         first = address & ~1
         words = list(chain.from_iterable(self._value_at(pair) for pair in range(first, address + count, 2)))
         return words[address - first : address - first + count]
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Takes values from `address` on, all or none; a float only whole, an enumeration with or without its zero."""
+        """Write values from `address` on, all or none; a float only whole, an enumeration with or without its zero."""
         values = [(address + offset, tuple(words[offset : offset + 2])) for offset in range(0, len(words), 2)]
         for where, value in values:
             self._check(where, value)
@@ -180,7 +179,7 @@ class SimulatedF4T(SimulatedChamber):
         self._follow_set_point()
 
     def _follow_set_point(self) -> None:
-        """The set point in force starts for the set point, or jumps to it."""
+        """Ramp the active set point to the set point, or set it."""
         if self._enumeration(LoopRegister.CONTROL_MODE) != ControlMode.AUTO:
             return
         ramps = self._enumeration(LoopRegister.RAMP_ACTION) in (RampAction.SET_POINT, RampAction.BOTH)

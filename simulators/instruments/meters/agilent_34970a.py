@@ -1,8 +1,8 @@
-"""An Agilent 34970A scanner with sensors in the chamber: scan list, sensors, units, scans that take their time.
+"""An Agilent 34970A scanner with sensors in the chamber: scan list, sensors, units, and scans of realistic duration.
 
-Scans begin by themselves or by the timer; those that a bus, a contact or an alarm triggers are not simulated, nor is
-anything measured but temperatures. What is scanned, kept and told is after the user's guide (chapter 5); what programs
-of other people ask besides, as relay cycles, is answered as by an instrument that is new.
+Scans are triggered immediately or by the timer; triggers by bus, contact or alarm are not simulated, nor is any
+measurement but temperature. Scans, memory and answers follow the user's guide (chapter 5); further queries of
+third-party programs, such as relay cycles, are answered as by a new instrument.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ _UNITS: Mapping[str, Callable[[float], float]] = {
 class SimulatedScanner:
     """A scanner with a card of 20 channels in each slot of `slots`.
 
-    A sensor whose name is that of a place is on the unit there; any other is in the air of the chamber. A scan takes
-    0.2 s for each sensor, and its readings are worked out when somebody asks for them. `frozen`: readings repeat.
+    A sensor named like a place is on the unit there; any other is in the air of the chamber. A scan takes 0.2 s for
+    each sensor; its readings are computed on request. `frozen`: readings repeat.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class SimulatedScanner:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it; with a serial number it is the later model, which reports it."""
+        """Create from a bench file; with a serial number it is the later model, which reports it."""
         identity = IDENTITY
         if setup.model == "34972A":
             identity = f"Agilent Technologies,34972A,{setup.serial or 'SIM-34972A-01'},1.16-1.12-02-02"
@@ -82,15 +82,15 @@ class SimulatedScanner:
         return cls(setup.world, setup.faults, setup.options.names(), identity=identity, answer_end=end)
 
     def session(self) -> ScannerSession:
-        """A new connection."""
+        """Open a connection."""
         return ScannerSession(self)
 
     def carry_out(self, command: Command) -> str | None:
-        """Carries out a command that no scan is waited for; its answer."""
+        """Execute a command that does not wait for a scan; return its answer."""
         return self._interpreter.carry_out(command)
 
     def joined(self, answers: list[str]) -> str:
-        """The answers to one line."""
+        """Join the answers to one line."""
         return self._interpreter.joined(answers)
 
     def open_sensors(self) -> None:
@@ -98,11 +98,11 @@ class SimulatedScanner:
         self.open.update(self._names)
 
     def close_sensors(self) -> None:
-        """It is in place again."""
+        """Reconnect all sensors."""
         self.open.clear()
 
     def restart(self) -> None:
-        """The mains fail for a moment: nothing is scanned any more."""
+        """Short power failure: scanning stops."""
         self._reset()
         self._interpreter.power_on()
 
@@ -111,7 +111,7 @@ class SimulatedScanner:
         return self._noting(lambda: self._scans.begin(self.scan, kept=kept))
 
     def begin_measurement(self, argument: str, *, volts: bool) -> float | None:
-        """Configures channels as CONF:TEMP or CONF:VOLT does and begins a scan of them; as `begin_scan`."""
+        """Configure channels as CONF:TEMP or CONF:VOLT does and begin a scan of them; as `begin_scan`."""
 
         def begin() -> float:
             (self._configure_volts if volts else self._configure)(argument)
@@ -131,18 +131,18 @@ class SimulatedScanner:
         return self._scans.left_s()
 
     def end_scan(self) -> str:
-        """The readings of the scan that is over, "" when there is none, or the mains have failed meanwhile."""
+        """Readings of the finished scan, "" if there is none, or after a power failure."""
         return self._spelled(self._scans.end())
 
     def _fetch(self, _: str) -> str:
-        """What is in memory; nothing after READ?, whose readings are in none."""
+        """Readings in memory; none after READ?, whose readings are not stored."""
         memory = self._scans.taken()
         if not memory:
             raise Refusal(STALE)
         return self._spelled(memory)
 
     def _remove(self, argument: str) -> str:
-        """The oldest readings, which are in memory no more."""
+        """Take the oldest readings out of the memory."""
         memory = self._scans.taken()
         count = round(setting(argument, 1, MEMORY_READINGS))
         if count > len(memory):
@@ -150,7 +150,7 @@ class SimulatedScanner:
         return self._spelled([memory.popleft() for _ in range(count)])
 
     def _read_out(self, argument: str) -> str:
-        """The same as a block, as many as there are."""
+        """The same as a block, with the available number of readings."""
         memory = self._scans.taken()
         count = min(len(memory), round(setting(argument or str(MEMORY_READINGS), 1, MEMORY_READINGS)))
         return _block(self._spelled([memory.popleft() for _ in range(count)]))
@@ -174,7 +174,7 @@ class SimulatedScanner:
         return ",".join(fields)
 
     def _reading_c(self, channel: int, at_s: float) -> float | None:
-        """What a sensor reads at a true time, None when it is open."""
+        """Reading of a sensor at a true time, None if it is open."""
         if channel in self.volts:
             return 0.0  # no voltage source there
         name = self._names.get(channel, "")
@@ -259,7 +259,7 @@ class SimulatedScanner:
         return '"VOLT"' if channel in self.volts else '"TEMP"'
 
     def _configured(self, channel: int) -> str:
-        """What a channel measures, with its range and resolution, which are always the same here."""
+        """Configuration of a channel, with its constant range and resolution."""
         if channel in self.volts:
             return f'"VOLT {exponential(10.0)},{exponential(3e-5)}"'
         return f'"TEMP {",".join(self._sensor(channel))},{exponential(1.0)},{exponential(3e-6)}"'
@@ -274,7 +274,7 @@ class SimulatedScanner:
         self.monitors = switch(argument)
 
     def _monitor(self) -> str:
-        """The reading of the channel that is monitored, without unit, time and channel; raises Refusal."""
+        """Reading of the monitored channel, without unit, time and channel; raises Refusal."""
         if not (self.monitors and self.monitored):
             raise Refusal(SETTINGS_CONFLICT)
         (channel,) = self.monitored
@@ -291,7 +291,7 @@ class SimulatedScanner:
         self.units.update(dict.fromkeys(self._channels(channels), unit))
 
     def _channels(self, argument: str) -> tuple[int, ...]:
-        """A list of channels in the order of a scan, those of the scan for none; raises Refusal for one of no card."""
+        """Parse a channel list in scan order; empty means the scan list. Raises Refusal for a channel of no card."""
         if not argument:
             return self.scan
         found = _LIST.fullmatch(argument.strip())
@@ -346,5 +346,5 @@ class SimulatedScanner:
 
 
 def _block(body: str) -> str:
-    """Text as a definite block."""
+    """Encode text as a definite block."""
     return f"#{len(str(len(body)))}{len(body)}{body}"

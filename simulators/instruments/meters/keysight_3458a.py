@@ -1,4 +1,4 @@
-"""A Keysight 3458A, behind a gateway that passes lines on."""
+"""A Keysight 3458A behind a gateway that passes lines on."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _EVENTS = {"AUTO": 1, "EXT": 2, "SGL": 3, "HOLD": 4, "SYN": 5}
 _CHOICES = {
     "TARM": _EVENTS, "TRIG": _EVENTS, "END": {**_ON_OFF, "ALWAYS": 2}, "INBUF": _ON_OFF, "OFORMAT": {"ASCII": 1},
     "QFORMAT": {"NUM": 0, "NORM": 1}, "AZERO": {**_ON_OFF, "ONCE": 2}, "MATH": {"OFF": 0, "NULL": 7},
-    # Kept and told, as programs of other people set them: nothing of what is simulated depends on them.
+    # Stored and reported, as used by third-party programs: no effect on the simulation.
     "LFILTER": _ON_OFF, "FIXEDZ": _ON_OFF, "LOCK": _ON_OFF, "BEEP": {**_ON_OFF, "ONCE": 2},
     "DISP": {**_ON_OFF, "MSG": 2, "CLR": 3}, "MEM": {"OFF": 0, "LIFO": 1, "FIFO": 2, "CONT": 3},
     "MFORMAT": {"ASCII": 1, "SINT": 2, "DINT": 3, "SREAL": 4, "DREAL": 5},
@@ -36,21 +36,21 @@ _CHOICES = {
 _KEPT = {"LFILTER": 0, "FIXEDZ": 0, "LOCK": 0, "BEEP": 1, "DISP": 1, "MEM": 0, "MFORMAT": 4}
 _PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0, **_KEPT}
 _POWER_ON = {**_PRESET, "TRIG": 1, "END": 0, "QFORMAT": 1}
-_NUMBERS = {"NDIG": (7.0, 3.0, 8.0), "NRDGS": (1.0, 1.0, 1.0), "DELAY": (0.0, 0.0, 6000.0)}  # out of the box, range
+_NUMBERS = {"NDIG": (7.0, 3.0, 8.0), "NRDGS": (1.0, 1.0, 1.0), "DELAY": (0.0, 0.0, 6000.0)}  # default range
 _INSIDE_C = 36.5
 _NPLC_MAX, _APERTURE_MAX_S = 1000.0, 1.0
 _FUNCTIONS = {"DCV": (wire.DC_VOLTS, wire.RANGES_V), "DCI": (wire.DC_CURRENT, wire.RANGES_A)}
 _OVER_RANGE, _OVER_1_A = 1.2, 1.05
-_SWITCHING = ("DCV", "DCI", "RANGE", "NPLC", "APER", "AZERO")  # what lags where anything does
-_ERROR_BIT = 1 << 5  # of the status byte
-_NOISE_NPLC = 10.0  # for which the noise of its input is stated
+_SWITCHING = ("DCV", "DCI", "RANGE", "NPLC", "APER", "AZERO")  # settings executed late with `lag`
+_ERROR_BIT = 1 << 5  # bits of the status byte
+_NOISE_NPLC = 10.0  # integration time for which the noise of its input is stated
 
 
 class Simulated3458A:
-    """A meter of what it is connected to; set to another function it finds nothing there.
+    """A meter connected to an input; in another function it measures nothing.
 
-    What it is told while it takes a reading it does afterwards. Without END its answers have no end that a gateway
-    could see, so they stay there. `frozen`: readings repeat. `stuck`: settings are accepted and not carried out.
+    Commands received during a reading are executed after it. Without END a gateway cannot detect the end of answers, so
+    they are not delivered. `frozen`: readings repeat. `stuck`: settings are accepted and not executed.
     """
 
     def __init__(
@@ -79,19 +79,19 @@ class Simulated3458A:
             "NPLC?": lambda: _engineering(self.nplc),
             "APER?": lambda: _engineering(self.nplc / self._line_hz),
             "ARANGE?": lambda: str(int(self.full_scale is None)),
-            "ISCALE?": lambda: _engineering(1.0),  # of readings as text
+            "ISCALE?": lambda: _engineering(1.0),  # format of readings as text
             "MCOUNT?": lambda: "0",
-            "TERM?": lambda: "1",  # those at the front
+            "TERM?": lambda: "1",  # terminals at the front
         }
         self.restart()
         world.integrate_with(self._catch_up)
 
     def session(self) -> VoltmeterSession:
-        """A new connection to the gateway."""
+        """Open a connection to the gateway."""
         return VoltmeterSession(self)
 
     def restart(self) -> None:
-        """The mains fail for a moment: everything is as when it was switched on."""
+        """Short power failure: all settings are as at power-on."""
         self.codes: dict[str, int] = dict(_POWER_ON)
         self._numbers = {header: first for header, (first, _, _) in _NUMBERS.items()}
         self.function, self._ranges = _FUNCTIONS["DCV"]
@@ -99,18 +99,18 @@ class Simulated3458A:
         self.nplc = 10.0
         self._reading: _Aperture | None = None
         self._reading_ends_s = 0.0
-        self._single = "TARM"  # which trigger was single last
+        self._single = "TARM"  # the trigger that was last single
         self.errors.clear()
 
     @property
     def is_reading(self) -> bool:
-        """Whether a reading is being taken; one whose connection is gone ends unread."""
+        """True during a reading; one whose connection is closed ends unread."""
         if self._reading is not None and self._world.look() > self._reading_ends_s:
             self.end_reading()
         return self._reading is not None
 
     def execute(self, command: str) -> str:
-        """Carries out one command, but a trigger; its answer, or "" for none."""
+        """Execute one command other than a trigger; return its answer, or "" for none."""
         header, *parameters = re.split(r"[ ,]+", command.upper())
         if header in self._told:
             return self._told[header]()
@@ -128,7 +128,7 @@ class Simulated3458A:
         return ""
 
     def triggered_by(self, command: str) -> bool:
-        """Whether a command triggers a reading: of the two triggers, one is single and the other lets pass."""
+        """Return whether a command triggers a reading: of the two triggers, one is single and the other passes."""
         header, *parameters = re.split(r"[ ,]+", command.upper())
         other = {"TARM": "TRIG", "TRIG": "TARM"}.get(header)
         if other is None or parameters[:1] != ["SGL"] or (header == "TRIG" and self.codes[other] != _EVENTS["AUTO"]):
@@ -137,7 +137,7 @@ class Simulated3458A:
         return True
 
     def begin_reading(self) -> float:
-        """Triggered: begins a reading; how long it takes (s)."""
+        """Begin a triggered reading; return its duration (s)."""
         now_s = self._world.look()
         takes_s = wire.takes_s(self.nplc, self._line_hz)
         self._reading = _Aperture(now_s, now_s + takes_s - wire.last_zero_s(self.nplc, self._line_hz), now_s)
@@ -145,7 +145,7 @@ class Simulated3458A:
         return takes_s
 
     def end_reading(self) -> str:
-        """The reading is there, and the trigger is held again; "" when the mains have failed meanwhile."""
+        """Finish the reading and hold the trigger again; "" after a power failure meanwhile."""
         self._world.look()
         self._catch_up()
         reading, self._reading = self._reading, None
@@ -161,7 +161,7 @@ class Simulated3458A:
         return f"{math.copysign(wire.OVERLOAD, self._read) if beyond else self._read: .9E}"
 
     def _catch_up(self) -> None:
-        """Integrates the input up to now, or to the end of the aperture, under the stimulus that has been."""
+        """Integrate the input up to now, or to the end of the aperture, under the stimulus until now."""
         reading = self._reading
         if reading is None:
             return
@@ -208,7 +208,7 @@ class Simulated3458A:
             self.full_scale = self._range_for(most)
 
     def _set_nplc(self, parameter: str) -> None:
-        """Fractions of a cycle stay, more than one is rounded up to a whole number, more than ten to tens."""
+        """Set the integration time in cycles: above one rounded up to integers, above ten to tens."""
         nplc = self._number(parameter, _NPLC_MAX)
         if nplc is not None:
             self.nplc = nplc if nplc < 1 else float(math.ceil(nplc) if nplc <= 10 else 10 * math.ceil(nplc / 10))
@@ -237,11 +237,11 @@ class Simulated3458A:
         return f"{full_scale:G}".removeprefix("0") if full_scale >= 1e-4 else _engineering(full_scale)
 
     def _range_for(self, most: float) -> float:
-        """The smallest range for an input, the largest one where none is."""
+        """Smallest range for an input, the largest one if it exceeds all."""
         return next((each for each in self._ranges if most <= _over(each, self.function)), self._ranges[-1])
 
     def _take_error(self) -> str:
-        """The lowest bit that is set, auxiliary errors first; it is cleared."""
+        """Read and clear the lowest error bit, auxiliary errors first."""
         if not self.errors:
             return '0,"NO ERROR"'
         code = min(self.errors, key=lambda code: (code < 200, code))
@@ -249,7 +249,7 @@ class Simulated3458A:
         return f'{code},"{_ERRORS.get(code, "HARDWARE ERROR")}"'
 
     def _take_register(self, first: int) -> str:
-        """The errors from `first` on, each with a bit; they are cleared."""
+        """Read and clear the errors from `first` on, one bit each."""
         taken = {code for code in self.errors if first <= code < first + 100}
         self.errors -= taken
         return str(sum(1 << code - first for code in taken))
@@ -262,7 +262,7 @@ class Simulated3458A:
 
 @dataclass(slots=True)
 class _Aperture:
-    """A reading under way: its input is measured from `begin_s` to `end_s`, and integrated so far (V·s or A·s)."""
+    """A running reading: its input is measured from `begin_s` to `end_s`, and integrated so far (V·s or A·s)."""
 
     begin_s: float
     end_s: float
@@ -271,7 +271,7 @@ class _Aperture:
 
 
 class VoltmeterSession:
-    """A connection to the gateway: what is told waits for its turn, and only a reading takes time.
+    """A connection to the gateway: commands are queued, and only a reading takes time.
 
     Lines that begin with `++` are for the gateway; with `++auto 0` answers stay in the instrument until `++read`.
     """
@@ -289,7 +289,7 @@ class VoltmeterSession:
         self._later = later
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers that are there at once."""
+        """Receive bytes in any portions; return the immediate answers."""
         *told, self._rest = re.split(rb"[\r\n;]", self._rest + data)
         self._commands.extend(command for part in told if (command := part.decode("latin-1").strip()))
         return self._carry_on()
@@ -328,12 +328,12 @@ class VoltmeterSession:
 
 
 def _over(full_scale: float, function: wire.Function) -> float:
-    """How much it measures in a range."""
+    """Full scale of a range."""
     return full_scale * (_OVER_1_A if (function, full_scale) == (wire.DC_CURRENT, 1.0) else _OVER_RANGE)
 
 
 def _engineering(value: float) -> str:
-    """Nine digits, the exponent in steps of three."""
+    """Format with nine digits and an exponent in steps of three."""
     exponent = 3 * math.floor(math.log10(value) / 3) if value else 0
     mantissa = value / 10.0**exponent
     return f"{mantissa:.{9 - len(str(int(mantissa)))}f}E{exponent:+03d}"

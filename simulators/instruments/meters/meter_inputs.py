@@ -1,4 +1,4 @@
-"""What simulated meters are connected to: a load that the current of a unit flows through, or the cable of a source."""
+"""Inputs of simulated meters: a load that carries the current of a unit, or the cable of a source."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.world import World
 
 PERFECT = CurrentErrors()
-LOOK_S = 0.1  # how closely a current that drifts is looked at
+LOOK_S = 0.1  # interval of evaluation of a drifting current
 
 
 class MeterInput(Protocol):
-    """What a meter measures, and how it errs."""
+    """Input of a meter, and the meter's errors."""
 
     @property
     def function(self) -> wire.Function:
-        """What there is to be measured."""
+        """Quantity at the input."""
 
     @property
     def noise(self) -> float:
-        """The standard deviation of a reading over 10 line cycles."""
+        """Standard deviation of a reading over 10 line cycles."""
 
     def mean(self, begin_s: float, end_s: float) -> float:
-        """What is there in the mean, between true times."""
+        """Mean of the quantity between true times."""
 
     def read(self, mean: float, at_s: float) -> float:
-        """The reading of that, without noise."""
+        """Reading of that mean, without noise."""
 
 
 class PassingNoise(Protocol):
-    """The noise of a unit for an observer that reads it occasionally."""
+    """Noise of a unit for an observer that reads it occasionally."""
 
     def pass_over(self, passed_s: float) -> None:
         """Advance the time without a reading."""
@@ -50,29 +50,29 @@ class AnalogueUnit(Protocol[N]):
     """A unit whose output is a current."""
 
     def own_noise(self, name: str) -> N:
-        """Its noise for one observer."""
+        """Noise generator for one observer."""
 
     def mean_volts(self, begin_s: float, end_s: float, noise: N, load_ohm: float) -> float:
-        """What its current makes of a load, as a mean."""
+        """Mean voltage of its current across a load."""
 
 
 class NoUnit:
-    """What a load has that no unit is connected to: no current, and no noise."""
+    """A load without a unit: no current, and no noise."""
 
     def own_noise(self, name: str) -> NoUnit:
-        """There is none; it stands for it."""
+        """The object itself, as noise source."""
         return self
 
     def pass_over(self, passed_s: float) -> None:
-        """Nothing wanders."""
+        """Do nothing: there is no drift."""
 
     def mean_volts(self, begin_s: float, end_s: float, noise: NoUnit, load_ohm: float) -> float:
-        """None at all."""
+        """Zero."""
         return 0.0
 
 
 class VoltsOnLoad:
-    """A load that the current of the unit in a place flows through; `name` tells the noise of one meter from others."""
+    """A load that carries the current of the unit in a place; `name` separates the noise of several meters."""
 
     function = wire.DC_VOLTS
 
@@ -83,20 +83,20 @@ class VoltsOnLoad:
         self._unit_noise, self._looked_s = self._unit.own_noise(name), 0.0
 
     def mean(self, begin_s: float, end_s: float) -> float:
-        """The mean voltage; the bias of the unit drifts between readings."""
+        """Mean voltage; the bias of the unit drifts between readings."""
         if begin_s > self._looked_s:
             self._unit_noise.pass_over(begin_s - self._looked_s)
         self._looked_s = end_s
         return self._unit.mean_volts(begin_s, end_s, self._unit_noise, self._settings.load_ohm)
 
     def read(self, mean: float, _at_s: float) -> float:
-        """With the errors of gain and offset."""
+        """Reading with the errors of gain and offset."""
         return mean * (1 + self._settings.gain) + self._settings.offset_v
 
 
 @dataclass(frozen=True, slots=True)
 class CurrentInSeries:
-    """The cable of a current source; the meter errs as drawn, less what the `table` of its certificate corrects.
+    """The cable of a current source; the meter has the drawn errors less the corrections in `table`.
 
     `noise` is the standard deviation of a reading over 10 line cycles (A).
     """
@@ -109,12 +109,12 @@ class CurrentInSeries:
     function: wire.Function = wire.DC_CURRENT
 
     def mean(self, begin_s: float, end_s: float) -> float:
-        """The mean current."""
+        """Mean current."""
         looks = 1 + math.ceil((end_s - begin_s) / LOOK_S)
         at_s = begin_s + (np.arange(looks) + 0.5) / looks * (end_s - begin_s)
         return float(self.world.source_a(self.source, at_s).mean())
 
     def read(self, mean: float, at_s: float) -> float:
-        """With the errors of gain, offset and drift."""
+        """Reading with the errors of gain, offset and drift."""
         erring = self.errors.current_a(mean, np.array([at_s]))
         return float(read_of(erring, self.table)[0])

@@ -1,4 +1,4 @@
-"""A connection to a simulated scanner: who asks for a scan waits until it is over."""
+"""A connection to a simulated scanner: a query of a scan is answered at its end."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ _MEASURE = ("MEAS:TEMP?", "MEASURE:TEMP?", "MEAS:TEMPERATURE?", "MEASURE:TEMPERA
 
 
 class Scanner(Protocol):
-    """What a session needs of its scanner."""
+    """Interface of a scanner for its sessions."""
 
     answer_end: bytes
 
     def carry_out(self, command: Command) -> str | None:
-        """Carries out a command that no scan is waited for; its answer."""
+        """Execute a command that does not wait for a scan; return its answer."""
 
     def joined(self, answers: list[str]) -> str:
-        """The answers to one line."""
+        """Join the answers to one line."""
 
     def begin_scan(self, *, kept: bool = True) -> float | None:
-        """Begins a scan; how long it takes (s), None when none begins."""
+        """Begin a scan; return its duration (s), None if none begins."""
 
     def begin_measurement(self, argument: str, *, volts: bool) -> float | None:
-        """Configures channels, for DC volts or a temperature, and begins a scan of them; as `begin_scan`."""
+        """Configure channels, for DC volts or a temperature, and begin a scan of them; as `begin_scan`."""
 
     def left_s(self) -> float:
-        """How long the scan under way still takes (s)."""
+        """Remaining time of the running scan (s)."""
 
     def end_scan(self) -> str:
-        """The readings of the scan that is over, "" without one."""
+        """Readings of the finished scan, "" without one."""
 
 
 class ScannerSession:
-    """A connection: what waits for the end of a scan holds back all that is told after it. Lines end with LF or CR LF.
+    """A connection: a command that waits for a scan delays all later ones. Lines end with LF or CR LF.
 
-    READ?, MEAS:TEMP?, FETC? and *OPC? wait, and *WAI; all else is done while a scan is under way.
+    READ?, MEAS:TEMP?, FETC?, *OPC? and *WAI wait; all others are executed during a scan.
     """
 
     def __init__(self, scanner: Scanner) -> None:
@@ -59,7 +59,7 @@ class ScannerSession:
         self._later = later
 
     def feed(self, data: bytes) -> bytes:
-        """Takes bytes in any portions; the answers that are there at once."""
+        """Receive bytes in any portions; return the immediate answers."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         self._lines.extend(_Line(line.decode("latin-1").strip()) for line in lines)
         return self._carry_on()
@@ -76,7 +76,7 @@ class ScannerSession:
         return said
 
     def _next_of(self, line: _Line) -> None:
-        """Carries out the next command of a line, or waits for what it needs."""
+        """Execute the next command of a line, or wait for its scan."""
         command = line.commands[0]
         if command.header in (_READ, *_MEASURE, *_MEASURE_VOLTS) and not line.reads:
             if self._begun(command) is None:
@@ -102,7 +102,7 @@ class ScannerSession:
         return self._scanner.begin_measurement(command.argument, volts=command.header in _MEASURE_VOLTS)
 
     def _answer(self, command: Command, *, reads: bool) -> str | None:
-        """What is answered when nothing is to be waited for any more."""
+        """Answer once there is nothing more to wait for."""
         if reads:
             return self._scanner.end_scan()
         if command.header in _FETCH:
@@ -118,7 +118,7 @@ class ScannerSession:
 
 
 class _Line:
-    """A line that is being carried out: the commands still to do, and the answers so far."""
+    """A line in execution: remaining commands, and answers so far."""
 
     def __init__(self, text: str) -> None:
         self.commands = deque(scpi.commands(text))

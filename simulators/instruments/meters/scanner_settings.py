@@ -1,4 +1,4 @@
-"""Settings of a simulated scanner that are kept for each channel and change nothing of what is simulated."""
+"""Settings of a simulated scanner that are stored per channel and have no effect on the simulation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from simulators.instruments.scpi import Handler
 from simulators.instruments.stored_settings import Kept, kept_number, kept_switch, kept_word
 
 Channels = Callable[[str], tuple[int, ...]]
-"""The channels of a list like `(@101:103)`, those of the scan for none; raises Refusal."""
+"""Parse a channel list like `(@101:103)`, empty for the scan list; raises Refusal."""
 
 _TRANSDUCER = "[SENSe:]TEMPerature:TRANsducer"
 _OHM = kept_number(100.0, 49.0, 2100.0, exponential)
@@ -26,19 +26,19 @@ KEPT: Mapping[str, Kept] = {
 
 
 class ChannelSettings:
-    """The settings of every channel, as last set."""
+    """Settings of every channel."""
 
     def __init__(self, channels: Channels) -> None:
         self._channels = channels
         self._told: dict[tuple[str, int], str] = {}
 
     def commands(self) -> dict[str, Handler]:
-        """What sets them and what asks for them, by header."""
+        """Handlers of settings and queries, by header."""
         setters = {header: self._setter(header) for header in KEPT}
         return setters | {f"{header}?": self._teller(header) for header in KEPT}
 
     def reset(self) -> None:
-        """All are as out of the box."""
+        """Reset all settings to their defaults."""
         self._told.clear()
 
     def _setter(self, header: str) -> Handler:

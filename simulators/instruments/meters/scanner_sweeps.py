@@ -1,4 +1,4 @@
-"""When a scanner takes its readings: one sensor after the other, sweep after sweep through its list."""
+"""Timing of a scanner's readings: sensor by sensor, sweep by sweep through the scan list."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from simulators.world import World
 SENSOR_S = 0.2
 MEMORY_READINGS, SWEEPS_AT_MOST, TIMER_AT_MOST_S = 50_000, 50_000, 359_999.0
 _SOURCES = {"IMM": "IMM", "IMMEDIATE": "IMM", "TIM": "TIM", "TIMER": "TIM"}
-_AT_ONCE_S = 1e-9  # what is due a rounding error later is due
+_AT_ONCE_S = 1e-9  # tolerance for rounding errors of due times
 
 
 class Taken(NamedTuple):
-    """A reading: its channel, seconds since the scan began, and °C, None where the sensor is open."""
+    """A reading: channel, seconds since the start of the scan, and °C, None for an open sensor."""
 
     channel: int
     since_s: float
@@ -28,9 +28,9 @@ class Taken(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Sweeps:
-    """A scan under way: `count` sweeps through `channels`, inf until somebody ends it.
+    """A running scan: `count` sweeps through `channels`, inf until it is aborted.
 
-    A sweep begins `every_s` after the one before, or when that is over. `kept`: its readings stay in memory.
+    A sweep begins `every_s` after the start of the previous one, or at its end. `kept`: its readings stay in memory.
     """
 
     begun_s: float
@@ -41,24 +41,24 @@ class Sweeps:
 
     @property
     def readings(self) -> float:
-        """How many there will be."""
+        """Total number of readings."""
         return self.count * len(self.channels)
 
     def left_s(self, now_s: float) -> float:
-        """How long it still takes, 0 when it is over."""
+        """Remaining time, 0 at the end."""
         takes_s = (self.count - 1) * self._period_s + self._sweep_s
         left_s = self.begun_s + takes_s - now_s
         return left_s if left_s > _AT_ONCE_S else 0.0
 
     def due(self, now_s: float) -> int:
-        """How many readings there are by now."""
+        """Number of readings until now."""
         since_s = now_s - self.begun_s + _AT_ONCE_S
         sweeps = math.floor(since_s / self._period_s)
         of_the_last = min(math.floor((since_s - sweeps * self._period_s) / SENSOR_S), len(self.channels))
         return int(min(sweeps * len(self.channels) + of_the_last, self.readings))
 
     def place(self, index: int) -> tuple[int, float]:
-        """Of a reading, counted from 0: its channel, and when it is taken after the scan began (s)."""
+        """Channel of a reading, numbered from 0, and its time after the start of the scan (s)."""
         sweep, place = divmod(index, len(self.channels))
         return self.channels[place], sweep * self._period_s + (place + 1) * SENSOR_S
 
@@ -72,10 +72,9 @@ class Sweeps:
 
 
 class Scans:
-    """What triggers scans, the one under way, and the memory that its readings are in.
+    """Trigger of scans, the running scan, and the memory of readings.
 
-    `read` tells what a channel reads at a true time (°C); it is asked when somebody wants the reading, in the order in
-    which they are taken.
+    `read` returns the reading of a channel at a true time (°C); it is called on request, in the order of the readings.
     """
 
     def __init__(self, world: World, read: Callable[[int, float], float | None]) -> None:
@@ -84,14 +83,14 @@ class Scans:
         self.reset()
 
     def reset(self) -> None:
-        """Nothing is under way nor in memory; a scan begins at once and is one sweep."""
+        """Clear scan and memory, and set an immediate trigger with one sweep."""
         self._sweeps: Sweeps | None = None
         self._taken = 0
         self._source, self._count, self._timer_s = "IMM", 1.0, 10.0
         self._memory.clear()
 
     def commands(self) -> dict[str, Handler]:
-        """What sets the trigger and asks for it, by header."""
+        """Handlers of trigger settings and queries, by header."""
         return {
             "TRIGger:SOURce": self._set_source,
             "TRIGger:SOURce?": lambda _: self._source,
@@ -116,7 +115,7 @@ class Scans:
         return 0.0 if self._sweeps is None else self._sweeps.left_s(self._world.now())
 
     def end(self) -> list[Taken]:
-        """The readings of the scan that is over, none without one; those of a READ? are in memory no more."""
+        """Readings of the finished scan, none without one; those of a READ? are then removed from memory."""
         sweeps = self._sweeps
         if sweeps is None or math.isinf(sweeps.count):
             return []
@@ -133,13 +132,13 @@ class Scans:
         self._sweeps = None
 
     def taken(self) -> deque[Taken]:
-        """The memory, with the readings that there are by now; who takes some out of it erases them."""
+        """Memory with the readings until now; the caller may remove readings from it."""
         if self._sweeps is not None and self._sweeps.kept:
             self._take(self._sweeps, self._sweeps.due(self._world.now()))
         return self._memory
 
     def _take(self, sweeps: Sweeps, count: int) -> None:
-        """Takes the readings of a scan until there have been `count`."""
+        """Take readings of a scan until there are `count`."""
         self._world.look()
         for index in range(max(self._taken, count - MEMORY_READINGS), count):
             channel, since_s = sweeps.place(index)
@@ -160,5 +159,5 @@ class Scans:
 
 
 def exponential(value: float) -> str:
-    """A number in the format of these instruments."""
+    """Format a number as these instruments do."""
     return f"{value:+.8E}"

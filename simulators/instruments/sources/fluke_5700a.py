@@ -1,4 +1,4 @@
-"""A Fluke 5700A with a resistor on it: output, range lock, settling, trips, remote and local, and its fault queue."""
+"""A Fluke 5700A with a load resistor: output, range lock, settling, trips, remote and local, and fault queue."""
 
 from __future__ import annotations
 
@@ -38,9 +38,8 @@ class SimulatedFluke:
     """A calibrator in front of `load_ohm`; it accepts commands only in remote, and always answers queries.
 
     A load that needs more than `compliance_v` trips it to standby. The status follows an operate or standby after
-    `relay_s`, and tells that the output has settled `settle_s` after a change. `busy` leaves what comes in its input
-    buffer; `terminal` repeats what it hears. `stuck`: settings are accepted and not carried out. It measures nothing
-    that could be `frozen`.
+    `relay_s`, and reports a settled output `settle_s` after a change. `busy` leaves received data in the input buffer;
+    `terminal` echoes them. `stuck`: settings are accepted and not executed. There are no measured values for `frozen`.
     """
 
     def __init__(
@@ -51,7 +50,7 @@ class SimulatedFluke:
         self.load_ohm, self.compliance_v = load_ohm, compliance_v
         self.settle_s, self.relay_s = 3.0, 0.1
         self.terminal = self.busy = False
-        self.life_min = 123_456  # that its power had been on for when the world began
+        self.life_min = 123_456  # time of operation at the start of the world
         self.end = wire.TERMINATORS[terminator]
         self._world, self._identity = world, f"FLUKE,{model},{serial},1.4+A,1.1,0.0"
         self._queue: deque[int] = deque()
@@ -76,25 +75,25 @@ class SimulatedFluke:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         return cls(
             setup.world, setup.faults, model=setup.model or "5720A", serial=setup.serial or "SIM-5720A-01",
             compliance_v=setup.options.compliance, terminator=setup.options.terminator,
         )  # fmt: skip
 
     def session(self) -> FlukeSession:
-        """A new connection."""
+        """Open a connection."""
         return FlukeSession(self)
 
     @property
     def current_a(self) -> float:
-        """What really flows."""
+        """True output current."""
         self._trip_on_overload()
         return self.level if self.output and self._is_dc_current else 0.0
 
     @property
     def feeds_a(self) -> float | None:
-        """Current at its terminals, whatever the load; None in standby."""
+        """Current at its terminals, independent of the load; None in standby."""
         return self.level if self.output and self._is_dc_current else None
 
     @property
@@ -102,14 +101,14 @@ class SimulatedFluke:
         return self.unit == "A" and self.frequency_hz == 0
 
     def restart(self) -> None:
-        """The mains fail for a moment: everything is as when it was switched on."""
+        """Short power failure: all settings are as at power-on."""
         self._reset_output()
         self.remote = False
         self._queue.clear()
         self._events = Event.POWER_ON
 
     def overload(self) -> None:
-        """Overload: it goes to standby, and reports why."""
+        """Overload: it goes to standby and reports the reason."""
         self._switch(False)
         self.fault(OVERLOAD)
 
@@ -118,7 +117,7 @@ class SimulatedFluke:
         self.remote = False
 
     def execute(self, message: str) -> list[str]:
-        """Carries the commands of a message out; the answers to its questions."""
+        """Execute the commands of a message; return the answers to its queries."""
         self._trip_on_overload()
         answers: list[str] = []
         for command in filter(None, (part.strip().upper() for part in message.split(";"))):
@@ -168,7 +167,7 @@ class SimulatedFluke:
                 self.fault(UNKNOWN_COMMAND)
 
     def _command_output(self, header: str, arguments: list[str]) -> None:
-        """Commands accepted in remote only."""
+        """Execute a command that is accepted in remote only."""
         if not self.remote:
             return
         match header, arguments:
@@ -184,7 +183,7 @@ class SimulatedFluke:
                 self.fault(BAD_PARAMETER)
 
     def _set_output(self, arguments: list[str]) -> None:
-        """Amplitude and frequency, or one of them; decibels are not understood here."""
+        """Set amplitude and frequency, or one of them; decibels are not supported."""
         level, unit, frequency_hz = self.level, self.unit, self.frequency_hz
         try:
             for place, argument in enumerate(arguments):
@@ -244,7 +243,7 @@ class SimulatedFluke:
 class FlukeSession:
     """One connection: a message ends at a CR or an LF, and the input buffer takes 128 bytes.
 
-    Beyond these bytes are lost. XOFF asks for a pause when three quarters are full, XON ends it.
+    Further bytes are lost. XOFF requests a pause at three quarters, XON ends it.
     """
 
     def __init__(self, instrument: SimulatedFluke) -> None:

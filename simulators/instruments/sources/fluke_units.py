@@ -1,7 +1,7 @@
-"""Numbers with units and multipliers as a Fluke 5700A takes them.
+"""Numbers with units and multipliers as accepted by a Fluke 5700A.
 
-After its operators manual, 5-9 "Parameter Syntax Rules": `M` is milli before A, V and other units, but mega in MOHM and
-MHZ; mega is `MA` before a unit, so that MA alone is milliamperes and MAV megavolts.
+Source: its operators manual, 5-9 "Parameter Syntax Rules": `M` is milli before A, V and other units, but mega in MOHM
+and MHZ; mega is `MA` before a unit, so that MA alone is milliamperes and MAV megavolts.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _MEGA = {"MOHM": "OHM", "MHZ": "HZ"}
 
 
 def quantity(text: str) -> tuple[float, str]:
-    """A value in a unit without a multiplier, out of capitals like `10V`, `1.2 MA` or `1KHZ`; ValueError."""
+    """Parse a value in a unit with multiplier, from capitals like `10V`, `1.2 MA` or `1KHZ`; ValueError."""
     match = _QUANTITY.fullmatch(text)
     if match is None:
         raise ValueError(f"'{text}' is not a number with a unit")

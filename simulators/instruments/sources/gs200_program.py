@@ -1,7 +1,7 @@
-"""The program of a simulated GS200: levels one after the other, each along a slope and until its interval is over.
+"""Program of a simulated GS200: successive levels, each with a slope and an interval.
 
-Commands are those that PyMeasure's driver and QCoDeS's send to ramp a level. That a level which is told while a program
-is edited is a step of it is in the user's manual, page 13-12. Bits of events are QCoDeS's.
+Commands are those sent by the drivers of PyMeasure and QCoDeS to ramp a level. A level set while a program is edited
+becomes a step of it (user's manual, page 13-12). Event bits are those of QCoDeS.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _KEPT = {
 
 
 class Event(IntFlag):
-    """Bits of the extended event register that a program sets."""
+    """Bits of the extended event register set by a program."""
 
     END_OF_STEP = 1 << 6
     END_OF_PROGRAM = 1 << 7
 
 
 class Program:
-    """One program; `begins` tells from which level it begins, and raises Refusal where it cannot."""
+    """One program; `begins` returns the level from which it begins, and raises Refusal if it cannot."""
 
     def __init__(self, now_s: Callable[[], float], begins: Callable[[], float]) -> None:
         self._now_s, self._begins = now_s, begins
@@ -38,7 +38,7 @@ class Program:
         self.reset()
 
     def reset(self) -> None:
-        """There is none."""
+        """Clear the program."""
         self._kept.reset()
         self.edited = False
         self._steps: list[float] = []
@@ -46,10 +46,10 @@ class Program:
         self._events = Event(0)
 
     def commands(self) -> dict[str, Handler]:
-        """What edits it, runs it and ends it, by header."""
+        """Handlers to edit, run and end it, by header."""
         return {
             **self._kept.commands(),
-            "PROGram:LOAD?": lambda _: '""',  # no file of its memory
+            "PROGram:LOAD?": lambda _: '""',  # no file in its memory
             "PROGram:EDIT:STARt": lambda _: self._edit(),
             "PROGram:EDIT:END": lambda _: self._end_editing(),
             "PROGram:RUN": lambda _: self._run(),
@@ -60,12 +60,12 @@ class Program:
         self._steps.append(level)
 
     def end(self) -> None:
-        """It runs no more."""
+        """End the program."""
         self._begun_s = math.nan
 
     @property
     def level(self) -> float | None:
-        """Its present level, None if it does not run; one that is not repeated stays at its last level."""
+        """Present level, None if it does not run; one without repetition stays at its last level."""
         since_s = self._now_s() - self._begun_s
         if math.isnan(since_s):
             return None

@@ -1,4 +1,4 @@
-"""A Keithley 6220 or 6221 with a resistor on it: range, level, compliance, interlock, error queue, and waves."""
+"""A Keithley 6220 or 6221 with a load resistor: range, level, compliance, interlock, error queue, and waves."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from simulators.instruments.stored_settings import KeptSettings, kept_number, ke
 from simulators.world import World
 
 _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
-MEASUREMENT_SUMMARY, OPERATION_SUMMARY = 1 << 0, 1 << 7  # of the status byte
+MEASUREMENT_SUMMARY, OPERATION_SUMMARY = 1 << 0, 1 << 7  # bit of the status byte
 _REGISTER = kept_number(0, 0, 65535, lambda value: str(round(value)))
 _ERROR_QUERIES = ("SYSTem:ERRor[:NEXT]?", "STATus:QUEue[:NEXT]?")
 _KEPT = {
@@ -44,9 +44,9 @@ _KEPT = {
 class SimulatedKeithley(LoadedSource):
     """A source in front of `load_ohm`; it answers with its terminator.
 
-    On a serial line it acts on a CR, or an LF when its menu says so; over TCP on an LF wherever its terminator has one.
-    `interlock_closed` is the contact at its rear, `hot` its thermal switch. `stuck`: settings are accepted and not
-    carried out. It measures nothing that could be `frozen`. A 6221 makes waves too; what flows then is their mean.
+    On a serial line a command ends at CR, or at LF if set so in its menu; over TCP at LF if its terminator has one.
+    `interlock_closed` is the rear contact, `hot` the thermal switch. `stuck`: settings are accepted and not executed.
+    There are no measured values for `frozen`. A 6221 also generates waves, represented by their mean current.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class SimulatedKeithley(LoadedSource):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         serial = setup.serial or "SIM-6220-01"
         return cls(
             setup.world, setup.faults, serial=serial, terminator=setup.options.terminator,
@@ -78,18 +78,18 @@ class SimulatedKeithley(LoadedSource):
 
     @property
     def current_a(self) -> float:
-        """What really flows, in the mean."""
+        """True mean output current."""
         if self._waves is not None and self._waves.runs and self.output:
             return self._waves.mean_a
         return super().current_a
 
     def session(self) -> LineSession:
-        """A new connection."""
+        """Open a connection."""
         return LineSession(self._interpreter.execute, end=self._acts_on, answer_end=self._end)
 
     @property
     def interlock_closed(self) -> bool:
-        """Whether the contact at the rear is closed."""
+        """True if the rear contact is closed."""
         return self._interlock_closed
 
     @interlock_closed.setter
@@ -99,15 +99,15 @@ class SimulatedKeithley(LoadedSource):
             self.put_output(False)
 
     def open_interlock(self) -> None:
-        """The contact at the rear opens, and the output goes off."""
+        """Open the rear contact, which switches the output off."""
         self.interlock_closed = False
 
     def close_interlock(self) -> None:
-        """It is closed again; the output stays off."""
+        """Close the rear contact; the output stays off."""
         self.interlock_closed = True
 
     def restart(self) -> None:
-        """The mains fail for a moment: everything is as when it was switched on."""
+        """Short power failure: all settings are as at power-on."""
         self._reset()
         self._interpreter.power_on()
 
@@ -128,7 +128,7 @@ class SimulatedKeithley(LoadedSource):
             "STATus:QUEStionable[:EVENt]?": lambda _: "0",
             "STATus:QUEStionable:CONDition?": lambda _: "0",
             "[SOURce:]CLEar[:IMMediate]": self.unless_stuck(lambda _: self._clear()),
-            "[SOURce:]DELTa:NVPResent?": lambda _: "0",  # no nanovoltmeter is on its second line
+            "[SOURce:]DELTa:NVPResent?": lambda _: "0",  # no nanovoltmeter on its second line
             "SYSTem:BEEPer[:IMMediate]": lambda _: None,
             "STATus:QUEue:CLEar": lambda _: self._interpreter.forget_errors(),
             "SYSTem:CLEar": lambda _: self._interpreter.forget_errors(),
@@ -181,13 +181,13 @@ class SimulatedKeithley(LoadedSource):
         return condition
 
     def _summary(self) -> int:
-        """The bits of the status byte for the measurement and the operation registers."""
+        """Status byte bits of the measurement and the operation registers."""
         measured = int(self._condition()) & int(self._kept["STATus:MEASurement:ENABle"])
         happened = 0 if self._waves is None else int(self._waves.events) & int(self._kept["STATus:OPERation:ENABle"])
         return (MEASUREMENT_SUMMARY if measured else 0) | (OPERATION_SUMMARY if happened else 0)
 
     def _clear(self) -> None:
-        """The output goes off and the level to zero."""
+        """Switch the output off and set the level to zero."""
         self.put_output(False)
         self.level_a = 0.0
 
@@ -207,5 +207,5 @@ class SimulatedKeithley(LoadedSource):
 
 
 def _range_for(level_a: float) -> float:
-    """The smallest range that takes a level."""
+    """Smallest range for a level."""
     return next(range_a for range_a in wire.RANGES_A if abs(level_a) <= wire.OVER_RANGE * range_a)

@@ -1,8 +1,8 @@
-"""The waves of a Keithley 6221: their settings, and whether one is armed or runs.
+"""Waves of a Keithley 6221: settings, and the states armed and running.
 
-Headers are those of PyMeasure's driver. Bits of the operation register are those of the reference manual, figure 11-1,
-and that of a wave that has stopped is PyMeasure's. What can be set while a wave is armed or runs is after programs of
-other people: how strong, how fast and where it is, but not which, how long and in what range.
+Headers are those of PyMeasure's driver. Bits of the operation register are those of the reference manual, figure 11-1;
+the bit of a stopped wave is PyMeasure's. As in third-party programs, amplitude, frequency and offset can be set while a
+wave is armed or runs, but not shape, duration and range.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _NOT_WHILE_ARMED = (_FUNCTION, _RANGE, _DURATION_S, _CYCLES)
 
 
 class Operation(IntFlag):
-    """Bits of the operation registers that are used here."""
+    """Used bits of the operation registers."""
 
     WAVE_STARTED = 1 << 4
     WAVE_STOPPED = 1 << 7
@@ -38,7 +38,7 @@ def _spelled(value: float) -> str:
 
 
 def _endless(most: float) -> Kept:
-    """A duration: a number, or INF, reported as SCPI infinity."""
+    """Parse a duration: a number, or INF, reported as SCPI infinity."""
     number = kept_number(most, 1e-7, most, _spelled)
     infinity = _spelled(scpi.NOT_A_NUMBER)
     return Kept(infinity, lambda argument: infinity if argument.upper().startswith("INF") else number.told(argument))
@@ -60,7 +60,7 @@ _SETTINGS: Mapping[str, Kept] = {
 
 
 class Waves:
-    """The one wave of a source; `switch` puts its output on when one begins. `now_s` is the true time."""
+    """Wave generator of a source; `switch` switches its output on at the start of a wave. `now_s` is the true time."""
 
     def __init__(self, switch: Callable[[bool], None], now_s: Callable[[], float]) -> None:
         self._switch, self._now_s = switch, now_s
@@ -69,19 +69,19 @@ class Waves:
         self.reset()
 
     def reset(self) -> None:
-        """None is armed, and all settings are as out of the box."""
+        """Disarm and reset all settings to their defaults."""
         self._settings.reset()
         self._armed, self._runs, self._ends_s = False, False, math.inf
 
     @property
     def runs(self) -> bool:
-        """Whether one runs; a wave that lasts a time ends by itself."""
+        """True while a wave runs; one with a duration ends by itself."""
         self._end_when_over()
         return self._runs
 
     @property
     def mean_a(self) -> float:
-        """What flows in the mean over a wave: its offset."""
+        """Mean current of the wave: its offset."""
         return float(self._settings[_OFFSET])
 
     @property
@@ -91,7 +91,7 @@ class Waves:
         return self._events
 
     def commands(self) -> dict[str, Handler]:
-        """What sets it, arms it, begins it and ends it, by header."""
+        """Handlers to set, arm, start and end a wave, by header."""
         told = self._settings.commands()
         return {
             **{header: self._unless_armed(put) if header in _NOT_WHILE_ARMED else put for header, put in told.items()},

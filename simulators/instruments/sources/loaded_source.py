@@ -1,4 +1,4 @@
-"""What simulated SCPI current sources have in common: an output with a resistor on it."""
+"""Common part of simulated SCPI current sources: an output with a load resistor."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from simulators.faults.instrument_faults import OBEYS, FaultKind, FaultPlan, Mis
 from simulators.instruments.scpi import Handler, Refusal
 from simulators.world import World
 
-WITHOUT_WIRE = 1e6  # times its load
+WITHOUT_WIRE = 1e6  # factor of its load
 
 
 class LoadedSource:
-    """An output in front of `load_ohm`. `stuck`: settings are accepted and not carried out."""
+    """An output in front of `load_ohm`. `stuck`: settings are accepted and not executed."""
 
     def __init__(self, world: World, faults: FaultPlan, load_ohm: float) -> None:
         self.faults = faults
@@ -23,7 +23,7 @@ class LoadedSource:
 
     @property
     def current_a(self) -> float:
-        """What really flows: the level, or what the compliance drives through the load."""
+        """True output current: the level, or the current driven through the load by the compliance."""
         if not self.output:
             return 0.0
         most_a = self.compliance_v / self.load_ohm
@@ -31,7 +31,7 @@ class LoadedSource:
 
     @property
     def feeds_a(self) -> float | None:
-        """What flows out of its terminals; None while its output is off."""
+        """Current out of its terminals; None while the output is off."""
         return self.current_a if self.output else None
 
     def take_load_off(self) -> None:
@@ -40,17 +40,17 @@ class LoadedSource:
         self.load_ohm *= WITHOUT_WIRE
 
     def put_load_back(self) -> None:
-        """It is connected again."""
+        """Reconnect the load."""
         self._world.before_change()
         self.load_ohm /= WITHOUT_WIRE
 
     def put_output(self, on: bool) -> None:
-        """Switches the output."""
+        """Switch the output."""
         self._world.before_change()
         self.output = on
 
     def unless_stuck(self, handler: Handler) -> Handler:
-        """What carries a setting out, or does not, or not yet."""
+        """Execute a setting, unless it is stuck or delayed."""
         return lambda argument: self.faults.carry_out(lambda: handler(argument), Refusal)
 
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {

@@ -1,4 +1,4 @@
-"""A laboratory power supply: level, current limit and output, and the units on it that draw current."""
+"""A laboratory power supply: level, current limit and output, and the units that load it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from simulators.instruments.stored_settings import KeptSettings, kept_number, ke
 from simulators.world import World
 
 VOLTAGE_MAX_V = 32.0
-WATCHDOG_S, WATCHDOG_MAX_S = 60.0, 3600.0  # as it is made
+WATCHDOG_S, WATCHDOG_MAX_S = 60.0, 3600.0  # default at delivery
 CURRENT_MAX_A = 3.0
 _CLEARS = ("OUTPut:PROTection:CLEar", "[SOURce:]VOLTage:PROTection:CLEar", "[SOURce:]CURRent:PROTection:CLEar")
 _NOTHING_HAPPENS = (
@@ -40,9 +40,9 @@ _KEPT = {  # levels at which others trip; here it trips on request
 
 
 class SimulatedSupply:
-    """One output, at the units whose place names it.
+    """One output, with the units whose places name it.
 
-    `frozen`: measured values repeat. `stuck`: the output does not switch, whatever it is told.
+    `frozen`: measured values repeat. `stuck`: the output does not switch.
     """
 
     def __init__(
@@ -93,23 +93,23 @@ class SimulatedSupply:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         model, serial = setup.model or "SIM-PSU", setup.serial or "SIM-PSU-01"
         return cls(setup.world, setup.faults, name=setup.role, model=model, serial=serial)
 
     def session(self) -> LineSession:
-        """A new connection."""
+        """Open a connection."""
         return LineSession(self._execute)
 
     def trip(self, protection: str = "") -> None:
-        """The output switches off by itself; after a `protection` it stays off until that is cleared."""
+        """Trip the output; after a `protection` it stays off until that is cleared."""
         self.output = False
         if protection:
             self._tripped.add(protection)
         self._feed_units()
 
     def _execute(self, message: str) -> str:
-        """A message on a remote interface, before which the watchdog may have switched the output off."""
+        """Execute a message on a remote interface; the watchdog may have switched the output off before."""
         if self._watchdog:
             now_s = self._world.now()
             if now_s - self._spoken_to_s > self._watchdog_s:
@@ -120,7 +120,7 @@ class SimulatedSupply:
 
     @property
     def _is_on(self) -> bool:
-        """Whether there is voltage at the terminals; OUTP? tells what was asked for."""
+        """True if there is voltage at the terminals; OUTP? reports the commanded state."""
         return self.output and "watchdog" not in self._tripped
 
     def _arm(self, argument: str) -> None:
@@ -134,7 +134,7 @@ class SimulatedSupply:
         self._watchdog_s = round(setting(argument, 1.0, WATCHDOG_MAX_S))
 
     def restart(self) -> None:
-        """The mains fail for a moment: everything is as when it was switched on."""
+        """Short power failure: all settings are as at power-on."""
         self._reset()
         self._interpreter.power_on()
 
@@ -167,7 +167,7 @@ class SimulatedSupply:
         self._world.power(self._name, self._is_on and self._level_v > 0)
 
     def _measure(self) -> tuple[float, float]:
-        """Voltage and current at the terminals; a load above the limit pulls the voltage down."""
+        """Voltage and current at the terminals; a load above the limit reduces the voltage."""
         if not self.faults.active("frozen"):
             load_a = self._world.load_a(self._name) if self._is_on and self._level_v > 0 else 0.0
             current_a = min(load_a, self._limit_a)
@@ -190,13 +190,13 @@ class SimulatedSupply:
 
 
 def _select(output: str) -> None:
-    """There is one output only."""
+    """Select the only output."""
     if output.upper() not in ("1", "OUT1", "OUTP1", "CH1"):
         raise Refusal(ILLEGAL_VALUE)
 
 
 def _asked(which: str, set_to: float, most: float) -> float:
-    """What a question for a level is answered: what it is set to, or with MIN or MAX what it can be."""
+    """Answer to a level query: the setting, or with MIN or MAX its limit."""
     if which.upper() not in ("", "MIN", "MAX"):
         raise Refusal(NOT_ALLOWED)
     return {"MIN": 0.0, "MAX": most}.get(which.upper(), set_to)

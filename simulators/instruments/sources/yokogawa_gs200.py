@@ -1,4 +1,4 @@
-"""A Yokogawa GS200 with a resistor on it: function, range, level, voltage limit and error queue."""
+"""A Yokogawa GS200 with a load resistor: function, range, level, voltage limit and error queue."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ _KEPT = {
 
 
 class SimulatedGS200(LoadedSource):
-    """A source in front of `load_ohm`; out of the box it gives volts, and a new function is off and at zero.
+    """A source in front of `load_ohm`; by default a voltage source, and a new function is off and at zero.
 
-    Programs of other people ask either of `error_queries`: whether every firmware knows both is not known.
-    `emergency` is its own protection at work. Nothing that it tells could be `frozen`.
+    Third-party programs use either of `error_queries`; it is unknown whether every firmware supports both. `emergency`
+    is its own protection. There are no measured values for `frozen`.
     """
 
     def __init__(
@@ -61,16 +61,16 @@ class SimulatedGS200(LoadedSource):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         return cls(setup.world, setup.faults, serial=setup.serial or "SIM-GS200-01")
 
     def session(self) -> LineSession:
-        """A new connection."""
+        """Open a connection."""
         return LineSession(self._interpreter.execute)
 
     @property
     def level_a(self) -> float:
-        """What it is set to, or what its program gives now."""
+        """Level that is set, or that of the running program."""
         level = self._program.level
         return self._level if level is None else level
 
@@ -80,23 +80,23 @@ class SimulatedGS200(LoadedSource):
         self._level = level
 
     def put_output(self, on: bool) -> None:
-        """Switches the output, which ends a program where it is."""
+        """Switch the output, which also ends a program."""
         super().put_output(on)
         self._hold()
 
     @property
     def current_a(self) -> float:
-        """What really flows."""
+        """True output current."""
         if self.function == "CURR" or not self.output:
             return super().current_a
         return max(-self.current_limit_a, min(self.level_a / self.load_ohm, self.current_limit_a))
 
     def trip(self) -> None:
-        """It protects itself: its output goes off."""
+        """Trip its protection: the output switches off."""
         self.put_output(False)
 
     def restart(self) -> None:
-        """The mains fail for a moment: everything is as when it was switched on."""
+        """Short power failure: all settings are as at power-on."""
         self._reset()
         self._interpreter.power_on()
 
@@ -166,10 +166,10 @@ class SimulatedGS200(LoadedSource):
             self._put_level(level)
 
     def _hold(self) -> None:
-        self.level_a = self.level_a  # its program ends
+        self.level_a = self.level_a  # ends its program
 
     def _run_from(self) -> float:
-        """The level that a program begins from; with the output off none begins."""
+        """Start level of a program; raises Refusal with the output off."""
         if not self.output:
             raise Refusal(SETTINGS_CONFLICT)
         return self.level_a
@@ -197,7 +197,7 @@ class SimulatedGS200(LoadedSource):
         return condition
 
     def _range_for(self, value: float, *, over: float) -> float:
-        """The smallest range that takes a value."""
+        """Smallest range for a value."""
         return next(range_ for range_ in self._ranges if value <= over * range_ * (1 + 1e-9))
 
     def _reset(self) -> None:
@@ -216,13 +216,13 @@ class SimulatedGS200(LoadedSource):
 
 
 def _asked(which: str, set_to: float) -> float:
-    """What a question for the voltage limit is answered: what it is, or with MIN or MAX what it can be."""
+    """Answer to a voltage limit query: the setting, or with MIN or MAX its limit."""
     if which.upper() not in ("", "MIN", "MAX"):
         raise Refusal(NOT_ALLOWED)
     return {"MIN": wire.COMPLIANCE_MIN_V, "MAX": wire.COMPLIANCE_MAX_V}.get(which.upper(), set_to)
 
 
 def _engineering(value: float) -> str:
-    """As the manual has answers (+30E+0), and the range as a program of other people expects it (10E-3)."""
+    """Format as in the manual (+30E+0), and the range as expected by a third-party program (10E-3)."""
     exponent = 0 if value >= 1 else -3
     return f"{value / 10**exponent:g}E{exponent:+d}"

@@ -1,4 +1,4 @@
-"""The arithmetic against a truth that is known: errors are as large as stated."""
+"""The arithmetic against a known truth: errors are as large as stated."""
 
 import numpy as np
 import pytest

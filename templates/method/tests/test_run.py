@@ -1,4 +1,4 @@
-"""A whole run on the simulated bench in virtual time, held against the truth of the simulation, and its report."""
+"""A whole run on the simulated bench in virtual time, compared with the truth of the simulation, and its report."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""Rules on a sequence that asks for the method: enough readings, and no move between them."""
+"""Rules on a sequence that uses the method: enough readings, and no move between them."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ from toy_rest.method import DESCRIPTION, ToyRestSettings
 
 
 def too_few_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """Fewer acquisitions than the setting `fewest`."""
+    """Report fewer acquisitions than the setting `fewest`."""
     for index, entry in enumerate(plan.sequence.results):
         if entry.method != DESCRIPTION.name:
             continue
@@ -27,7 +27,7 @@ def too_few_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def moved_at_rest(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A move between the first acquisition and the last."""
+    """Report a move between the first acquisition and the last."""
     for entry in plan.sequence.results:
         if entry.method != DESCRIPTION.name:
             continue

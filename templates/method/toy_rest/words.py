@@ -1,6 +1,6 @@
 """Words of the method in a report, and their translations.
 
-Flags begin with the name of the method: words of shipped methods come first where a flag has the same name.
+Flags begin with the name of the method, because for equal names the words of shipped methods take precedence.
 """
 
 UNITS = {
@@ -28,7 +28,7 @@ TRANSLATIONS = {
         "at rest": "静止",
         "over {value} h": "历时 {value} h",
         "Readings at rest": "静止读数",
-        "Means of the acquisitions, and what the line leaves of them.": "各次采集的均值及其与直线之差。",
+        "Means of the acquisitions, and their residuals from the line.": "各次采集的均值及其与直线之差。",
         "Number": "序号",
         "Time": "时间",
         "Output": "输出",

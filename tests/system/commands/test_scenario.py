@@ -86,7 +86,7 @@ def test_a_step_that_is_done_again_brings_its_faults_once():
     [
         ("delay", "completed", ""),
         ("split", "completed", ""),
-        ("duplicate", "error", "supply: more than one line came back"),
+        ("duplicate", "error", "supply: more than one line was received"),
         ("flip", "error", "supply: "),
         ("cut_short", "error", "supply: "),
     ],

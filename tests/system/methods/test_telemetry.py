@@ -178,7 +178,7 @@ def test_a_unit_that_falls_silent_ends_the_run(tmp_path):
     path.write_text(steps(ON, *TUMBLE) + TAIL, "utf-8")
     run = run_short(tmp_path / "runs", sequence=str(path), bench=edited(tmp_path / "config", faults=faults))
     assert run.outcome.how == "error"
-    assert "telemetry: no sample (0x200) for more than 0.5 s while it is acquired" in run.problems[0]
+    assert "telemetry: no sample (0x200) for more than 0.5 s during an acquisition" in run.problems[0]
 
 
 SECOND = """\

@@ -42,13 +42,13 @@ def test_frames_that_are_lost_late_doubled_or_of_others_change_no_result(tmp_pat
     assert lost(clean) == 0
     assert lost(hurt) > 0
     assert noted(clean) == []
-    assert noted(hurt) == ["error frames on the bus: 1, violation of the protocol"]
+    assert noted(hurt) == ["error frames on the bus: 1, protocol violation"]
 
 
 def test_a_bus_that_goes_off_fails_the_step_and_what_was_measured_before_is_kept(tmp_path: Path) -> None:
     result = bad(tmp_path, "bus_off")
     assert result.outcome.how == "error"
-    assert "/position=90/acquire: counter: the bus is off, or was: the adapter has left it" in result.problems[0]
+    assert "/position=90/acquire: counter: the adapter is, or was, bus-off" in result.problems[0]
     with RunReader(result.path) as reader:
         assert len([event for event in reader.events("step_ended") if event.step.endswith("/acquire")]) == 1
         assert [event.step for event in reader.events("step_failed")] == ["steps/temperature=20/position=90/acquire"]

@@ -83,7 +83,7 @@ def test_an_instrument_that_cannot_be_opened_ends_the_run_before_anything_moves(
     bench = copy_bench(tmp_path / "config", edit)
     result = run_short(tmp_path / "runs", bench=bench, sequence="smoke", units=("QF-1",))
     assert result.outcome.how == "error"
-    assert "supply: nobody answers at tcp://127.0.0.1:5" in result.problems[0]
+    assert "supply: no connection to tcp://127.0.0.1:5" in result.problems[0]
     with RunReader(result.path) as reader:
         assert [event.kind for event in reader.events()] == [
             "run_begins", "problem", "not_reached", "made_safe", "run_ended",

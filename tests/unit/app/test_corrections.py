@@ -79,10 +79,10 @@ def test_a_voltage_is_corrected_by_gain_and_offset(tmp_path):
     ("edit", "problem"),
     [
         ((ROWS, "[{at: 40 °C, add: 0 °C}, {at: 0 °C, add: 0 °C}]"), "the rows rise, and 0 stands after 40"),
-        ((ROWS, "[{at: 0 °C, add: 9 °C}, {at: 4 °C, add: 0 °C}]"), "is corrected to no more than what is read as 0"),
+        ((ROWS, "[{at: 0 °C, add: 9 °C}, {at: 4 °C, add: 0 °C}]"), "is corrected to no more than the reading 0"),
         ((ROWS, "[{at: 0 °C, ad: 9 °C}]"), "ad: unknown key; did you mean 'add'?"),
         ((ROWS, "[{at: 0 °C, add: 9 K/s}]"), "add: kelvin is refused"),
-        ((ANGLES, "angle: [{at: 0°, add: 0 arcsec}, {at: 370°, add: 0 arcsec}]"), "the rows are those of one turn"),
+        ((ANGLES, "angle: [{at: 0°, add: 0 arcsec}, {at: 370°, add: 0 arcsec}]"), "the rows must lie within one turn"),
         ((ANGLES, "angel: []"), "angel: unknown key; did you mean 'angle'?"),
         (("time_base: 5 ppm", "time_base: 5 s"), "time_base: is in s, expected a number without a unit"),
     ],

@@ -274,7 +274,7 @@ DRIVERS = f"{', '.join(OTHERS)} or {LAST}"
         ("dbc: if_counter.dbc", "dbc: /etc/hostname", "'/etc/hostname' leaves the folder of this file"),
         ("tick: Latch.Tick", "tick: Latch.Tik",
          "if_counter.dbc has no signal 'Latch.Tik'; did you mean 'Latch.Tick'?"),
-        ("tick: Latch.Tick", "tick: Latch", "is 'Latch', expected Message.Signal, a name of the DBC"),
+        ("tick: Latch.Tick", "tick: Latch", "is 'Latch', expected Message.Signal of the DBC"),
         ("positive: AxisX.Positive", "positive: AxisW.Positive",
          "if_counter.dbc has no signal 'AxisW.Positive'; did you mean 'AxisZ.Positive'?"),
         ("max_rate: 256 kHz", "max_rate: 256", "256 has no unit, write it like '256 Hz'"),

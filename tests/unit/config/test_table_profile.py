@@ -62,16 +62,16 @@ def test_the_shipped_example_is_a_profile_and_says_that_it_is_made_up() -> None:
         ("moving:", "movng:", "movng", "did you mean 'moving'"),
         ("reaction: 20 ms", "reaction: 20", "reaction", "20 has no unit"),
         ("off: 0, position: 1", "off: 1, position: 1", "mode: {", "one number is used for two modes"),
-        ("rate: {at: 14,", "rate: {at: 12,", "at: 12,", "byte 12 is that of angle already"),
-        ("counter: {at: 4,", "counter: {at: 1,", "at: 1,", "byte 1 is that of the header already"),
+        ("rate: {at: 14,", "rate: {at: 12,", "at: 12,", "byte 12 is used by angle already"),
+        ("counter: {at: 4,", "counter: {at: 1,", "at: 1,", "byte 1 is used by the header already"),
         ("means: amplifier", "bit: 0, means: amplifier", "", ""),
-        ("{at: 29, quiet", "{at: 27, quiet", "at: 27, quiet", "byte 27 is that of bits already"),
+        ("{at: 29, quiet", "{at: 27, quiet", "at: 27, quiet", "byte 27 is used by bits already"),
         ("{at: 29, quiet", "{at: 30, quiet", "at: 30, quiet", "byte 30 is beyond the last before the checksum, 29"),
-        ("  length: 6\n", "  length: 3\n", "length: 3\n", "3 bytes do not hold header, checksum and trailer"),
+        ("  length: 6\n", "  length: 3\n", "length: 3\n", "3 bytes are too short for header, checksum and trailer"),
         ("bytes: 23 01", "bytes: 20 01", "enable: {length", "it cannot be distinguished from stop: give it constants"),
         ("\nrequest:", "\ncyclic: {period: 10 ms}\nrequest:", "", "needs either cyclic or request"),
         ("answers: {at: 3", "at_all: {at: 3", "at_all", "unknown key"),
-        ("  counter: {at: 3, type: u8}\n", "", "answers", "needs request.counter: what it answers with"),
+        ("  counter: {at: 3, type: u8}\n", "", "answers", "needs request.counter, which it answers with"),
         ("    at_sine: {at: 27, bit: 4}\n", "", "sine:  ", "needs status.states.at_sine"),
         ("    enabled: {at: 27, bit: 0}\n", "", "enable:", "needs status.states.enabled"),
         ("schema: itb-table/1", "schema: itb-chamber/1", "schema: itb-chamber", "expected 'itb-table/1'"),
@@ -97,7 +97,7 @@ def test_what_is_wrong_is_told_at_its_place_in_the_profile(
     ("change", "problem"),
     [
         ({"cyclic": {"period": "5 ms"}, "line": {"baud": 9600}}, r"a status takes 12\.5 ms at 9600 baud"),
-        ({"commands_answered": True}, "is for a controller that has to be asked"),
+        ({"commands_answered": True}, "is for a controller that is polled"),
     ],
 )
 def test_what_a_controller_that_sends_by_itself_cannot_be(change: dict[str, Any], problem: str) -> None:
@@ -113,7 +113,7 @@ def test_a_mistake_in_a_profile_is_told_where_the_bench_file_names_it(tmp_path: 
 @pytest.mark.parametrize(
     ("driver", "old", "new", "problem"),
     [
-        ("framed_head", "\nrequest:", "\nangle_wraps: true\nrequest:", "which only framed_table counts"),
+        ("framed_head", "\nrequest:", "\nangle_wraps: true\nrequest:", "which only framed_table supports"),
         ("framed_table", "  rate: {at: 14, type: i32, scale: 0.0001 °/s}\n", "", "needs commands.rate and status.rate"),
     ],
 )

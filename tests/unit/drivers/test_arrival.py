@@ -45,21 +45,21 @@ def test_air_that_comes_nearer_slowly_is_on_its_way():
 def test_air_that_stays_where_it_is_does_not_arrive():
     at_s, why = first_problem([at(60.0)] * 100)
     assert at_s == FOLLOW.over
-    assert why == "the air has not come 1 °C nearer to its set point within 10 min; it is at 60.0 °C"
+    assert why == "the air has not come 1 °C closer to its set point within 10 min; it is at 60.0 °C"
 
 
 def test_air_that_runs_away_does_not():
-    assert "runs away" in first_problem([at(60.0 + number) for number in range(100)])[1]
+    assert "moves away" in first_problem([at(60.0 + number) for number in range(100)])[1]
 
 
 def test_a_set_point_of_somebody_else_is_named():
     assert first_problem([at(60.0), at(60.0, 60.0, 70.0)]) == (
-        EVERY_S, "somebody changed the set point from 25 °C to 70 °C",
+        EVERY_S, "the set point was changed by another master from 25 °C to 70 °C",
     )  # fmt: skip
 
 
 def test_a_set_point_that_creeps_with_its_air_is_bounded_in_time():
-    """Air that is always in the band of a set point in force breaks no rule but that of time."""
+    """Air that is always in the band of an active set point breaks no rule but that of time."""
     longest_s = arrival().longest_s(at(30.0))
     assert longest_s == 5 * FOLLOW.over + FOLLOW.settle
     creeping = [30.0 - 1e-4 * number for number in range(1000)]

@@ -35,7 +35,7 @@ def looks(air: Callable[[float], float], set_point: Callable[[float], float], ho
 
 def test_air_that_stands_outside_the_band_is_told_after_the_time_for_the_gain() -> None:
     assert told(looks(lambda _: 23.1, lambda _: 20.0, 2)) == (
-        600.0, "the air has not come 1 °C nearer to its set point within 10 min"
+        600.0, "the air has not come 1 °C closer to its set point within 10 min"
     )  # fmt: skip
     assert told(looks(lambda _: 23.1, lambda _: 20.0, 2), band=3.2) is None
 
@@ -56,7 +56,7 @@ def test_a_heater_that_dies_in_a_soak_is_told_the_time_for_the_gain_after_the_ai
 def test_air_that_runs_away_under_power_is_told_at_once(set_c: float, rate_c_per_min: float, passed_c: float) -> None:
     found = told(looks(lambda at_s: set_c + rate_c_per_min * at_s / 60, lambda _: set_c, 1))
     assert found is not None
-    assert "the air runs away from its set point" in found[1]
+    assert "the air moves away from its set point" in found[1]
     assert found[0] <= passed_c / abs(rate_c_per_min) * 60 + 2 * EVERY_S
 
 

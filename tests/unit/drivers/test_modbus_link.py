@@ -338,7 +338,7 @@ def test_nobody_at_the_address_is_told() -> None:
 
     async def main() -> None:
         link = ModbusLink("chamber", RealWires(), Address.parse("tcp://127.0.0.1:1502"), unit_id=1)
-        with pytest.raises(CannotConnect, match=r"nobody answers at tcp://.* Check that the instrument is on"):
+        with pytest.raises(CannotConnect, match=r"no connection to tcp://.* Check that the instrument is on"):
             await link.open()
         assert not link.is_open
 

@@ -210,7 +210,7 @@ def test_what_is_said_unasked_is_told_before_the_next_request_goes_out() -> None
     async def use(wired: Wired) -> None:
         assert await wired.link.read(100, 1) == (0x00FD,)
         await asyncio.sleep(1.0)
-        with pytest.raises(BadAnswer, match="01 03 02 00 fd 79 c5 before anything was asked"):
+        with pytest.raises(BadAnswer, match="01 03 02 00 fd 79 c5 before the request"):
             await wired.link.read(100, 1)
         assert len(wired.requests) == 1
 

@@ -94,7 +94,7 @@ def test_an_instrument_that_does_not_know_the_usual_question_for_errors_is_asked
 
     async def use(link: ScpiLink, wire: TappedWire, interpreter: Interpreter) -> None:
         await link.open()
-        assert notes[-1] == f"it does not answer :SYST:ERR?; it is asked for its errors by {asked.decode()}"
+        assert notes[-1] == f"it does not answer :SYST:ERR?; its errors are queried by {asked.decode()}"
         assert all(note.startswith("asked again: ") for note in notes[:-1])
         await link.write("VOLT 5")  # the questions that it did not know are forgotten
         with pytest.raises(Refused, match=re.escape(f"received {told}.")):

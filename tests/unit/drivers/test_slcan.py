@@ -273,7 +273,7 @@ def test_an_adapter_that_only_sends_frames_does_not_answer() -> None:
 
 def test_an_adapter_that_goes_while_it_is_opened_is_lost() -> None:
     async def use(adapter: Adapter) -> None:
-        with pytest.raises(LinkLost, match="counter: the CAN adapter is gone"):
+        with pytest.raises(LinkLost, match="counter: the CAN adapter has closed the connection"):
             await opened(adapter)
 
     with_adapter(use, {b"S5": b"gone"})
@@ -295,7 +295,7 @@ def test_what_arrived_before_the_adapter_went_is_handed_out_first() -> None:
         adapter.transport.abort()
         await asyncio.sleep(0.01)
         assert rows(link.take()) == FRAMES
-        with pytest.raises(LinkLost, match=r"the CAN adapter is gone.* Check the adapter's cable"):
+        with pytest.raises(LinkLost, match=r"the CAN adapter has closed the connection.* Check the adapter's cable"):
             link.take()
         link.close()
 
@@ -326,7 +326,9 @@ def test_a_reason_is_told_when_the_system_gives_one() -> None:
         with pytest.raises(LinkLost, match="not connected"):
             link.take()
         link.connection_lost(OSError(5, "Input/output error"))
-        with pytest.raises(LinkLost, match=r"the CAN adapter is gone \(\[Errno 5\] Input/output error\)"):
+        with pytest.raises(
+            LinkLost, match=r"the CAN adapter has closed the connection \(\[Errno 5\] Input/output error\)"
+        ):
             link.take()
         with pytest.raises(TypeError, match="a stream transport is needed"):
             link.connection_made(asyncio.BaseTransport())

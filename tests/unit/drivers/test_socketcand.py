@@ -148,7 +148,7 @@ def test_a_bus_is_opened_and_its_frames_come() -> None:
         server.transport.abort()
         await asyncio.sleep(1)
         assert rows(link.take()) == FRAMES
-        with pytest.raises(LinkLost, match="the socketcand server is gone"):
+        with pytest.raises(LinkLost, match="the socketcand server has closed the connection"):
             link.take()
         link.close()
         link.close()
@@ -163,7 +163,7 @@ def test_a_bus_is_opened_and_its_frames_come() -> None:
         (Server(greeting=b"SSH-2.0-OpenSSH_9.2\r\n"), r"no < hi > within 3 s; received 'SSH-2.0"),
         (
             Server(b"< error could not open bus >"),
-            r"does not agree; received '< error could not open bus >'. Check the",
+            r"was refused; received '< error could not open bus >'. Check the",
         ),
         (Server(b"< ok >"), r"no < ok > within 3 s; sent '< rawmode >'\. Check"),
     ],

@@ -61,7 +61,7 @@ def test_a_set_point_that_somebody_changed_has_not_arrived(tmp_path):
     found.seen(0.0, state(HOT_C))
     found.seen(30.0, state(HOT_C, target_c=80.0))
     assert events(found) == ["not_arrived"]
-    assert "somebody changed the set point from 25 °C to 80 °C" in found.noted[0].why
+    assert "the set point was changed by another master from 25 °C to 80 °C" in found.noted[0].why
 
 
 def test_a_chamber_that_is_gone_for_long_has_not_arrived(tmp_path):

@@ -88,7 +88,7 @@ def test_the_truth_of_a_dwell_has_the_history_of_each_of_its_readings() -> None:
 
 
 def test_an_inertial_unit_with_it_is_refused_instead_of_simulated_without() -> None:
-    with pytest.raises(ValidationError, match="input_hysteresis is simulated of single accelerometers only"):
+    with pytest.raises(ValidationError, match="input_hysteresis is simulated for single accelerometers only"):
         ImuAccelerometer.model_validate({
             "K0": {"at_reference": "0 g"}, "K1": {"at_reference": "1 mA/g"},
             "converter": {"S": "10 kHz/mA", "full_scale": "25 mA", "max_rate": "256 kHz"},

@@ -125,7 +125,7 @@ def test_the_set_point_ramps_and_arrives() -> None:
     assert world.set_point_c == pytest.approx(23)
     world.ramp(20, 1 / 60)
     world.advance(150)
-    assert world.set_point_c == pytest.approx(22), "a new ramp starts from the set point in force"
+    assert world.set_point_c == pytest.approx(22), "a new ramp starts from the active set point"
     world.advance(400)
     assert world.set_point_c == 20
     world.ramp(20, 1 / 60)

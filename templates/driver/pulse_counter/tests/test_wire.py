@@ -1,4 +1,4 @@
-"""Bytes as the manual has them, never made by our own encoder."""
+"""Bytes as in the manual, never made by our own encoder."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from toy_counter import wire
 FRAMES = (
     "FE 03E8 00010 00002",  # latch 254 after 1 s: 16 positive pulses, 2 negative ones
     "FF 044C 00020 00003",
-    "00 04B0 00030 00004",  # the number goes round
+    "00 04B0 00030 00004",  # the number wraps
 )
 
 

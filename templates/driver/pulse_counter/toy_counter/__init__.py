@@ -1,1 +1,1 @@
-"""A pulse counter that nobody makes, to start from: a driver, its description and its simulator."""
+"""A fictitious pulse counter to start from: driver, description and simulator."""

@@ -1,4 +1,4 @@
-"""The frames of the counter decoded, while they arrive and from the record of a run."""
+"""Decoder of the counter's frames, live and from the record of a run."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from toy_counter.description import ToyCounterOptions
 
 
 class ToyCounterDecoder(FrameDecoder):
-    """Counts of the inputs; each has its own frames with their own numbers."""
+    """Decodes the counts of the inputs; each has its own frames with their own numbers."""
 
     def __init__(self, options: ToyCounterOptions) -> None:
         self._messages = {channel: wire.latch(number) for channel, number in options.inputs.items()}
 
     def outputs(self, block: FrameBlock) -> Mapping[str, Counts]:
-        """The counts of every channel in these frames."""
+        """Decode the counts of every channel."""
         return {channel: wire.counts_in(message, block) for channel, message in self._messages.items()}
 
     def watches(self) -> Sequence[Unbroken]:
-        """One for each input."""
+        """Gap detectors, one for each input."""
         return [
             Unbroken.of(Field(message, wire.NUMBER), Field(message, wire.TICK)) for message in self._messages.values()
         ]

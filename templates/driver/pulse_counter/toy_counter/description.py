@@ -1,4 +1,4 @@
-"""Bench file keys of the counter, and what the bench has to know of its frames."""
+"""Bench file keys of the counter, and the description of its frames."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from pydantic import Field
 
 TEMPERATURE = "temperature"
 TICK_S = 1e-3
-BITS_OF_A_FRAME = 135  # on the bus, of eight bytes, with the most stuffed bits
+BITS_OF_A_FRAME = 135  # maximum length on the bus of a frame with eight bytes, with stuff bits
 
 
 class ToyCounterOptions(StrictModel):
-    """How the counter is set up."""
+    """Setup of the counter."""
 
-    period: PositiveSeconds = Field(description="from latch to latch")
-    max_rate: Hertz = Field(description="of the pulses; bounds the gap over which a count stays unambiguous")
+    period: PositiveSeconds = Field(description="period of the latches")
+    max_rate: Hertz = Field(description="maximum pulse rate; bounds the gap over which a count stays unambiguous")
     inputs: Annotated[dict[str, Annotated[WholeNumber, Field(ge=0, le=15)]], NOT_EMPTY] = Field(
-        description="the number of the input of each channel"
+        description="input number of each channel"
     )
 
 
@@ -38,7 +38,7 @@ def _on_the_wire(options: ToyCounterOptions) -> OnTheWire:
 
 DESCRIPTION = DriverDescription(
     name="toy_counter",
-    title="pulse counter that nobody makes",
+    title="fictitious pulse counter",
     capabilities=frozenset({"pulse_counter"}),
     schemes=FRAME_SCHEMES,
     target="toy_counter.driver:ToyCounter",

@@ -1,4 +1,4 @@
-"""The driver: it listens; that frames keep coming is watched by what all free-running counters have in common."""
+"""The driver: it only receives; the common part of free-running counters monitors the frames."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from toy_counter.description import TEMPERATURE, ToyCounterOptions
 
 
 class ToyCounter(FreeCounter[ToyCounterOptions]):
-    """Reads the frames of its inputs; all are latched together, so the first stands for the latch."""
+    """Decodes the frames of its inputs; all are latched together, so the first represents the latch."""
 
     def __init__(self, setup: Setup[ToyCounterOptions, Nothing, Nothing]) -> None:
         super().__init__(setup, setup.options.period, setup.options.inputs)

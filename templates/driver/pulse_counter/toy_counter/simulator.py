@@ -1,4 +1,4 @@
-"""The simulated counter: it latches the converters of the units in the simulated world, and sends by itself."""
+"""The simulated counter: it latches the converters of the simulated units, and sends unsolicited."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ BOARD_C = 25.0
 
 
 class SimulatedToyCounter(CanNode):
-    """Counts what the unit of a channel fires; a channel without a unit counts nothing.
+    """Counts the pulses of the unit on a channel; a channel without a unit counts nothing.
 
-    Frames are made when somebody takes them, and just before the stimulus of the units changes.
+    Frames are computed when they are taken, and just before the stimulus of the units changes.
     """
 
     def __init__(self, setup: NodeSetup) -> None:
@@ -37,14 +37,14 @@ class SimulatedToyCounter(CanNode):
 
     @classmethod
     def of(cls, setup: NodeSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         return cls(setup)
 
     def _begin(self, at_s: float) -> None:
-        """Power-on: the clock, the latches and the counts begin at 0."""
+        """Power-on: the clock, the latches and the counts start at 0."""
         self._origin_s = self._counted_s = at_s
         self._latch = 0
-        self._owed = dict.fromkeys(self._options.inputs, 0.0)  # pulses of a latch from before a change of stimulus
+        self._owed = dict.fromkeys(self._options.inputs, 0.0)  # pulses before a change of stimulus
         self._converters = {channel: Integrator(0.5, 0, 0) for channel in self._options.inputs}
 
     def _before_change(self) -> None:
@@ -56,7 +56,7 @@ class SimulatedToyCounter(CanNode):
             self._counted_s = now_s
 
     def _catch_up(self) -> None:
-        """Sends the latches that are due."""
+        """Send the latches that are due."""
         if self.faults.times("restart") > self._restarts:
             self._restarts += 1
             self._begin(self._counted_s)
@@ -88,12 +88,12 @@ class SimulatedToyCounter(CanNode):
         return in_order(sent)
 
     def _pulses(self, channel: str, edges_s: Array) -> Array:
-        """The charge of a channel in each interval, in pulses."""
+        """Charge of a channel in each interval, in pulses."""
         unit = self._units.get(channel)
         return np.zeros(len(edges_s) - 1) if unit is None else unit.charge_pulses(edges_s)
 
     def _celsius(self, at_s: Array) -> Array:
-        """The thermometer: at a unit where the bench file names it as that of a place, else on the board."""
+        """Thermometer reading: at a unit if the bench file assigns it to a place, else on the board."""
         if self._thermometer_of is None:
             return np.full(len(at_s), BOARD_C)
         return self._world.counted[self._thermometer_of].thermometer_c(at_s)

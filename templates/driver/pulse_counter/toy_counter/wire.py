@@ -1,6 +1,6 @@
 """Frames of the counter ⇄ counts, both directions; no I/O.
 
-Facts from its manual, which is the table in README.md.
+Source: its manual, which is the table in README.md.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_i
 from numpy.typing import NDArray
 
 FIRST_ID = 0x300
-_field = partial(Signal, big_endian=True, offset=0.0)  # the shift is that in the eight bytes as one number
+_field = partial(Signal, big_endian=True, offset=0.0)  # shifts count in the eight bytes as one number
 
 NUMBER = _field("Number", shift=56, length=8, signed=False, scale=1.0, unit="")
 TICK = _field("Tick", shift=40, length=16, signed=False, scale=1.0, unit="")
@@ -26,13 +26,13 @@ TEMPERATURE = Field(Message("Temperature", 0x3F0, 2, {CELSIUS.name: CELSIUS}), C
 
 
 def latch(number: int) -> Message:
-    """The frame of an input."""
+    """Decode the latch frame of an input."""
     fields = (NUMBER, TICK, POSITIVE, NEGATIVE)
     return Message(f"Input{number}", FIRST_ID + number, 8, {each.name: each for each in fields})
 
 
 def counts_in(message: Message, block: FrameBlock) -> Counts:
-    """The counts of an input in a block: what comes twice or late is dropped, what is missing is counted."""
+    """Decode the counts of an input in a block; duplicated and late frames are dropped, lost ones counted."""
     rows = message.rows(block)
     data = block.payloads(rows)
     ticks = TICK.raw(data)
@@ -57,7 +57,7 @@ def counts_in(message: Message, block: FrameBlock) -> Counts:
 
 
 def latch_frames(message: Message, at_s: NDArray[np.float64], values: dict[Signal, Integers]) -> FrameBlock:
-    """A frame of an input at each time, (n,), with these integers in its fields."""
+    """Encode a frame of an input at each time, (n,), with these integers in its fields."""
     words = np.zeros(len(at_s), np.uint64)
     for signal, integers in values.items():
         words |= signal.bits(integers)
@@ -65,7 +65,7 @@ def latch_frames(message: Message, at_s: NDArray[np.float64], values: dict[Signa
 
 
 def temperature_frames(at_s: NDArray[np.float64], celsius: NDArray[np.float64]) -> FrameBlock:
-    """A frame with the temperature at each time, (n,)."""
+    """Encode a frame with the temperature at each time, (n,)."""
     raw = np.rint(celsius / CELSIUS.scale).astype(np.int64)
     return _frames(TEMPERATURE.message, at_s, CELSIUS.bits(raw))
 

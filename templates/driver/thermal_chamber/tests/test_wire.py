@@ -1,4 +1,4 @@
-"""Bytes as the manual has them, never made by our own encoder."""
+"""Bytes as in the manual, never made by our own encoder."""
 
 import pytest
 from simulators.faults.instrument_faults import FaultPlan

@@ -1,1 +1,1 @@
-"""A thermal chamber that nobody makes, to start from: a driver, its description and its simulator."""
+"""A fictitious thermal chamber to start from: driver, description and simulator."""

@@ -7,12 +7,12 @@ from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSa
 
 
 class ToyChamberOptions(StairOptions):
-    """How the controller is spoken to, and how it is ramped: by many set points, since it has no ramp of its own."""
+    """Protocol settings of the controller, and its ramp by a series of set points."""
 
 
 DESCRIPTION = DriverDescription(
     name="toy_chamber",
-    title="thermal chamber that nobody makes",
+    title="fictitious thermal chamber",
     capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"serial", "tcp"}),
     target="toy_chamber.driver:ToyChamber",

@@ -1,4 +1,4 @@
-"""The driver: queries and orders of this chamber; `drivers.kinds.chamber` decides when they are sent."""
+"""The driver: queries and commands of this chamber; `drivers.kinds.chamber` decides when they are sent."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ class ToyChamberController:
         self._link = ScpiLink(setup)
 
     async def connect(self) -> None:
-        """Connects anew, identifies, and asks how far set points go."""
+        """Reconnect, identify, and query the limits of the set point."""
         await self._link.open()
         self.limits_c = await self._link.ask(wire.LIMITS_QUERY, wire.read_limits)
 
     def close(self) -> None:
-        """Closes the wire; the next exchange would open it again."""
+        """Close the connection; the next exchange would reopen it."""
         self._link.close()
 
     async def identify(self) -> Identity:
-        """Who is there, by *IDN?."""
+        """Query the identity by *IDN?."""
         return await self._link.identify()
 
     async def look(self, commanded_c: float | None) -> Look:
-        """Air, set point and mode, in one answer."""
+        """Read air, set point and mode in one answer."""
         state = await self._state(commanded_c)
         why = f"the chamber is in mode {state.mode.value}"
         return Look(state.air_c, state.set_point_c, state.set_point_c, _CONTROL[state.mode], why)
 
     async def command(self, temperature_c: float) -> None:
-        """Sends the set point once and reads it back."""
+        """Send the set point once and read it back."""
         command, kept_c = wire.set_point(temperature_c), wire.kept(temperature_c)
         await self._link.write(command)
         state = await self._state(kept_c)
@@ -63,14 +63,14 @@ class ToyChamberController:
             )  # fmt: skip
 
     def kept(self, temperature_c: float) -> float:
-        """To a tenth of a degree."""
+        """Set point as stored: rounded to a tenth of a degree."""
         return wire.kept(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Nothing: it has no ramp, and `drivers.kinds.chamber` gives it one set point after the other."""
+        """Do nothing: it has no ramp; `drivers.kinds.chamber` sends a series of set points."""
 
     async def take_control(self) -> None:
-        """Switches it on, which ends a program; Refused when it stays as it was."""
+        """Switch the chamber on, which ends a program; Refused if its state does not change."""
         command = wire.mode(Mode.ON)
         await self._link.write(command)
         state = await self._state(None)
@@ -81,7 +81,7 @@ class ToyChamberController:
             )  # fmt: skip
 
     async def _state(self, set_point_c: float | None) -> State:
-        """Asked twice when the set point is another than it should be: the line has no checksum."""
+        """Query the state, twice if the set point is unexpected, because the line has no checksum."""
         state = await self._link.ask(wire.STATE_QUERY, wire.read_state)
         if set_point_c in (None, state.set_point_c):
             return state
@@ -89,7 +89,7 @@ class ToyChamberController:
 
 
 class ToyChamber(Chamber):
-    """A ThermalChamber that is ramped by many set points."""
+    """A ThermalChamber ramped by a series of set points."""
 
     def __init__(self, setup: Setup[ToyChamberOptions, ChamberLimits, ChamberSafe]) -> None:
         super().__init__(setup.name, ToyChamberController(setup), setup.limits, setup.safe, setup.options)

@@ -1,6 +1,6 @@
-"""The simulated chamber: its messages in front of the air of the world.
+"""The simulated chamber: its messages, connected to the air of the world.
 
-What the air of a chamber does that is off is not simulated: a new set point waits until it is on.
+The off state is not simulated: a new set point is stored until the chamber is switched on.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PROGRAM_C_PER_S = 1 / 60
 
 
 class SimulatedToyChamber(SimulatedChamber):
-    """One controller. `stuck`: settings are accepted and not carried out. `frozen`: the air reads as it was."""
+    """One controller. `stuck`: settings are accepted and not executed. `frozen`: the air reading does not change."""
 
     def __init__(self, world: World, faults: FaultPlan, *, serial: str = "0001") -> None:
         super().__init__(world, faults)
@@ -44,29 +44,29 @@ class SimulatedToyChamber(SimulatedChamber):
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         return cls(setup.world, setup.faults, serial=setup.serial or "0001")
 
     def session(self) -> LineSession:
-        """A new connection."""
+        """Open a connection."""
         return LineSession(self._interpreter.execute)
 
     def start_program(self) -> None:
-        """Somebody starts a program at the front panel."""
+        """Start a program at the front panel."""
         self.mode = Mode.PROGRAM
         self._world.ramp(PROGRAM_C, PROGRAM_C_PER_S)
 
     def switch_off(self) -> None:
-        """Somebody switches it off."""
+        """Switch the chamber off at the front panel."""
         self.mode = Mode.OFF
 
     def switch_on(self) -> None:
-        """He switches it on again."""
+        """Switch the chamber on at the front panel."""
         self.mode = Mode.ON
         self._follow()
 
     def restart(self) -> None:
-        """The mains fail for a moment: it comes back with its own set point."""
+        """Short power failure: it restarts with its own set point."""
         self.set_point_c = AFTER_RESTART_C
         self._interpreter.power_on()
         self.switch_on()

@@ -1,6 +1,6 @@
 """Messages of the chamber ⇄ values, both directions; no I/O.
 
-Facts from its manual, which is the table in README.md. Temperatures are in °C, a set point has one decimal.
+Source: its manual, which is the table in README.md. Temperatures are in °C, a set point has one decimal.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from enum import Enum
 
 from drivers.protocols import scpi
 
-# Headers as a simulator matches them: capitals may stand alone
+# Headers for the simulator: capitals may stand alone
 TEMPERATURE, SET_POINT, MODE, LIMITS = "TEMPerature", "SETPoint", "MODE", "LIMits"
 
 STATE_QUERY = b"TEMP?;:SETP?;:MODE?"
@@ -19,7 +19,7 @@ TENTHS = 10
 
 
 class Mode(Enum):
-    """What the chamber does."""
+    """Operating modes of the chamber."""
 
     OFF = "OFF"
     ON = "ON"
@@ -28,7 +28,7 @@ class Mode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """The answer to STATE_QUERY."""
+    """Answer to STATE_QUERY."""
 
     air_c: float
     set_point_c: float
@@ -36,28 +36,28 @@ class State:
 
 
 def read_state(line: bytes) -> State:
-    """`23.41;25.0;ON`; ValueError."""
+    """Decode `23.41;25.0;ON`; ValueError."""
     air, set_point, mode = scpi.answers(line, 3)
     return State(scpi.number(air), scpi.number(set_point), Mode(mode))
 
 
 def read_limits(line: bytes) -> tuple[float, float]:
-    """`-40.0,120.0`: the lowest and the highest set point, °C; ValueError."""
+    """Decode `-40.0,120.0`: minimum and maximum set point, °C; ValueError."""
     (answer,) = scpi.answers(line, 1)
     low, high = answer.split(",")
     return scpi.number(low), scpi.number(high)
 
 
 def kept(temperature_c: float) -> float:
-    """A set point as the chamber keeps it, to a tenth of a degree."""
+    """Set point as stored by the chamber, rounded to a tenth of a degree."""
     return round(temperature_c * TENTHS) / TENTHS
 
 
 def set_point(temperature_c: float) -> str:
-    """The command that sets it."""
+    """Command: set point."""
     return f"SETP {kept(temperature_c):.1f}"
 
 
 def mode(mode: Mode) -> str:
-    """The command that enters a mode."""
+    """Command: enter a mode."""
     return f"MODE {mode.value}"

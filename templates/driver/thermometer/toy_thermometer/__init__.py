@@ -1,1 +1,1 @@
-"""A thermometer that nobody makes, to start from: a driver, its description and its simulator."""
+"""A fictitious thermometer to start from: driver, description and simulator."""

@@ -9,7 +9,7 @@ TEMPERATURE = "temperature"
 
 DESCRIPTION = DriverDescription(
     name="toy_thermometer",
-    title="thermometer that nobody makes",
+    title="fictitious thermometer",
     capabilities=frozenset({THERMOMETER}),
     schemes=frozenset({"serial", "tcp"}),
     target="toy_thermometer.driver:ToyThermometer",

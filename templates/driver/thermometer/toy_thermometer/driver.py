@@ -1,4 +1,4 @@
-"""The driver: one reading, asked for whenever somebody looks."""
+"""The driver: one reading, queried at every poll."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from toy_thermometer.description import TEMPERATURE
 
 
 class ToyThermometer:
-    """A Device that measures and does nothing else; whoever names its reading in a bench file has a thermometer.
+    """A Device that only measures; a bench file uses its reading as a thermometer.
 
-    The link identifies whenever it connects, asks a question again once, and connects again after a lost wire.
+    The link identifies the instrument at every connection, repeats a query once, and reconnects after a loss.
     """
 
     def __init__(self, setup: Setup[Nothing, Nothing, Nothing]) -> None:
@@ -25,25 +25,25 @@ class ToyThermometer:
         self._link = ScpiLink(setup)
 
     async def __aenter__(self) -> Self:
-        """Connects and identifies; raises CannotConnect or WrongIdentity."""
+        """Connect and identify; raises CannotConnect or WrongIdentity."""
         await self._link.open()
         return self
 
     async def __aexit__(self, *exc: object) -> None:
-        """Closes the wire."""
+        """Close the connection."""
         self._link.close()
 
     async def identify(self) -> Identity:
-        """Who is there, by *IDN?; raises WrongIdentity."""
+        """Query the identity by *IDN?; raises WrongIdentity."""
         return await self._link.identify()
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
-        """The temperature (°C); no reading while the sensor is open, so that the last one grows stale."""
+        """Read the temperature (°C); no reading from an open sensor, so that the last one becomes stale."""
         found_c = await self._link.ask(wire.TEMPERATURE_QUERY, wire.read_temperature)
         if found_c is None:
             return {TEMPERATURE: []}
         return {TEMPERATURE: [Reading(asyncio.get_running_loop().time(), found_c)]}
 
     async def make_safe(self) -> None:
-        """Nothing moves and nothing is energised: it only shows that it is still there."""
+        """Query the identity: nothing moves or is energised, so an answer is enough."""
         await self._link.identify()

@@ -14,7 +14,7 @@ from toy_thermometer import wire
 
 
 class SimulatedToyThermometer:
-    """`frozen`: the reading stands still."""
+    """One thermometer. `frozen`: the reading does not change."""
 
     def __init__(self, world: World, faults: FaultPlan, *, serial: str = "0001") -> None:
         self.faults = faults
@@ -27,19 +27,19 @@ class SimulatedToyThermometer:
 
     @classmethod
     def of(cls, setup: InstrumentSetup) -> Self:
-        """As a bench file has it."""
+        """Create from a bench file."""
         return cls(setup.world, setup.faults, serial=setup.serial or "0001")
 
     def session(self) -> LineSession:
-        """A new connection."""
+        """Open a connection."""
         return LineSession(self._interpreter.execute)
 
     def open_sensor(self) -> None:
-        """The sensor comes off."""
+        """Open the sensor circuit."""
         self.is_open = True
 
     def close_sensor(self) -> None:
-        """It is in place again."""
+        """Close the sensor circuit."""
         self.is_open = False
 
     def _temperature_c(self) -> float | None:

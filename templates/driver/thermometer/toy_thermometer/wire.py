@@ -1,25 +1,25 @@
 """Messages of the thermometer ⇄ values, both directions; no I/O.
 
-Facts from its manual, which is the table in README.md.
+Source: its manual, which is the table in README.md.
 """
 
 from __future__ import annotations
 
 from drivers.protocols import scpi
 
-# A header as a simulator matches it: capitals may stand alone
+# A header for the simulator: capitals may stand alone
 TEMPERATURE = "MEASure:TEMPerature"
 
 TEMPERATURE_QUERY = b"MEAS:TEMP?"
-OPEN = "9.9E37"  # what SCPI answers where there is no reading
+OPEN = "9.9E37"  # SCPI's answer without a reading
 
 
 def read_temperature(line: bytes) -> float | None:
-    """`23.412` in °C, None for a sensor that is open; ValueError."""
+    """Decode `23.412` in °C, None for an open sensor; ValueError."""
     (answer,) = scpi.answers(line, 1)
     return None if answer == OPEN else scpi.number(answer)
 
 
 def spelled(temperature_c: float | None) -> str:
-    """What is answered for a temperature."""
+    """Encode a temperature."""
     return OPEN if temperature_c is None else f"{temperature_c:.3f}"
