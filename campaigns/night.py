@@ -73,18 +73,18 @@ class Night:
         self._file = folder / "results.tsv"
 
     def ended(self) -> dict[str, Ended]:
-        """What has ended, by its name, the last time of each."""
+        """Commands that have ended, by name; of each the last time."""
         if not self._file.exists():
             return {}
         lines = self._file.read_text("utf-8").splitlines()[1:]
         return {each.name: each for each in (Ended(*line.split("\t")) for line in lines)}
 
     def is_of(self, code: str) -> bool:
-        """Whether it was begun with this code; nothing has ended in a folder without results."""
+        """True if it was begun with this code; nothing has ended in a folder without results."""
         return all(each.code == code for each in self.ended().values())
 
     def passed(self, name: str) -> bool:
-        """Whether a command has ended well."""
+        """True if a command has ended without an error."""
         return name in self.ended() and self.ended()[name].status == "0"
 
     def run(self, name: str, command: Sequence[str]) -> None:

@@ -120,7 +120,7 @@ class BenchRecord:
         return math.hypot(offset_c, gain * temperature_c)
 
     def axis(self, role: str) -> AxisRecord:
-        """What is stated of an axis; one without errors where nothing is."""
+        """Stated errors of an axis; none if nothing is stated."""
         return self.axes.get(role, AxisRecord())
 
     @property

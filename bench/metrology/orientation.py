@@ -74,9 +74,9 @@ def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: float) -> Array:
 
 
 def by_harmonics(turned: Array, head_rad: Array, u_deg: Sequence[float]) -> Array:
-    """What the harmonics of a head give to a result, of cosine and sine after each other, (2m,), with their signs.
+    """Signed contributions of the harmonics of a head to a result, (2m,), cosine and sine of each in turn.
 
-    `turned` (n,) is what the result changes by for 1 rad of the head at each of its angles.
+    `turned` (n,) is the change of the result for 1 rad of the head at each of its angles.
     """
     return np.array(
         [

@@ -48,7 +48,7 @@ EXACT = 1e-12  # relative: the same sums of whole numbers, divided by the same t
 
 @dataclass
 class Tally:
-    """What became of the axes; `unexpected` are sentences that should not be there."""
+    """Outcomes of the axes; `unexpected` are sentences that should not be there."""
 
     outcomes: Tallies[str] = field(default_factory=Tallies)
     unexpected: list[str] = field(default_factory=list)
@@ -83,7 +83,7 @@ class Bus:
 
 @dataclass
 class Acquired:
-    """What the driver handed out, with what it said in the end, and when it began and ended."""
+    """Blocks from the driver, its final report, and begin and end of the acquisition."""
 
     blocks: list[FrameBlock] = field(default_factory=list)
     problem: DriverError | None = None
@@ -222,7 +222,7 @@ def compare_samples(story: Story, truth: Truth, block: FrameBlock) -> list[str]:
 
 @dataclass
 class _Found:
-    """What the programs made of the frames, for one axis."""
+    """Results of driver and decoder for one axis."""
 
     counts: wire.Counts
     net_pps: float

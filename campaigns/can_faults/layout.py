@@ -19,7 +19,7 @@ _FOLDER = TemporaryDirectory(prefix="can_faults_")
 
 @dataclass(frozen=True)
 class Layout:
-    """How a counter packs its frames; lengths in bits."""
+    """Layout of the frames of a counter; lengths in bits."""
 
     big_endian: bool
     axes: int

@@ -20,7 +20,7 @@ FRAME_S = 0.05  # of a period, from one frame of a latch to the next
 
 
 class CounterFault(StrEnum):
-    """What else than its bus may be wrong with a counter."""
+    """Faults of a counter other than those of its bus."""
 
     RESET = "reset"  # it loses its power for a moment
     CLEARED = "cleared"  # somebody clears its counts, and nothing else

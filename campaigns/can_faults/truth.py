@@ -153,7 +153,7 @@ def _judge(counter: Counter, axis: str, truth: Truth) -> None:
 
 
 def _of_steps(waits_s: Sequence[float], most: Sequence[int], max_rate_pps: float, modulus: int) -> set[str]:
-    """What can be said against the larger steps of a counter, each after its wait."""
+    """Objections to the larger steps of a counter, each after its wait."""
     reasons = set()
     rounds = max(waits_s) * max_rate_pps / modulus
     if rounds > 1 - 1e-9:
@@ -164,7 +164,7 @@ def _of_steps(waits_s: Sequence[float], most: Sequence[int], max_rate_pps: float
 
 
 def _pulses_due(waits_s: Sequence[float], pulses: Sequence[int], rate_pps: float) -> float:
-    """How many pulses should have come in the longest time in which none did, of three latches or more."""
+    """Expected number of pulses in the longest time without one, of three latches or more."""
     longest_s = silent_s = 0.0
     count = 0
     for wait_s, fired in zip(waits_s, pulses, strict=True):

@@ -59,7 +59,7 @@ VALUES = list(_parsed())  # of every document that is YAML
 
 
 def _by_key() -> dict[str, list[Any]]:
-    """What stands under each key, anywhere; and under `verb.key`, what stands in mappings that begin with that verb."""
+    """Values of each key, anywhere; and of `verb.key`, those in mappings that begin with that verb."""
     found: dict[str, list[Any]] = defaultdict(list)
     open_values: list[Any] = list(VALUES)
     while open_values:

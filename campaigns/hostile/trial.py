@@ -40,7 +40,7 @@ _SHOWN = re.compile(r"[^\x00-\x08\x0a-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2
 
 @dataclass(frozen=True)
 class Reading:
-    """One way of reading one document: `outcome` is ACCEPTED, REFUSED, or what should not be; `detail` tells more."""
+    """One way of reading one document: `outcome` is ACCEPTED, REFUSED, or the unexpected result; `detail` has more."""
 
     index: int
     kind: str

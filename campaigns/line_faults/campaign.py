@@ -33,7 +33,7 @@ LOSING = frozenset({
 
 @dataclass
 class Tally:
-    """What became of the faults on one dialect; `unexpected` are sentences that should not be there."""
+    """Outcomes of the faults on one dialect; `unexpected` are sentences that should not be there."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     unexpected: list[str] = field(default_factory=list)

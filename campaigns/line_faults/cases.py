@@ -11,7 +11,7 @@ from tests.support.instruments import Instrument, OnLine, tried
 
 
 class Link(StrEnum):
-    """What sees to it that what arrives is what was said."""
+    """Protection of a link against altered bytes."""
 
     CHECKSUM = "a checksum of its own"
     TCP = "TCP"  # between its two ends; what an instrument garbles before it sends it is beyond that

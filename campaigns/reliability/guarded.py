@@ -118,7 +118,7 @@ def _lost(run: Process, way: str, within_s: float) -> str:
 
 
 def _left(bench: Wires, run: Process, dead: str) -> Iterator[str]:
-    """What is left on, and an instrument that did not answer and is nowhere named."""
+    """Devices left on, and silent instruments that are named nowhere."""
     for role, safe in SAFE.items():
         if role != dead and (state := bench.state_of(role)) != safe:
             yield f"{role} left at {state}; {run.told.read_text('utf-8')[-300:]}"

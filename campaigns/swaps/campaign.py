@@ -30,7 +30,7 @@ DOINGS = 7
 
 @dataclass
 class Tally:
-    """What became of the trials; `unexpected` are sentences that should not be there."""
+    """Outcomes of the trials; `unexpected` are sentences that should not be there."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     unexpected: list[str] = field(default_factory=list)
@@ -61,7 +61,7 @@ def swaps(trials: int, seed: int = 1) -> Tally:
 
 @cache
 def pin(kind: Kind, number: int) -> IdentityPin | None:
-    """What a bench file pins of an instrument: all that it tells of itself; None when its driver does not take it."""
+    """Identity that a bench file pins: all that the instrument reports; None if its driver refuses it."""
 
     async def told() -> IdentityPin | None:
         panel, address = Panel(), Address.parse(kind.address)

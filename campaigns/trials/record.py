@@ -201,7 +201,7 @@ class Running:
         return int(lines[-1]) if lines else 0
 
     def end(self) -> None:
-        """Kill it, and hear what it has told."""
+        """Kill it, and return its output."""
         self.process.kill()
         self.process.join()
         _ = self.acknowledged
@@ -290,7 +290,7 @@ def altered(folder: Path, count: int) -> Row:
 
 
 def altered_once(folder: Path, original: Path, number: int) -> tuple[str, str]:
-    """What is altered in a copy of a run, and one of ANSWERS, or what is wrong with the answer."""
+    """Alteration of a copy of a run, and one of ANSWERS, or the error in the answer."""
     copy = folder / "altered" / original.name
     shutil.rmtree(copy, ignore_errors=True)
     shutil.copytree(original, copy)

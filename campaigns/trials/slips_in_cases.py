@@ -20,7 +20,7 @@ REFUSED = "refused"
 
 
 class Slip(NamedTuple):
-    """What somebody does to a good case, and the flag that says so; `REFUSED` for an error of the input."""
+    """Alteration of a good case, and the flag expected for it; `REFUSED` for an error of the input."""
 
     method: str
     sub: str

@@ -21,7 +21,7 @@ BRACKETS = ("threshold", "resolution")  # between two steps of a ladder, which h
 
 @dataclass(frozen=True)
 class Judged:
-    """What one quantity of a cell comes to; `problem` is empty where it is within its bar."""
+    """Judgement of one quantity of a cell; `problem` is empty where it is within its bar."""
 
     quantity: str
     values: int

@@ -106,7 +106,7 @@ METHODS = {
 
 @dataclass(frozen=True)
 class Cell:
-    """What is run with many seeds."""
+    """One combination of method, bench and unit that is run with many seeds."""
 
     method: str
     kind: str
@@ -186,7 +186,7 @@ def _state(stated: Path, sequence: str, old: str, new: str) -> None:
 
 @dataclass(frozen=True)
 class Line:
-    """What one seed of a cell found: by quantity and its points, or why there is nothing."""
+    """Results of one seed of a cell, by quantity and point, or the reason for none."""
 
     seed: int
     found: tuple[Comparison, ...] = ()

@@ -48,7 +48,7 @@ class Stimulus:
 
 @dataclass(frozen=True)
 class Template:
-    """What the run in a folder did, what it acquired under each label, and how that is to be reduced."""
+    """Actions of the run in a folder, its acquisitions by label, and their reduction."""
 
     folder: Path
     origin_s: float

@@ -26,7 +26,7 @@ EAST, NORTH, UP = np.eye(3)
 
 
 class Kind(Enum):
-    """What an error of the table is."""
+    """Kind of an error of the table."""
 
     ZERO = "zero"
     HARMONICS = "harmonics"

@@ -42,7 +42,7 @@ def recorded_samples(phase: str, block: Block, excluded: Counter[str], clip: flo
 def _gated(output: Array, turned_deg: Array, resolution: float) -> GatedFit:
     """The samples that are no outliers of their mean, and of what changes once a turn, if there is one.
 
-    Samples that see the table always at one angle cannot tell the two apart.
+    Samples that see the table always at one angle cannot separate the two.
     """
     if abs(turned_deg[-1]) >= TURN_DEG:
         angle = np.radians(turned_deg)

@@ -50,7 +50,7 @@ class Steady:
 class TableSamples:
     """Latches of one acquisition, (n,) by time since the first, with cumulative values at each.
 
-    `temperature` is the mean of the thermometer at the unit, not-a-number where it said nothing. `total` is what its
+    `temperature` is the mean of the thermometer at the unit, not-a-number without a reading. `total` is what its
     output has summed up to: net pulses, or code·s or V·s. `angle_deg` is that of the encoder over whole turns;
     `interval_s` is the time between two latches, `problems` make the acquisition unusable. `behind` is by how
     much the converter's pulses stood behind for its play, which is no longer in `total`. Of samples that came at the
@@ -183,7 +183,7 @@ def _owed_to_the_table(samples: TableSamples, edges: Integers) -> Iterator[list[
 
 
 def _fitted(values: Array, designs: Iterable[list[Array]]) -> LinearFit:
-    """The fit of the first design whose coefficients the values (n,) determine and leave scatter to tell."""
+    """Fit of the first design whose coefficients the values (n,) determine with degrees of freedom left."""
     for columns in designs:
         with suppress(NotDetermined):
             fit = least_squares(np.column_stack(columns), values)
