@@ -107,7 +107,7 @@ class Course:
         self.noted.append(noted)
         wrong = self._watch.problem(at_s, state.process_value_c, state.set_point_c, commanded=True)
         if abs(state.target_c - self._held_c) > KEPT_WITHIN_C:
-            wrong = f"somebody changed the set point from {self._held_c:g} °C to {state.target_c:g} °C"
+            wrong = f"another master changed the set point from {self._held_c:g} °C to {state.target_c:g} °C"
         if not wrong and at_s >= self.hold_ends_s:
             wrong = "the hold time has expired"
         self.hold_is_over = self.hold_is_over or wrong

@@ -84,15 +84,15 @@ def started(tmp_path) -> Iterator[Callable[..., Running]]:
 
 def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(started):
     run = started(*PACED)
-    told = run.tell("pause")
+    told = run.send_command("pause")
     assert told.stdout == f"{run.path.name}: the run pauses before its next step\n"
     run.wait_for(lambda: run.operator() == ["held"])
     held = run.steps("step_begins")
     time.sleep(1.0)  # twenty seconds of bench time
     assert run.steps("step_begins") == held
-    assert run.tell("resume").stdout.endswith(": the run continues\n")
+    assert run.send_command("resume").stdout.endswith(": the run continues\n")
     run.wait_for(lambda: run.steps("step_begins") != held)
-    assert run.tell("stop", "--after-step").stdout.endswith(": the teardown runs after the current step\n")
+    assert run.send_command("stop", "--after-step").stdout.endswith(": the teardown runs after the current step\n")
     assert run.finish() == 4
     assert run.operator() == ["held", "released", "stop after step"]
     user = pwd.getpwuid(os.getuid()).pw_name
@@ -112,7 +112,7 @@ def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(
 def test_a_stop_ends_the_step(started):
     run = started("smoke", "--speed", "20", "--set", "soak=1 h")
     run.wait_for(lambda: "steps/temperature=20/soak" in run.steps("step_begins"))
-    assert run.tell("stop").stdout.endswith(": the current step is interrupted, then the teardown runs\n")
+    assert run.send_command("stop").stdout.endswith(": the current step is interrupted, then the teardown runs\n")
     assert run.finish() == 4
     assert "steps/temperature=20/soak" not in run.steps("step_ended")
     assert "teardown/set" in run.steps("step_ended")
@@ -120,9 +120,9 @@ def test_a_stop_ends_the_step(started):
 
 def test_a_paused_run_can_be_aborted(started):
     run = started(*PACED)
-    run.tell("pause")
+    run.send_command("pause")
     run.wait_for(lambda: run.operator() == ["held"])
-    assert run.tell("abort").stdout.endswith(": no teardown; all devices are made safe\n")
+    assert run.send_command("abort").stdout.endswith(": no teardown; all devices are made safe\n")
     assert run.finish() == 4
     assert not [step for step in run.steps("step_begins") if step.startswith("teardown")]
     with RunReader(run.path) as reader:
@@ -131,10 +131,10 @@ def test_a_paused_run_can_be_aborted(started):
 
 def test_at_full_speed_there_is_no_pause_but_a_stop(started):
     run = started("tumble_static")
-    told = run.tell("pause")
+    told = run.send_command("pause")
     assert told.returncode == 2
     assert "a run at full speed cannot be paused; start it with --speed 60, for example" in told.stderr
-    assert run.tell("stop").returncode == 0
+    assert run.send_command("stop").returncode == 0
     assert run.finish() == 4
 
 
@@ -147,7 +147,7 @@ def test_a_run_that_is_over_takes_no_commands_and_leaves_no_socket(started):
     assert run.finish() == 0
     assert names["socket"] not in Path("/proc/net/unix").read_text("utf-8")
     assert not (run.path / "runner.json").exists()
-    told = run.tell("stop")
+    told = run.send_command("stop")
     assert told.returncode == 2
     assert told.stderr == f"{run.path.name}: this run is not running; its state is completed\n"
 
@@ -156,7 +156,7 @@ def test_a_killed_run_is_told_to_be_interrupted(started):
     run = started(*PACED)
     run.process.kill()
     run.process.communicate()
-    told = run.tell("pause")
+    told = run.send_command("pause")
     assert told.returncode == 2
     assert told.stderr == f"{run.path.name}: this run is not running; its state is interrupted\n"
 
@@ -176,7 +176,7 @@ def test_nonsense_is_answered_with_what_is_known_and_the_silent_keep_nobody_wait
         known = "pause, resume, stop, stop_after_step, abort, skip, repeat, answer, status"
         assert answer == {"refused": f"expected one of {known}"}
     began_s = time.monotonic()
-    assert run.tell("abort").returncode == 0
+    assert run.send_command("abort").returncode == 0
     assert time.monotonic() - began_s < 5
     for client in silent:
         client.close()
@@ -188,9 +188,9 @@ def test_a_step_is_skipped_or_begun_anew_and_the_run_goes_on(started):
     run = started("smoke", "--speed", "20", "--set", "soak=10 min")
     soak = "steps/temperature=20/soak"
     run.wait_for(lambda: soak in run.steps("step_begins"))
-    assert run.tell("repeat").stdout.endswith(f": repeated: {soak}\n")
+    assert run.send_command("repeat").stdout.endswith(f": repeated: {soak}\n")
     run.wait_for(lambda: f"{soak}~2" in run.steps("step_begins"))
-    told = run.tell("skip")
+    told = run.send_command("skip")
     assert told.stdout.endswith(f": skipped: {soak}~2\n")
     assert run.finish() == 7  # what was left out makes the run incomplete
     assert run.steps("left_out") == [f"{soak}~2"]
@@ -203,14 +203,14 @@ def test_the_step_before_a_pause_is_done_again_while_the_run_is_held(started):
     run = started(*PACED)
     soak = "steps/temperature=20/soak"
     run.wait_for(lambda: soak in run.steps("step_begins"))
-    run.tell("pause")
+    run.send_command("pause")
     run.wait_for(lambda: run.operator() == ["held"])
-    assert run.tell("repeat").stdout.endswith(": repeated: the last one\n")
+    assert run.send_command("repeat").stdout.endswith(": repeated: the last one\n")
     run.wait_for(lambda: f"{soak}~2" in run.steps("step_ended"))
     assert "steps/temperature=20/position=0/move" not in run.steps("step_begins")
-    run.tell("resume")
+    run.send_command("resume")
     run.wait_for(lambda: "steps/temperature=20/position=0/move" in run.steps("step_begins"))
-    run.tell("abort")
+    run.send_command("abort")
     assert run.finish() == 4
 
 
@@ -225,21 +225,21 @@ def test_a_question_is_answered_over_the_socket_by_name_and_the_status_shows_wha
     )
     run = started(str(path), "--speed", "20")
     run.wait_for(lambda: "steps/prompt" in run.steps("asked"))
-    status = json.loads(run.tell("status", "--json").stdout)
+    status = json.loads(run.send_command("status", "--json").stdout)
     assert (status["state"], status["under_way"]) == ("running", ["steps/prompt"])
     assert status["variables"].keys() == {"t"}
     assert status["questions"][0]["expected"] == "a value in °C from 0 °C to 50 °C"
     assert "unit_temperature" in status["readings"]
-    refused = run.tell("answer", "60 °C")
+    refused = run.send_command("answer", "60 °C")
     assert refused.returncode == 2
     assert "is 60 °C, expected at most 50 °C" in refused.stderr
-    assert run.tell("answer", "23.5 °C", "--by", "A. Person").returncode == 0
+    assert run.send_command("answer", "23.5 °C", "--by", "A. Person").returncode == 0
     assert run.finish() == 5  # nothing is judged
     assert "steps/then/note" in run.steps("step_ended")
     with RunReader(run.path) as reader:
         (answered,) = [event.data for event in reader.events("step_ended") if event.step == "steps/prompt"]
     assert (answered["value"], answered["unit"], answered["by"]) == (23.5, "°C", "A. Person")
-    over = json.loads(run.tell("status", "--json").stdout)
+    over = json.loads(run.send_command("status", "--json").stdout)
     assert over["variables"]["room"] == "23.5 °C"
     assert (over["state"], over["under_way"]) == ("completed", [])
     assert over["verdict"] == json.loads((run.path / "manifest.json").read_text("utf-8"))["verdict"]
@@ -265,7 +265,7 @@ def test_a_head_is_turned_by_whoever_answers_over_the_socket_or_on_the_terminal(
         send_command(run.path, "answer", answer="done")
     send_command(run.path, "answer", answer="93 deg", by="A. Hurry")
     run.wait_for(lambda: run.steps("asked") == ["head#1", "head#1~2"])
-    assert run.tell("answer", "90 deg", "--step", "head#1~2", "--by", "A. Person").returncode == 0
+    assert run.send_command("answer", "90 deg", "--step", "head#1~2", "--by", "A. Person").returncode == 0
     run.wait_for(lambda: run.steps("asked")[2:] == ["head#2"])
     os.write(terminal, b"270 deg\n")
     assert run.finish() == 5  # nothing is judged

@@ -105,7 +105,7 @@ def test_a_hold_of_a_chamber_that_is_not_in_order_is_over_at_once(tmp_path):
     found = course(tmp_path, ", hold: 30 min")
     found.seen(0.0, state(HOT_C, target_c=HOT_C))
     found.seen(30.0, state(HOT_C, target_c=75.0))
-    assert found.hold_is_over == "somebody changed the set point from 60 °C to 75 °C"
+    assert found.hold_is_over == "another master changed the set point from 60 °C to 75 °C"
 
 
 def test_a_hold_that_cannot_be_looked_at_ends_by_its_time(tmp_path):
