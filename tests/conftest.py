@@ -156,6 +156,8 @@ def _nothing_is_left(request):
     if after - before:  # what is referred to in a circle is closed by the collector
         gc.collect()
         after, _ = _held()
+    for thread in now - threads:
+        thread.join(1.0)  # one that was asked to end is given the time to do so
     left = [*_LEFT_TASKS, *(after - before), *(str(each) for each in now - threads if each.is_alive())]
     assert not left, f"left behind: {left}"
 
