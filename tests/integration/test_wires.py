@@ -86,7 +86,7 @@ def test_when_the_laboratory_goes_away_the_run_ends_in_words(wired_bench, tmp_pa
         _, said = run.communicate(timeout=60)
     assert run.returncode == 6
     assert "chamber" in said
-    assert "supply COULD NOT BE MADE SAFE: supply: nobody answers" in said
+    assert "supply COULD NOT BE MADE SAFE: supply: no connection to" in said
     assert "Check that the instrument is on" in said
 
 

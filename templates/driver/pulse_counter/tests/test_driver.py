@@ -49,7 +49,7 @@ def test_a_counter_that_stops_is_a_fault(kind, problem):
     async def main():
         subject = Subject(DeviceEntry.model_validate(ENTRY))
         async with subject.driver() as driver:
-            with subject.suffering(kind):
+            with subject.fault(kind):
                 await asyncio.sleep(10.0)
                 with pytest.raises(problem):
                     await driver.poll()
