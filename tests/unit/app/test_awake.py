@@ -116,14 +116,14 @@ def test_the_loop_knows_for_how_long_it_stood_still() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, BenchLoop)
         await asyncio.sleep(0.05)
-        began_s, deadline = loop.time(), Deadline(0.5)
+        began_s, deadline = loop.time(), Deadline(0.75)
         time.sleep(STANDS_S)  # noqa: ASYNC251  nothing of this program runs
         await asyncio.sleep(0.05)
         assert loop.stalled_since(began_s) == pytest.approx(STANDS_S, abs=0.2)
-        assert awake_s(began_s) < 0.4
+        assert awake_s(began_s) < 0.7  # it would be 0.85 if the standstill counted
         assert not deadline.passed
         assert loop.stalled_since(loop.time()) == 0
-        await asyncio.sleep(0.6)
+        await asyncio.sleep(0.9)
         assert deadline.passed
 
     run(main(), REAL_TIME)
