@@ -32,8 +32,9 @@ test-quick: $(VENV)/.dev lint
 	$(BIN)/pytest -q -n 2 --dist worksteal -m 'not slow and not lengthy' tests/unit tests/wire
 
 # The other tests: truth over seeds, real stacks on loopback, whole benches. CI runs them after `make test`.
+# More workers than processors: many of these wait in real time.
 slow: $(VENV)/.dev
-	$(BIN)/pytest -n 2 --dist worksteal -m slow --durations 20
+	$(BIN)/pytest -n 4 --dist worksteal -m slow --durations 20
 
 # Everything above is on the interpreter of .venv; this is a quick part on the newest one that is there (or: NEWEST=…).
 newest:
