@@ -51,6 +51,10 @@ class InputAxis(StrictModel):
         """Angle of the axis above the horizontal at head angle 0, in degrees."""
         return {"level": 0.0, "up": 90.0, "down": -90.0}[self.at_0]
 
+    def input_deg(self, head_deg: float) -> float:
+        """Angle of the axis above the horizontal at a head angle, both in degrees."""
+        return self.sense * head_deg + self.offset_deg
+
     @property
     def points(self) -> Compass:
         """Direction of the positive head axis; east is that of a level input axis at 0°."""

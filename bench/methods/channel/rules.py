@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
-from bench.sequence.checks.parts import acquired_under
+from bench.sequence.checks.acquired import acquired_under, ramps_during, results_by
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.document.model import ResultEntry
-from bench.sequence.plan.plan import Plan, PlannedStep
+from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.measuring import Acquire
-from bench.sequence.steps.stimulus import Ramp
 
 if TYPE_CHECKING:
     from bench.methods.channel.method import ChannelSettings
@@ -64,11 +63,8 @@ def _unread(plan: Plan, label: str, ammeter: str, bench: BenchFile) -> Iterator[
 def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A ramp of a channel that is too short for a decision, or faster than the method allows."""
     for _, entry, settings in _channels(plan):
-        for planned, from_c in _counted_ramps(plan, entry.data):
-            step = planned.step
-            if not isinstance(step, Ramp):
-                continue
-            rate_c_per_h, span_c = 60 * step.rate_c_per_min, abs(step.temperature_c - from_c)
+        for planned, ramp, from_c in ramps_during(plan, entry.data):
+            rate_c_per_h, span_c = 60 * ramp.rate_c_per_min, abs(ramp.temperature_c - from_c)
             if rate_c_per_h > settings.max_ramp_c_per_h * (1 + ROUNDING):
                 yield (
                     (*planned.place, "at"),
@@ -87,7 +83,7 @@ def unsuited_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 def no_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A channel over temperature that is not acquired during a ramp, so that nothing is found."""
     for place, entry, _ in _channels(plan):
-        if not list(_counted_ramps(plan, entry.data)):
+        if not list(ramps_during(plan, entry.data)):
             yield (
                 (*place, "data"),
                 f"no acquisition of '{entry.data}' has a ramp of the chamber in 'during': nothing is found",
@@ -98,7 +94,7 @@ def no_ramp(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 def no_points(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A channel without points at rest before and after its ramp, so that its drift is part of the result."""
     for place, entry, _ in _channels(plan):
-        during = {planned.id.rpartition("/")[0] for planned, _ in _counted_ramps(plan, entry.data)}
+        during = {planned.id.rpartition("/")[0] for planned, _, _ in ramps_during(plan, entry.data)}
         at_rest = [step_id for step_id in acquired_under(plan, entry.data) if step_id not in during]
         if during and len(at_rest) < LEAST_POINTS:
             yield (
@@ -111,24 +107,10 @@ def no_points(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def _channels(plan: Plan) -> Iterator[tuple[Place, ResultEntry, ChannelSettings]]:
     """Results of this method: place, entry and settings."""
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method == METHOD:
-            from bench.methods.channel.method import ChannelSettings  # imported only if a sequence uses the method
+    for place, entry in results_by(plan, METHOD):
+        from bench.methods.channel.method import ChannelSettings  # imported only if a sequence uses the method
 
-            yield ("results", index), entry, ChannelSettings.model_validate(entry.settings)
-
-
-def _counted_ramps(plan: Plan, label: str) -> Iterator[tuple[PlannedStep, float]]:
-    """Ramps during acquisitions with a label, each with its initial set point."""
-    counting, set_c = "", float("nan")
-    for planned in plan:
-        step = planned.step
-        if isinstance(step, Acquire):
-            counting = planned.id if step.label == label else ""
-        if isinstance(step, Ramp):
-            if counting and planned.id.startswith(f"{counting}/"):
-                yield planned, set_c
-            set_c = step.temperature_c
+        yield place, entry, ChannelSettings.model_validate(entry.settings)
 
 
 RULES = (

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from bench.config.models import BenchFile
 from bench.metrology.attitude_names import ATTITUDES
-from bench.sequence.checks.parts import acquired_under
+from bench.sequence.checks.acquired import acquired_under, results_by
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.checks.swings import acquired_inside
 from bench.sequence.plan.plan import Plan
@@ -24,16 +24,16 @@ SIDES = {"U": "up", "D": "down"}  # by the letters of an attitude
 
 def missing_attitudes(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Axes without their eight attitudes: they are left out of the calibration."""
-    for index, label in _results(plan, METHOD):
-        if (measured := _measured(plan, label)) is None:
+    for place, entry in results_by(plan, METHOD):
+        if (measured := _measured(plan, entry.data)) is None:
             continue
         resting = {BY_LETTERS.get(attitude) for attitude in measured.resting}
         missing = [name for name in ATTITUDES if name not in resting]
         if missing:
             axes = " and ".join(dict.fromkeys(name[1] for name in missing))
             yield (
-                ("results", index, "data"),
-                f"'{label}' has {len(ATTITUDES) - len(missing)} of the {len(ATTITUDES)} attitudes, and lacks "
+                (*place, "data"),
+                f"'{entry.data}' has {len(ATTITUDES) - len(missing)} of the {len(ATTITUDES)} attitudes, and lacks "
                 f"{', '.join(missing)}: axis {axes} cannot be calibrated",
                 "Acquire in every attitude in which an axis is vertical",
             )
@@ -41,31 +41,31 @@ def missing_attitudes(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def missing_rates(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Axes with fewer rates than their scale factors need."""
-    for index, label in _results(plan, METHOD):
-        if (measured := _measured(plan, label)) is None:
+    for place, entry in results_by(plan, METHOD):
+        if (measured := _measured(plan, entry.data)) is None:
             continue
         rates = {axis: len(measured.rates_dps[axis]) for axis in AXES}
         few = {axis: count for axis, count in rates.items() if count < LEAST_RATES}
         if few:
             counts = ", ".join(f"{count} about {axis}" for axis, count in few.items())
             yield (
-                ("results", index, "data"),
-                f"'{label}' has {counts} of {LEAST_RATES} rates: these axes cannot be calibrated",
+                (*place, "data"),
+                f"'{entry.data}' has {counts} of {LEAST_RATES} rates: these axes cannot be calibrated",
                 "Rotate at three rates in each direction with the axis up, and acquire meanwhile",
             )
 
 
 def one_side(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Axes without start-up readings both up and down at rest: zero and scale factor are not separated."""
-    for index, label in _results(plan, START_UP):
-        if (measured := _measured(plan, label)) is None:
+    for place, entry in results_by(plan, START_UP):
+        if (measured := _measured(plan, entry.data)) is None:
             continue
         sides = {(axis, letter) for attitude in measured.resting for axis, letter in zip(AXES, attitude, strict=True)}
         missing = [f"{axis} {word}" for axis in AXES for letter, word in SIDES.items() if (axis, letter) not in sides]
         if missing:
             yield (
-                ("results", index, "data"),
-                f"'{label}' has no reading at rest with {', '.join(missing)}: zero and scale factor of these axes "
+                (*place, "data"),
+                f"'{entry.data}' has no reading at rest with {', '.join(missing)}: zero and scale factor of these axes "
                 "cannot be separated",
                 "Acquire with each axis up and down, again and again after the power-on",
             )
@@ -73,14 +73,14 @@ def one_side(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def no_power_on(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A start-up whose supply is not switched on before its readings: the time of power-on is not defined."""
-    for _, label in _results(plan, START_UP):
+    for _, entry in results_by(plan, START_UP):
         for planned in plan:
             if isinstance(planned.step, SetOutput) and planned.step.output == "on":
                 break
-            if isinstance(planned.step, Acquire) and planned.step.label == label:
+            if isinstance(planned.step, Acquire) and planned.step.label == entry.data:
                 yield (
                     (*planned.place, "label"),
-                    f"'{label}' is acquired before any step switches the supply on, and time counts from power-on",
+                    f"'{entry.data}' is acquired before any step switches the supply on, and time counts from power-on",
                     "Soak without power, then set: supply, output: on, and acquire from there on",
                 )
                 break
@@ -88,22 +88,16 @@ def no_power_on(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def one_closure(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Readings for the stability check that are taken only once: there is nothing to compare them with."""
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method != METHOD or entry.closure is None:
+    for place, entry in results_by(plan, METHOD):
+        if entry.closure is None:
             continue
         groups = {step_id.rpartition("/")[0].rpartition("/")[0] for step_id in acquired_under(plan, entry.closure)}
         if len(groups) == 1:
             yield (
-                ("results", index, "closure"),
+                (*place, "closure"),
                 f"'{entry.closure}' is acquired in {groups.pop()} only, so that a change over the run is not seen",
                 "Acquire it in one group before the calibration and in another after it",
             )
-
-
-def _results(plan: Plan, method: str) -> Iterator[tuple[int, str]]:
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method == method:
-            yield index, entry.data
 
 
 class _Measured(NamedTuple):

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from bench.config.models import BenchFile
 from bench.methods.indexing.names import CLOCKING, VERIFICATION
+from bench.sequence.checks.acquired import results_by
 from bench.sequence.checks.remarks import Found, Rule
-from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.poses import angles_before
 from bench.sequence.steps.measuring import Acquire
@@ -25,13 +25,13 @@ Angles = dict[str, set[float]]
 
 def one_end(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A calibration in one orientation only, which cannot separate bias and misalignment."""
-    for index, entry in _calibrations(plan):
+    for place, entry in results_by(plan, METHOD):
         ends = _swept(plan, bench, entry.data)
         for end in ("up", "down"):
             angles = len(ends.get(end, ()))
             if angles < LEAST_ANGLES:
                 yield (
-                    ("results", index, "data"),
+                    (*place, "data"),
                     f"'{entry.data}' has {angles} angles with the unit's +Z {end}, so that bias and "
                     "misalignment cannot be separated",
                     f"Acquire at {LEAST_ANGLES} angles or more in both orientations, each after a prompt for its mount",
@@ -40,7 +40,7 @@ def one_end(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def beyond_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """Angles at which the output exceeds the limit up to which it is fitted."""
-    for index, entry in _calibrations(plan):
+    for place, entry in results_by(plan, METHOD):
         from bench.methods.indexing.method import IndexingStaticSettings  # imported only if a sequence uses the method
 
         limit_g = IndexingStaticSettings.model_validate(entry.settings).output_limit_g
@@ -48,17 +48,11 @@ def beyond_range(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         if limit_g is not None and math.sin(math.radians(min(widest_deg, 90.0))) >= limit_g:
             most_deg = math.degrees(math.asin(min(limit_g, 1.0)))
             yield (
-                ("results", index, "settings", "output_limit"),
+                (*place, "settings", "output_limit"),
                 f"{widest_deg:g}° is {math.sin(math.radians(widest_deg)) * 1e3:.3g} mg, and an output beyond "
                 f"{limit_g * 1e3:g} mg is never fitted",
                 f"Stay within {most_deg:.3g}°, or raise output_limit if the unit goes so far",
             )
-
-
-def _calibrations(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method == METHOD:
-            yield index, entry
 
 
 def _swept(plan: Plan, bench: BenchFile, label: str) -> Angles:

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
+from bench.sequence.checks.acquired import ramps_during, results_by
 from bench.sequence.checks.parts import unnumbered
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.plan import Plan
-from bench.sequence.plan.poses import angles_before
-from bench.sequence.steps.measuring import Acquire
+from bench.sequence.plan.poses import angles_before, first_input_deg
 from bench.sequence.steps.orienting import Orient
-from bench.sequence.steps.stimulus import Move, Ramp
+from bench.sequence.steps.stimulus import Move
 
 METHOD = "temperature_ramp"
 LEVEL_BELOW_G = 0.5  # as in the reduction: legs with less gravity along the input axis are the 0 g part
@@ -73,31 +73,27 @@ def unnumbered_cycles(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def _tests(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method == METHOD and not any(isinstance(each.step, Orient) for each in plan):
-            yield ("results", index), entry
+    """Results of this method; none on a table with several axes, on which no single angle gives the input axis."""
+    if not any(isinstance(each.step, Orient) for each in plan):
+        yield from results_by(plan, METHOD)
 
 
 def _along_g(angle_deg: float, bench: BenchFile) -> float:
     """Magnitude of gravity along the input axis of the first place, in g."""
-    mount_deg, axis = next(iter(bench.places.values())).mount_angle, bench.fixture.input_axis
-    turned_deg = angle_deg if axis is None else axis.sense * angle_deg + axis.offset_deg
-    return abs(math.sin(math.radians(turned_deg + mount_deg)))
+    return abs(math.sin(math.radians(first_input_deg(angle_deg, bench))))
 
 
 def _legs(plan: Plan, label: str) -> list[_Leg]:
-    legs, acquiring, angle_deg, set_c = [], "", 0.0, math.nan
+    steps, angles_deg, angle_deg = [], {}, 0.0
     for planned, from_deg in angles_before(plan):
-        match planned.step:
-            case Move():
-                angle_deg = planned.step.target_deg(from_deg)
-            case Acquire():
-                acquiring = planned.id if planned.step.label == label else ""
-            case Ramp():
-                if acquiring and planned.id.startswith(f"{acquiring}/"):
-                    legs.append(_Leg(planned.id, angle_deg, set_c, planned.step.temperature_c))
-                set_c = planned.step.temperature_c
-    return legs
+        if isinstance(planned.step, Move):
+            angle_deg = planned.step.target_deg(from_deg)
+        angles_deg[planned.id] = angle_deg
+        steps.append(planned)
+    return [
+        _Leg(planned.id, angles_deg[planned.id], from_c, ramp.temperature_c)
+        for planned, ramp, from_c in ramps_during(steps, label)
+    ]
 
 
 RULES = (

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 
 from bench.config.models import BenchFile
+from bench.sequence.checks.acquired import results_by
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.checks.swings import acquired_inside, place_of
-from bench.sequence.document.model import ResultEntry
 from bench.sequence.method import known_methods
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.measuring import Acquire
@@ -19,11 +19,12 @@ LEAST_STEPS = 30.0  # minimum pulses or codes of an oscillation: with fewer, qua
 COUNT_SD = 0.29  # of a pulse: standard deviation of the remainder in a converter
 CODE_PART = 0.1  # relative change of a sine of one code by rounding
 RANGE_METHODS, RESPONSE_METHODS = ("gyro_range", "accelerometer_range"), ("gyro_response", "accelerometer_response")
+METHODS = (*RANGE_METHODS, *RESPONSE_METHODS)
 
 
 def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A test on a table whose angle is not latched together with the output."""
-    for index, entry in _on_a_table(plan):
+    for place, entry in results_by(plan, *METHODS):
         found = (
             misfit
             for planned, motion in acquired_inside(plan, entry.data)
@@ -31,7 +32,7 @@ def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             for misfit in _without_encoder(bench, bench.acquired_from(planned.step.role), motion)
         )
         if (first := next(found, None)) is not None:
-            yield ("results", index, "method"), *first
+            yield (*place, "method"), *first
 
 
 def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate | Rotate) -> Iterator[tuple[str, str]]:
@@ -69,15 +70,15 @@ def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate
 
 def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A test on a table without a scale factor that converts the output of a unit to a rate or an acceleration."""
-    for index, entry in _on_a_table(plan):
+    for place, entry in results_by(plan, *METHODS):
         settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
-        for name, place in bench.places.items():
+        for name, unit in bench.places.items():
             output = bench.output_unit(name)
-            exempt = entry.method in RESPONSE_METHODS and place.voltmeter is not None  # not with a voltmeter
+            exempt = entry.method in RESPONSE_METHODS and unit.voltmeter is not None  # not with a voltmeter
             if output not in settings["scale"] and not exempt:
                 per = "°/s" if entry.method.startswith("gyro") else "g"
                 yield (
-                    ("results", index, "settings"),
+                    (*place, "settings"),
                     f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}",
                     f"Add it to the setting scale, in {output}/({per}); a list has one scale factor for each kind of "
                     "output",
@@ -86,19 +87,18 @@ def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A range without a reading at rest, a response without a swing, or an accelerometer's without the slow swing."""
-    for index, entry in _on_a_table(plan):
+    for place, entry in results_by(plan, *METHODS):
         motions = [motion for _, motion in acquired_inside(plan, entry.data)]
         swings_hz = [motion.highest_hz for motion in motions if isinstance(motion, Oscillate)]
-        place = ("results", index, "data")
         if entry.method in RANGE_METHODS and None not in motions:
             yield (
-                place,
+                (*place, "data"),
                 f"no acquisition of '{entry.data}' is at rest, so that the bias is unknown",
                 ("Acquire with that label while the table stands still, before or after the rates"),
             )
         elif entry.method in RESPONSE_METHODS and not swings_hz:
             yield (
-                place,
+                (*place, "data"),
                 f"no acquisition of '{entry.data}' is during a swing",
                 ("Acquire in 'during' of an oscillate step"),
             )
@@ -106,7 +106,7 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
             lever_hz = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()["lever_hz"]
             if not any(math.isclose(hz, lever_hz, rel_tol=1e-6) for hz in swings_hz):
                 yield (
-                    place,
+                    (*place, "data"),
                     f"no swing is at {lever_hz:g} Hz, from which the lever arms are determined",
                     ("Add that swing, or set lever_frequency to the slowest one"),
                 )
@@ -114,9 +114,7 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """An oscillation of only a few pulses or codes, with the resulting uncertainty."""
-    for _, entry in _on_a_table(plan):
-        if entry.method != "accelerometer_response":
-            continue
+    for _, entry in results_by(plan, "accelerometer_response"):
         for planned, motion in acquired_inside(plan, entry.data):
             for_s = planned.step.duration_s if isinstance(planned.step, Acquire) else None
             found = _small_swings(bench, motion, for_s or 0.0) if isinstance(motion, Oscillate) else iter(())
@@ -150,12 +148,6 @@ def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator
                 f"Swing by at least {math.degrees(LEAST_STEPS / per_rps):.3g} °/s for {LEAST_STEPS:g}, use a longer "
                 "arm, or count for longer; the uncertainties of the results hold it",
             )
-
-
-def _on_a_table(plan: Plan) -> Iterator[tuple[int, ResultEntry]]:
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method in (*RANGE_METHODS, *RESPONSE_METHODS):
-            yield index, entry
 
 
 RULES = (

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from bench.config.document import Place
 from bench.config.models import BenchFile
+from bench.sequence.checks.acquired import results_by
 from bench.sequence.checks.remarks import Found, Rule
-from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.dwells import loop_values
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.poses import angles_before, poses_before
@@ -16,6 +15,7 @@ from bench.sequence.steps.limits import limits_in
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Move
 
+METHOD = "threshold"
 ARCSEC_PER_DEG = 3600
 SAME_ANGLE_ARCSEC = 0.01
 
@@ -24,7 +24,7 @@ Ladders = dict[float, list[float]]
 
 def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A place without a nominal scale factor: the expected output of a step is unknown."""
-    for place, _ in _entries(plan):
+    for place, _ in results_by(plan, METHOD):
         for name, entry in bench.places.items():
             if bench.nominal_per_g(name) is None:
                 yield (
@@ -37,7 +37,7 @@ def no_nominal(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def incomplete_ladder(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A ladder without steps in both directions, or with a step not enclosed by readings at the position."""
-    for place, entry in _entries(plan):
+    for place, entry in results_by(plan, METHOD):
         for position, offsets in _ladders(plan, entry.data).items():
             if not {-1, 1} <= {math.copysign(1, offset) for offset in offsets if offset}:
                 yield (
@@ -58,7 +58,7 @@ def incomplete_ladder(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 def ladder_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A reading at another angle of the head than by the loops 'position' and 'offset': it would count as theirs."""
     axes = {planned.step.role for planned in plan if isinstance(planned.step, Move)}
-    for place, entry in _entries(plan):
+    for place, entry in results_by(plan, METHOD):
         for planned, pose in poses_before(plan, bench):
             if len(axes) != 1 or not isinstance(planned.step, Acquire) or planned.step.label != entry.data:
                 continue
@@ -76,7 +76,7 @@ def ladder_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def step_below_band(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A step smaller than the settling band: the head may not move and still count as settled."""
-    for place, entry in _entries(plan):
+    for place, entry in results_by(plan, METHOD):
         steps = [abs(offset) for offsets in _ladders(plan, entry.data).values() for offset in offsets if offset]
         for role in _heads(plan):
             settle = getattr(bench.devices[role].options, "settle", None) if role in bench.devices else None
@@ -92,7 +92,7 @@ def step_below_band(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def ladder_below_limit(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A limit above the largest step: a unit that follows no step could be neither passed nor failed."""
-    for place, entry in _entries(plan):
+    for place, entry in results_by(plan, METHOD):
         for name, written in entry.limits.items():
             limits = limits_in(written, "g")
             largest_g = [
@@ -106,12 +106,6 @@ def ladder_below_limit(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
                     "µg: a unit that follows no step could be neither passed nor failed",
                     "Add a larger step to the ladder",
                 )
-
-
-def _entries(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method == "threshold":
-            yield ("results", index), entry
 
 
 def _ladders(plan: Plan, label: str) -> Ladders:

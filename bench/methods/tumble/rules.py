@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from bench.config.document import Place
 from bench.config.models import BenchFile
+from bench.sequence.checks.acquired import results_by
 from bench.sequence.checks.parts import unnumbered
 from bench.sequence.checks.remarks import Found, Rule
-from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.dwells import DwellNames
 from bench.sequence.plan.plan import Plan
-from bench.sequence.plan.poses import angles_before
+from bench.sequence.plan.poses import angles_before, first_input_deg
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Move, Ramp
 
@@ -29,7 +28,7 @@ Dwells = dict[str, tuple[float | None, list[float]]]
 
 def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A tumble whose angles cannot separate its four constants."""
-    for place, entry in _tumbles(plan, TUMBLE, REPEATABILITY):
+    for place, entry in results_by(plan, TUMBLE, REPEATABILITY):
         for dwell, (_, angles_deg) in _dwells(plan, entry.data).items():
             distinct = sorted({round(angle_deg, SAME_ANGLE_DIGITS) % 360 for angle_deg in angles_deg})
             if len(distinct) < TUMBLE_ANGLES:
@@ -57,15 +56,8 @@ def _not_separated(angles_deg: list[float], wanted: list[str], bench: BenchFile)
 
     from bench.methods.tumble.reduction.solution import further_terms
 
-    found = further_terms(np.radians(_turned_deg(angles_deg, bench)))
+    found = further_terms(np.radians([first_input_deg(each, bench) for each in angles_deg]))
     return [name for name in wanted if name not in found]
-
-
-def _turned_deg(angles_deg: list[float], bench: BenchFile) -> list[float]:
-    """Angles of the input axis of the first place."""
-    mount_deg, axis = next(iter(bench.places.values())).mount_angle, bench.fixture.input_axis
-    turned_deg = angles_deg if axis is None else [axis.sense * each + axis.offset_deg for each in angles_deg]
-    return [each + mount_deg for each in turned_deg]
 
 
 def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
@@ -75,7 +67,7 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
     from bench.methods.tumble.reduction.solution import IncompleteTumble, solve_tumble
 
     try:
-        solve_tumble(np.radians(_turned_deg(angles_deg, bench)), np.zeros(len(angles_deg)))
+        solve_tumble(np.radians([first_input_deg(each, bench) for each in angles_deg]), np.zeros(len(angles_deg)))
     except IncompleteTumble as problem:
         names = [CONSTANTS[name] for name in problem.names]
         return f"{', '.join(names[:-1])} and {names[-1]} cannot be separated"
@@ -84,7 +76,7 @@ def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:
 
 def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Fewer temperatures than the degree of a model needs; one alone is reported only if a limit needs more."""
-    for place, entry in _tumbles(plan, TUMBLE):
+    for place, entry in results_by(plan, TUMBLE):
         from bench.methods.tumble.method import TemperatureTumbleSettings  # imported only if a sequence uses the method
 
         degree = TemperatureTumbleSettings.model_validate(entry.settings).degree
@@ -104,7 +96,7 @@ def too_few_temperatures(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def too_few_repetitions(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Fewer tumbles than a standard deviation needs."""
-    for place, entry in _tumbles(plan, REPEATABILITY):
+    for place, entry in results_by(plan, REPEATABILITY):
         if (count := len(_dwells(plan, entry.data))) < LEAST_REPETITIONS:
             yield (
                 (*place, "data"),
@@ -115,7 +107,7 @@ def too_few_repetitions(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def unnumbered_cycles(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A set point reached again from the same side outside a loop 'cycle': its visits count as one cycle."""
-    for place, entry in _tumbles(plan, TUMBLE):
+    for place, entry in results_by(plan, TUMBLE):
         visits, before_c = [], math.nan
         for dwell, (set_c, _) in _dwells(plan, entry.data).items():
             if set_c is not None and not math.isnan(before_c):  # the side of approach of the first one is unknown
@@ -128,12 +120,6 @@ def unnumbered_cycles(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
                 "loop 'cycle': hysteresis is taken between the first visits only",
                 "Put the cycles in a loop: for_each: cycle, in: {from: 1, to: 2}",
             )
-
-
-def _tumbles(plan: Plan, *methods: str) -> Iterator[tuple[Place, ResultEntry]]:
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method in methods:
-            yield ("results", index), entry
 
 
 def _dwells(plan: Plan, label: str) -> Dwells:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Iterator
 
 from bench.config.models import BenchFile
+from bench.sequence.checks.acquired import acquired_under
 from bench.sequence.checks.remarks import Found
 from bench.sequence.method import NamedPart, known_methods
 from bench.sequence.plan.plan import Plan
-from bench.sequence.steps.measuring import Acquire
 from drivers.schema.suggest import nearest
 
 
@@ -41,8 +41,3 @@ def unnumbered(visits: Iterable[tuple[str, Hashable]], loop: str) -> Iterator[st
 def _in_words(part: NamedPart, names: set[str]) -> str:
     close = nearest(part.name, sorted(names))
     return f"{part.kind} '{part.name}'{f' (there is {close!r})' if close else ''}, so that {part.without}"
-
-
-def acquired_under(plan: Plan, label: str) -> list[str]:
-    """Return the ids of the acquisitions with a label."""
-    return [planned.id for planned in plan if isinstance(planned.step, Acquire) and planned.step.label == label]

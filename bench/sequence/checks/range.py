@@ -54,7 +54,7 @@ def _input_deg(head_deg: float, bench: BenchFile, place: PlaceEntry, pose: Pose)
     axis, mount = bench.fixture.input_axis, bench.fixture.mount(pose.mount)
     if axis is None:
         return math.nan
-    return axis.sense * head_deg + axis.offset_deg + place.mount_angle + mount.angle
+    return axis.input_deg(head_deg) + place.mount_angle + mount.angle
 
 
 def _by_gravity(step: Move, bench: BenchFile, place: PlaceEntry, pose: Pose) -> tuple[float, float]:

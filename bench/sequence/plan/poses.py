@@ -25,6 +25,12 @@ from bench.sequence.steps.talk import Prompt
 PASSES_LOOKED_AT = 1000
 
 
+def first_input_deg(head_deg: float, bench: BenchFile) -> float:
+    """Angle of the input axis of the first place above the horizontal at a head angle, in °."""
+    axis = bench.fixture.input_axis
+    return (head_deg if axis is None else axis.input_deg(head_deg)) + next(iter(bench.places.values())).mount_angle
+
+
 def angles_before(plan: Plan, bench: BenchFile | None = None) -> Iterator[tuple[PlannedStep, float]]:
     """Each step with the angle of its axis before it, in °; 0 for steps without one.
 

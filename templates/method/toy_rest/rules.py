@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from bench.config.models import BenchFile
-from bench.sequence.checks.parts import acquired_under
+from bench.sequence.checks.acquired import acquired_under, results_by
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.stimulus import Move
@@ -13,14 +13,12 @@ from toy_rest.method import DESCRIPTION, ToyRestSettings
 
 def too_few_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Report fewer acquisitions than the setting `fewest`."""
-    for index, entry in enumerate(plan.sequence.results):
-        if entry.method != DESCRIPTION.name:
-            continue
+    for place, entry in results_by(plan, DESCRIPTION.name):
         fewest = ToyRestSettings.model_validate(entry.settings).fewest
         count = len(acquired_under(plan, entry.data))
         if count < fewest:
             yield (
-                ("results", index, "data"),
+                (*place, "data"),
                 f"'{entry.data}' has {count} readings; below {fewest}, the setting fewest, no drift is stated",
                 "Acquire more often, or for a shorter time each",
             )
@@ -28,9 +26,7 @@ def too_few_readings(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def moved_at_rest(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """Report a move between the first acquisition and the last."""
-    for entry in plan.sequence.results:
-        if entry.method != DESCRIPTION.name:
-            continue
+    for _, entry in results_by(plan, DESCRIPTION.name):
         steps, acquired = list(plan), set(acquired_under(plan, entry.data))
         read = [number for number, each in enumerate(steps) if each.id in acquired]
         for each in steps[read[0] : read[-1]] if read else ():
