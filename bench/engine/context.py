@@ -29,7 +29,6 @@ class Bench:
     file: BenchFile
     rig: Rig
     monitor: Monitor
-    writer: RunWriter
     journal: Journal
     desk: Desk
     notice: Callable[[str], None]
@@ -37,3 +36,8 @@ class Bench:
     angles_deg: dict[str, float] = field(default_factory=dict)
     credit: SoakCredit | None = None
     role: str | None = None
+
+    @property
+    def writer(self) -> RunWriter:
+        """Writer of the record of the run."""
+        return self.journal.writer

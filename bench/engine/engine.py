@@ -67,7 +67,7 @@ class Engine:
         self._control = Control(self.journal, observer.notice, observer.held)
         numbered = Numbered(file.devices)
         credit = past.credit if past is not None else None
-        bench = Bench(file, rig, monitor, journal.writer, journal, self.desk, observer.notice, numbered, credit=credit)
+        bench = Bench(file, rig, monitor, journal, self.desk, observer.notice, numbered, credit=credit)
         monitor.units.angles_deg = bench.angles_deg
         self._places = file.places
         if past is not None:

@@ -14,6 +14,12 @@ REGISTRIES = {"SHIPPED", "DRIVERS"}  # lists of descriptions, as the entry point
 
 
 @cache
+def tree_of(path: Path) -> ast.Module:
+    """A parsed module."""
+    return ast.parse(path.read_text("utf-8"))
+
+
+@cache
 def modules() -> dict[str, Path]:
     """Every module by its name."""
     found = {}
@@ -68,10 +74,7 @@ def cycle(graph: dict[str, set[str]]) -> list[str]:
 
 
 def test_no_module_is_in_a_cycle_of_imports():
-    graph = {
-        name: {known(each) for each in imported(ast.parse(path.read_text("utf-8")))} - {name, ""}
-        for name, path in modules().items()
-    }
+    graph = {name: {known(each) for each in imported(tree_of(path))} - {name, ""} for name, path in modules().items()}
     assert len(graph) > 700
     assert cycle(graph) == []
 
@@ -80,7 +83,7 @@ def test_no_room_is_in_a_cycle_of_imports_and_of_names_in_strings():
     graph: dict[str, set[str]] = {}
     strings = 0
     for name, path in modules().items():
-        tree = ast.parse(path.read_text("utf-8"))
+        tree = tree_of(path)
         named_here = list(named(tree))
         strings += len(named_here)
         if name.startswith("drivers.dialects."):  # each names its simulator, which knows its wire format
