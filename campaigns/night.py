@@ -85,7 +85,8 @@ class Night:
 
     def passed(self, name: str) -> bool:
         """True if a command has ended without an error."""
-        return name in self.ended() and self.ended()[name].status == "0"
+        ended = self.ended().get(name)
+        return ended is not None and ended.status == "0"
 
     def run(self, name: str, command: Sequence[str]) -> None:
         """Run a command; what it prints goes to the console and into its file."""

@@ -125,7 +125,7 @@ def radians(column: str, angles_deg: Array) -> Iterator[Doubt]:
 
 
 def kelvin(column: str, temperature_c: Array) -> Iterator[Doubt]:
-    """Doubt about temperatures most of which are outside the range of any chamber, in °C."""
+    """Doubt about temperatures in °C if most of them are outside the range of any chamber."""
     known = temperature_c[np.isfinite(temperature_c)]
     if not len(known) or np.mean((known < POSSIBLE_C[0]) | (known > POSSIBLE_C[1])) <= 0.5:
         return

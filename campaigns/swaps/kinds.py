@@ -23,11 +23,11 @@ from tests.support.instruments import Instrument, Swap, tried
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """One kind of instrument, of which there are two, 0 and 1.
+    """Two instruments of one kind, 0 and 1.
 
-    `act` makes a driver tell it something, which depends on a number from 0 to 1; `meddle` is what somebody else tells
-    the instrument afterwards, which `act` with 0 did not. `tell_apart` gives an instrument of a number what its wire
-    tells of it; without, each has a serial number.
+    `act` makes a driver send a command that depends on a number from 0 to 1; `meddle` is a later command of another
+    master, different from `act` with 0. `tell_apart` gives the instrument of a number an identity that its wire
+    reports; without it, each has a serial number.
     """
 
     name: str

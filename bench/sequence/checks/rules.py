@@ -32,7 +32,7 @@ GENERIC = (
     Rule("short-acquisition", "warning", "the counting time gives the resolution asked for", short_acquisition),
     Rule("unreachable", "warning", "every step is reachable", unreachable),
     Rule("soak-never-stable", "warning", "a soak can become stable", soak_never_stable),
-    Rule("no-teardown", "warning", "a teardown returns what was moved or heated", no_teardown),
+    Rule("no-teardown", "warning", "a teardown returns the bench after moves and ramps", no_teardown),
     Rule("left-cold", "warning", "the unit is not left colder than the room", left_cold),
     Rule("limit-below-window", "warning", "an overcurrent of a unit is detected", limit_below_window),
     Rule("unused-parameter", "warning", "every parameter is used", unused_parameter),

@@ -32,7 +32,7 @@ def left_energised(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 
 def no_teardown(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
-    """A bench that is moved or heated and that no teardown returns."""
+    """Steps that move or heat the bench, without a teardown that returns it."""
     for planned in plan if not plan.teardown else ():
         if isinstance(planned.step, (Move, Orient, Rotate, Oscillate, Ramp)):
             yield (

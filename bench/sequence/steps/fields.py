@@ -52,7 +52,7 @@ def is_known(value: Quantity | None) -> bool:
 
 
 def one_of(*keys: tuple[str, ...]) -> ConfigDict:
-    """Sets of keys of which a step has exactly one, for the schema."""
+    """Alternative sets of keys, for the schema: a step has exactly one set."""
     return ConfigDict(json_schema_extra={"oneOf": [{"required": list(names)} for names in keys]})
 
 

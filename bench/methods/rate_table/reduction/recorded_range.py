@@ -1,7 +1,7 @@
 """Range tests of recorded cases: their blocks become those of a run, and each point is judged (equations 5.2, 5.4, 9).
 
-An error is judged against a fraction of the reading or of the full scale. A point whose table did not do what it was
-told is not judged, and a test with such a point, or with a block that is missing, has no verdict.
+An error is judged against a fraction of the reading or of the full scale. A point at which the table did not
+turn as commanded is not judged. A test with such a point, or with a missing block, has no verdict.
 """
 
 from __future__ import annotations
