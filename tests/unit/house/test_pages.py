@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.cli.main import COMMANDS, GROUPS
+from bench.cli.main import GROUPS
+from bench.cli.table import COMMANDS
 from drivers.description import known_drivers
 from tests.support.runs import ROOT
 
