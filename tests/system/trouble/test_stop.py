@@ -34,7 +34,7 @@ class Running:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, limit_bytes))
 
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "bench", "run", *arguments, "--bench", "simulated", "--runs", str(runs)],
+            [sys.executable, "-m", "bench", "run", *arguments, "--bench", "simulated", "--no-report", "--runs", runs],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT, preexec_fn=limit,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
         )  # fmt: skip
