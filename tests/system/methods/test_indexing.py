@@ -296,7 +296,7 @@ def test_what_does_not_become_stable_is_not_fitted(tmp_path):
 def test_the_bench_must_say_what_1_g_is(tmp_path):
     bench = full_bench(tmp_path, "indexing")
     bench.write_text(bench.read_text("utf-8").replace("resistor: 1 kΩ, ", ""), "utf-8")
-    with pytest.raises(Exception, match=r"places\.a of the bench file has no nominal K1 and resistor"):
+    with pytest.raises(InputError, match=r"places\.a of the bench file has no nominal K1 and resistor"):
         run_short(tmp_path / "runs", bench=bench, sequence="indexing_static")
 
 
