@@ -8,7 +8,7 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 
-from bench.cli import authoring, control, devices, offline, rehearsing, running, stored
+from bench.cli import authoring, control, devices, offline, rehearsing, running, station, stored
 from bench.cli.commands import COMMANDS, Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.cli.interrupts import end_at_once
@@ -19,7 +19,7 @@ from drivers.errors import DriverError
 PURPOSE = "Runs inertial-sensor test benches: sequences in, calibrated models with uncertainties out."
 ALL = (
     *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
-    *authoring.COMMANDS, *control.COMMANDS,
+    *authoring.COMMANDS, *control.COMMANDS, *station.COMMANDS,
 )  # fmt: skip
 COMMANDS.update({command.words: command for command in ALL})
 GROUPS = {
@@ -34,7 +34,7 @@ def run() -> None:
     """Run the command line; exit codes are those of `bench.cli.exits`."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for plug-ins is slow
     make_usable()
-    if sys.argv[1:2] in (["run"], ["rehearse"]):
+    if sys.argv[1:2] in (["run"], ["rehearse"], ["attempt"]):
         end_at_once()
     code = main(sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):

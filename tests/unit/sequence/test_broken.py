@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from bench.cli.check_output import warning_line
+from bench.sequence.checks.output import warning_line
 from bench.config.bench import load_bench
 from bench.config.fixture import AngleRange
 from bench.errors import InputError

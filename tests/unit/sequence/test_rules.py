@@ -11,7 +11,7 @@ from itertools import combinations
 import pytest
 
 from bench.app.request import RunRequest, load_checked
-from bench.cli.check_output import RENDERERS, Shown
+from bench.sequence.checks.output import RENDERERS, Shown
 from bench.config.bench import load_bench
 from bench.errors import InputError
 from bench.methods.tumble.rules import _dwells, _inseparable
