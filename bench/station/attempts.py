@@ -1,7 +1,7 @@
 """Attempts at a run: the process of a run and its folder, which outlive the station.
 
 The station writes what is to be run into a new folder and starts a process, which claims the folder, locks it as long
-as it lives, and leaves its exit code. So a station that starts again finds out what became of it: a claim can be made
+as it lives. So a station that starts again finds out what became of it: a claim can be made
 once, and a lock is free when its process is dead.
 """
 
@@ -16,12 +16,12 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from bench.errors import InputError, StoreError
 from bench.files import make_folder, write_whole
 
-COMMAND, CLAIM, LOCK, EXIT = "command.json", "claim", "lock", "exit"
+COMMAND, CLAIM, LOCK = "command.json", "claim", "lock"
 OUTPUT, MESSAGES = "stdout.txt", "stderr.txt"
 SHOWN_BYTES = 4000  # of its messages
 _WITHDRAWN = "withdrawn"
@@ -30,10 +30,9 @@ _pause = threading.Event().wait
 
 
 class Attempt(NamedTuple):
-    """State of an attempt. Exactly one of these holds: it lives, has an exit code, never began, or was killed."""
+    """State of an attempt: its process lives, or has begun and is over, or has not begun."""
 
     lives: bool
-    exit_code: int | None
     has_begun: bool
     messages: str
 
@@ -100,36 +99,37 @@ def _claimed(folder: Path, by: str) -> bool:
 
 def look(folder: Path) -> Attempt:
     """Return the state of an attempt, from its folder alone."""
-    lives, code = _is_locked(folder / LOCK), _exit_code(folder)
+    lives = _is_locked(folder / LOCK)
     begun = ""
     with suppress(OSError):
         begun = (folder / CLAIM).read_text("ascii", errors="replace")
-    return Attempt(lives, code, bool(begun) and begun != _WITHDRAWN, _tail(folder / MESSAGES))
+    return Attempt(lives, bool(begun) and begun != _WITHDRAWN, _tail(folder / MESSAGES))
 
 
-def make(folder: Path, run: Callable[[Sequence[str]], int]) -> int:
-    """Make an attempt in this process: lock and claim its folder, run its command, leave the exit code.
+def make(folder: Path) -> NoReturn:
+    """Make an attempt: lock and claim its folder, then turn this process into that of its command.
 
-    Raises InputError if it was claimed before, or if the folder holds none.
+    The lock stays with the process. Raises InputError if it was claimed before, or if the folder holds none.
     """
     try:
-        lock = os.open(folder / LOCK, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
-        _take(lock)
         content = json.loads((folder / COMMAND).read_bytes())
         words, working_folder = [str(word) for word in content["words"]], str(content["folder"])
-        os.chdir(working_folder)
+        lock = os.open(folder / LOCK, os.O_CREAT | os.O_RDWR, 0o600)
+        try:
+            _take(lock)
+            if not claim(folder):
+                raise InputError(f"{folder}: this attempt was made or withdrawn before")
+            for name, number in ((OUTPUT, 1), (MESSAGES, 2)):
+                file = os.open(folder / name, os.O_CREAT | os.O_WRONLY | os.O_APPEND, 0o600)
+                os.dup2(file, number)
+                os.close(file)
+            os.set_inheritable(lock, True)
+            os.chdir(working_folder)
+            os.execv(sys.executable, [sys.executable, "-m", "bench", *words])  # noqa: S606  our own command
+        finally:
+            os.close(lock)  # it was not made
     except (OSError, ValueError, KeyError, TypeError) as problem:
         raise InputError(f"{folder}: holds no attempt that can be made ({problem})") from problem
-    if not claim(folder):
-        raise InputError(f"{folder}: this attempt was made or withdrawn before")
-    for name, number in ((OUTPUT, 1), (MESSAGES, 2)):
-        file = os.open(folder / name, os.O_CREAT | os.O_WRONLY | os.O_APPEND, 0o600)
-        os.dup2(file, number)
-        os.close(file)
-    code = run(words)
-    with suppress(StoreError):  # without it the state of the run decides
-        write_whole(folder / EXIT, str(code).encode())
-    return code
 
 
 def _take(lock: int) -> None:
@@ -155,13 +155,6 @@ def _is_locked(path: Path) -> bool:
         return False
     finally:
         os.close(lock)
-
-
-def _exit_code(folder: Path) -> int | None:
-    try:
-        return int((folder / EXIT).read_bytes())
-    except (OSError, ValueError):
-        return None
 
 
 def _tail(path: Path) -> str:

@@ -26,7 +26,7 @@ class Daemon:
     """Parts of a running station. Made by `at_work`, in whose event loop it is used."""
 
     def __init__(self, settings: Settings, database: Database, workers: Workers, launch: Launcher) -> None:
-        self.settings, self.workers = settings, workers
+        self.settings, self.database, self.workers = settings, database, workers
         self.queue = Queue(database, self._changed)
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
@@ -63,6 +63,13 @@ class Daemon:
             items = [each for each in (*occupying, *waiting) if each.submission.bench == bench]
             found |= expected(items, now, ends)
         return found
+
+    def bench_of(self, run: str) -> str | None:
+        """Return the name of the bench of a run in progress, by its bench file; None for a file of somebody else."""
+        live = self.live.runs.get(run)
+        request = live.run.manifest.get("request", {}) if live is not None else {}
+        file = str(request.get("bench", ""))
+        return next((name for name, path in self.settings.benches.items() if str(path) == file), None)
 
     def _ends(self, item: Item) -> datetime | None:
         live = self.live.runs.get(item.run)

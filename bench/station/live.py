@@ -62,12 +62,6 @@ class LiveRun:
             self._seen = self._seen or self._now
         return new
 
-    def instant(self, at_s: float) -> datetime | None:
-        """Return the instant of a bench time, by the clock of the bench."""
-        if self._begun is None:
-            return None
-        return self._begun[0] + timedelta(seconds=at_s - self._begun[1])
-
     @property
     def speed(self) -> float:
         """Bench seconds per second since the first look; 1 if it is unknown."""

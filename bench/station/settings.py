@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -79,7 +80,8 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     """
     folder = (folder or state_folder() / FOLDER).absolute()
     if file is None:
-        entries = {name: BenchEntry(file=str(path)) for name, path in (instead.get("benches") or _demo()).items()}
+        benches = instead.get("benches") or {DEMO: "simulated"}
+        entries = {name: BenchEntry(file=str(path)) for name, path in benches.items()}
         found = StationFile(schema="itb-station/1", benches=entries)
         beside = Path.cwd()
     else:
@@ -92,8 +94,10 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     )  # fmt: skip
 
 
-def _demo() -> dict[str, str]:
-    return {DEMO: "simulated"}
+def bench_name(file: str) -> str:
+    """Return the name of a bench for its file: letters, digits and underscores of its stem."""
+    name = re.sub(r"[^a-z0-9_]+", "_", Path(file).stem.lower())
+    return name if re.fullmatch(NAME, name) else f"bench_{name}"[:32]
 
 
 def _bench_file(name: str, beside: Path) -> Path:

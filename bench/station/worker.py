@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import NamedTuple, ParamSpec, TypeVar
 
 from bench.app.request import RunRequest
@@ -39,6 +41,17 @@ def check(request: RunRequest) -> Checked:
     return Checked(prepared.expected.total_s, lines)
 
 
+def _end_with_parent() -> None:
+    """End this process when that of the station dies, even if it is killed."""
+
+    def wait() -> None:
+        if (parent := parent_process()) is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()
+
+
 class Workers:
     """Worker processes, started when they are first needed."""
 
@@ -52,7 +65,7 @@ class Workers:
         Raises InputError if the work takes longer than LIMIT_S, or ends its process.
         """
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self._count, mp_context=get_context("spawn"))
+            self._pool = ProcessPoolExecutor(self._count, get_context("spawn"), initializer=_end_with_parent)
         working = asyncio.wrap_future(self._pool.submit(work, *args, **kwargs))
         try:
             return await asyncio.wait_for(working, LIMIT_S)

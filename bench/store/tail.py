@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -47,6 +48,12 @@ class Tail:
         """Return up to `limit` entries of the journal after a number, in order."""
         rows = self._rows(_EVENTS, after, limit)
         return [Event(seq, at_s, kind, step, _data(data)) for seq, at_s, kind, step, data in rows]
+
+    def begins(self) -> tuple[datetime, float] | None:
+        """Return the instant of the begin of the run by the clock of its bench, and its bench time in s."""
+        first = self.events(0, 1)
+        utc = first[0].data.get("utc") if first else None
+        return (datetime.fromisoformat(str(utc)), first[0].at_s) if utc else None
 
     def readings(self, after: int = 0, limit: int = 20_000) -> list[TailReading]:
         """Return up to `limit` readings after a number, in order."""
