@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from bench.cli.commands import Command, argument, flag, option, options, whole_number
 
 
-def serve(file: Path | None, bench: str | None, runs: Path | None, folder: Path | None, **wishes: Any) -> None:
+def serve(
+    file: Path | None,
+    bench: str | None,
+    runs: Path | None,
+    folder: Path | None,
+    host: str,
+    port: int,
+    hosts: tuple[str, ...],
+    certificate: Path | None,
+    key: Path | None,
+    *,
+    insecure: bool,
+) -> None:
     """Serve a station: the queue of its benches, the API and the pages. Runs go on when it ends."""
     import asyncio
     import sys
@@ -30,7 +41,7 @@ def serve(file: Path | None, bench: str | None, runs: Path | None, folder: Path 
         sys.stdout.write(f"{text}\n")
         sys.stdout.flush()
 
-    asyncio.run(served(settings, Listening(**wishes), say))
+    asyncio.run(served(settings, Listening(host, port, certificate, key, hosts, insecure), say))
 
 
 def attempt(folder: Path) -> None:
