@@ -335,7 +335,7 @@ def after_command(*arguments: str) -> str:
     )
 
 
-HEAVY = "numpy scipy pymodbus can cantools serial matplotlib rich jinja2"
+HEAVY = "numpy scipy pymodbus can cantools serial matplotlib rich jinja2 fastapi starlette uvicorn"
 
 
 def test_help_loads_next_to_nothing():
@@ -348,6 +348,12 @@ def test_checking_a_sequence_loads_no_arithmetic_and_no_wires(sequence):
     command = after_command("check", sequence, "--bench", bench)
     found = loaded(command, f"{HEAVY} asyncio simulators pydantic_core yaml")
     assert found == ["pydantic_core", "yaml"]
+
+
+def test_checking_files_of_every_kind_but_units_and_calibrations_loads_no_wires_and_no_server(tmp_path):
+    (tmp_path / "station.yaml").write_text("schema: itb-station/1\nbenches: {one: {file: simulated}}\n", "utf-8")
+    files = ("sequences/smoke.yaml", "config/simulated.yaml", "config/scenarios", "config/chambers", str(tmp_path))
+    assert loaded(after_command("check", *files), f"{HEAVY} simulators bench.web pydantic_core") == ["pydantic_core"]
 
 
 def test_checking_loads_no_results_no_scan_and_no_methods_that_the_sequence_does_not_name():
