@@ -16,9 +16,11 @@ SEQUENCE = "sequence"
 UNREADABLE = "schema: itb-sequence/?"
 SUFFIXES = (".yaml", ".yml", ".json")
 RUN = "run.db"  # in a directory of a run, whose copies of files are a record
-# found by their text, so that a file which is no valid YAML has a kind as well
-_SCHEMA = re.compile(r"""^(?:\{\s*|\s*(?="))?["']?schema["']?\s*:\s*["']?itb-([a-z]+)/""", re.MULTILINE)
-_CALL = r"""\bcall:\s*["']?([^\s"',}#]+)"""  # compiled for folders only, which saves time with a single file
+# found by their text, so that a file which is no valid YAML has a kind as well; compiled when used, for the usual file
+# of a short command does not need them
+_USUAL = "\nschema: itb-sequence/"
+_SCHEMA = r"""^(?:\{\s*|\s*(?="))?["']?schema["']?\s*:\s*["']?itb-([a-z]+)/"""
+_CALL = r"""\bcall:\s*["']?([^\s"',}#]+)"""
 
 
 class FileToCheck(NamedTuple):
@@ -96,5 +98,7 @@ def _text(path: Path) -> str:
 
 
 def _kind(text: str) -> str:
-    found = _SCHEMA.search(text)
+    if _USUAL in text:
+        return SEQUENCE
+    found = re.search(_SCHEMA, text, re.MULTILINE)
     return found[1] if found else ""
