@@ -30,7 +30,7 @@ from bench.errors import BenchError
 from bench.loop import REAL_TIME
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
-from bench.report.verify import examined
+from bench.report.revision import examined
 from bench.runner.manifest import file_hash
 from bench.runner.quiet import Quiet
 from bench.store.database import TABLES

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from bench.app.new_driver import kinds, write_driver
+from bench.app.new_package import kinds, write_driver
 from bench.errors import InputError
 from drivers.capabilities import CAPABILITIES, THERMOMETER
 from tests.support.runs import ROOT

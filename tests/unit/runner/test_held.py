@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 
 from bench.errors import InUseError
-from bench.runner.held import address_lock
-from bench.runner.whereabouts import marks
+from bench.runner.held import address_lock, marks
 from drivers.transport.address import Address
 from tests.support.guardians import stop
 from tests.support.runs import ROOT

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bench.methods.tumble.reduction.coefficient_findings import CONTAINED, Origin, coefficient_findings
+from bench.methods.tumble.reduction.coefficients import bias_coefficients, scale_coefficients
 from bench.methods.tumble.reduction.dwells import Dwell
 from bench.methods.tumble.reduction.temperature_models import TemperatureModels
 from bench.methods.tumble.reduction.unit import TumbleUnit
-from bench.metrology.acquisition import Array
 from bench.metrology.extremes import interval_of_largest
-from bench.metrology.least_squares import PolynomialFit, fit_polynomial
+from bench.metrology.least_squares import Array, PolynomialFit, fit_polynomial
 from bench.metrology.results.budget import BudgetLine
-from bench.metrology.results.finding import Finding, Interval
+from bench.metrology.results.finding import Finding, Interval, Subject
 from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
+
+TERMS = ("linear", "quadratic")
+CONTAINED = "residuals of the model: contained"
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,3 +138,34 @@ class TumbleOverTemperature:
         }
         unit, steps = "g" if quantity.startswith("K0") else "1", tuple(dwell.group for dwell in dwells)
         return self.of.subject.finding(quantity, name, value * relative, unit, lines, at, steps, interval=interval)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Source of a model: the unit, and the steps of the run.
+
+    `budget` returns the lines of a result with sensitivities (n,) to the fitted values.
+    """
+
+    subject: Subject
+    steps: tuple[str, ...]
+    budget: Callable[[Array], Sequence[BudgetLine]]
+
+
+def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float, origin: Origin) -> Iterator[Finding]:
+    """T1 and T2 of K0 in g, or of K1 relative to it, about a reference temperature; a straight line has no T2.
+
+    They describe the unit at these dwells, so that residuals of the model, such as hysteresis, are contained in the
+    values and contribute no uncertainty: a second run of the same profile would give the same. Errors that are common
+    to all dwells, of the head and of the time base, cancel.
+    """
+    of_bias = quantity == "K0"
+    found = (bias_coefficients if of_bias else scale_coefficients)(model, reference_c)
+    for index, value in enumerate((found.t1, found.t2)[: model.degree]):
+        lines = [*origin.budget(found.gain[index]), BudgetLine(CONTAINED, "alias", 0)]
+        name = f"{TERMS[index]} temperature coefficient of the {'bias' if of_bias else 'scale factor'}"
+        unit = ("g/°C" if of_bias else "1/°C") + "²" * index
+        yield origin.subject.finding(
+            f"{quantity}T{index + 1}", name, value, unit, lines, {"at_c": reference_c}, origin.steps,
+            flags=("extrapolated",) if found.extrapolated else (),
+        )  # fmt: skip
