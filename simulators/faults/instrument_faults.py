@@ -47,6 +47,11 @@ class Mishap:
     end: Callable[[Any], object] = nothing
 
 
+def sets(attribute: str, during: object, after: object) -> Mishap:
+    """Fault that gives an attribute of the instrument one value, and another one at its end."""
+    return Mishap(lambda victim: setattr(victim, attribute, during), lambda victim: setattr(victim, attribute, after))
+
+
 LOOKED_FOR = Mishap()
 OBEYS: Mapping[FaultKind, Mishap] = {"stuck": LOOKED_FOR, "lag": LOOKED_FOR}
 MEASURES_AND_OBEYS: Mapping[FaultKind, Mishap] = {"frozen": LOOKED_FOR, **OBEYS}

@@ -25,7 +25,7 @@ from drivers.dialects.binder.wire import (
     value_c,
     words,
 )
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap, sets
 from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.instruments.setup import InstrumentSetup
@@ -93,23 +93,10 @@ class SimulatedBinder(SimulatedChamber):
         else:
             raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
 
-    def open_door(self) -> None:
-        """Set the door contact."""
-        super().open_door()
-        self.door = 1
-
-    def close_door(self) -> None:
-        """Clear the door contact."""
-        super().close_door()
-        self.door = 0
-
-    def raise_alarm(self) -> None:
-        """Raise an alarm."""
-        self.alarm = 1
-
-    def clear_alarm(self) -> None:
-        """Clear the alarm."""
-        self.alarm = 0
+    def move_door(self, *, is_open: bool) -> None:
+        """Open or close the door, with its contact."""
+        super().move_door(is_open=is_open)
+        self.door = int(is_open)
 
     def start_program(self) -> None:
         """Start a program at the front panel."""
@@ -184,5 +171,5 @@ class SimulatedBinder(SimulatedChamber):
         **CHAMBER_MISHAPS,
         "restart": LOOKED_FOR,
         "program": Mishap(start_program),
-        "alarm": Mishap(raise_alarm, clear_alarm),
+        "alarm": sets("alarm", 1, 0),
     }

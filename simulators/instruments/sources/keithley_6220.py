@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 from drivers.dialects.keithley_6220 import wire
 from drivers.dialects.keithley_6220.wire import Condition, Terminator
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap, sets
 from simulators.instruments.scpi import (
     OUT_OF_RANGE,
     SETTINGS_CONFLICT,
@@ -89,7 +89,7 @@ class SimulatedKeithley(LoadedSource):
 
     @property
     def interlock_closed(self) -> bool:
-        """True if the rear contact is closed."""
+        """True if the rear contact is closed; opening it switches the output off."""
         return self._interlock_closed
 
     @interlock_closed.setter
@@ -97,14 +97,6 @@ class SimulatedKeithley(LoadedSource):
         self._interlock_closed = closed
         if not closed:
             self.put_output(False)
-
-    def open_interlock(self) -> None:
-        """Open the rear contact, which switches the output off."""
-        self.interlock_closed = False
-
-    def close_interlock(self) -> None:
-        """Close the rear contact; the output stays off."""
-        self.interlock_closed = True
 
     def restart(self) -> None:
         """Short power failure: all settings are as at power-on."""
@@ -202,7 +194,7 @@ class SimulatedKeithley(LoadedSource):
     MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
         **LoadedSource.MISHAPS,
         "restart": Mishap(restart),
-        "interlock": Mishap(open_interlock, close_interlock),
+        "interlock": sets("interlock_closed", False, True),
     }
 
 
