@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,13 +19,12 @@ from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import ProvedLine
 from drivers.kinds.chamber.ramp import OwnRamp
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
+from drivers.timing.awake import now_s
+from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, Proof, lines_ending
 from drivers.values import Identity
 
 T = TypeVar("T")
-
-READ_BACK = ReadBack()
 
 
 class CtsController(Connected):
@@ -68,9 +66,9 @@ class CtsController(Connected):
         start_c = process_value_c if control is Control.NOBODY else set_point_c
         rate_c_per_min = (ramp.up_c_per_min if target_c > start_c else ramp.down_c_per_min) if ramp.active else math.inf
         command = wire.set_point(target_c)
-        self._ramp = OwnRamp(start_c, target_c, rate_c_per_min / 60, _now_s())
+        self._ramp = OwnRamp(start_c, target_c, rate_c_per_min / 60, now_s())
         await self._order(command)
-        kept_c = (await READ_BACK.until(self._temperatures, lambda told: told[2].target_c == target_c))[2].target_c
+        kept_c = (await read_back(self._temperatures, lambda told: told[2].target_c == target_c))[2].target_c
         if kept_c != target_c:
             raise Refused(
                 self._device, "the chamber did not take a new set point", sent=command,
@@ -96,7 +94,7 @@ class CtsController(Connected):
         def agrees(ramp: Ramp) -> bool:
             return ramp.active and {ramp.up_c_per_min, ramp.down_c_per_min} == rates
 
-        ramp = await READ_BACK.until(self._ask_ramp, agrees)
+        ramp = await read_back(self._ask_ramp, agrees)
         if not agrees(ramp):
             raise Refused(
                 self._device, "the chamber did not take a new rate", sent=" and ".join(commands),
@@ -116,14 +114,14 @@ class CtsController(Connected):
             await self._order(wire.RESUME)
         else:
             await self._order(wire.START)
-        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
+        control, why = await read_back(self._control, lambda found: found[0] is Control.SET_POINT)
         if control is not Control.SET_POINT:
             raise Refused(
                 self._device, "the chamber did not start", sent=wire.RESUME if status.running else wire.START,
                 received=why, remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it was paused until now
+            self._ramp = replace(self._ramp, began_s=now_s())  # it was paused until now
             await self.command(self._ramp.target_c)
 
     async def _control(self) -> tuple[Control, str]:
@@ -142,7 +140,7 @@ class CtsController(Connected):
             return temperatures.process_value_c, told_c, Ramp(False, math.inf, math.inf, told_c)
         mine = self._ramp
         by_the_clock = mine is not None and told_c == ramp.target_c == mine.target_c
-        set_point_c = mine.set_point_c(_now_s()) if mine is not None and by_the_clock else told_c
+        set_point_c = mine.set_point_c(now_s()) if mine is not None and by_the_clock else told_c
         return temperatures.process_value_c, set_point_c, ramp
 
     async def _identify(self) -> None:
@@ -177,10 +175,6 @@ def _control(status: Status) -> tuple[Control, str]:
     if not status.running:
         return Control.NOBODY, "the chamber is off"
     return (Control.OTHER, "the chamber is paused") if status.paused else (Control.SET_POINT, "")
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()
 
 
 class Cts(Chamber):

@@ -16,13 +16,12 @@ from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import ProvedLine
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, Proof
 from drivers.values import Identity
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()
 SAME_WITHIN_C = 1.0  # possible change of the air temperature in the second between two queries
 QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # pauses of third-party drivers after a query and after a setting
 _CONTROL: Mapping[str, Control] = {
@@ -81,7 +80,7 @@ class P300(Connected):
         try:
             await self._order(command)
             kept_c = wire.kept(temperature_c)
-            told = await READ_BACK.until(self._temperatures, lambda told: told.set_point_c == kept_c)
+            told = await read_back(self._temperatures, lambda told: told.set_point_c == kept_c)
             if (set_point_c := told.set_point_c) != kept_c:
                 raise Refused(
                     self._device, "the controller did not take a new set point", sent=command,
@@ -112,9 +111,9 @@ class P300(Connected):
             )  # fmt: skip
         if monitor.mode == wire.OFF:
             await self._order(wire.POWER_ON)
-            await READ_BACK.until(self._monitor, lambda told: told.mode != wire.OFF)
+            await read_back(self._monitor, lambda told: told.mode != wire.OFF)
         await self._order(wire.CONSTANT_MODE)
-        monitor = await READ_BACK.until(self._monitor, lambda told: told.mode == wire.CONSTANT)
+        monitor = await read_back(self._monitor, lambda told: told.mode == wire.CONSTANT)
         if monitor.mode != wire.CONSTANT:
             raise Refused(
                 self._device, "the chamber did not go to constant operation", sent=wire.CONSTANT_MODE,

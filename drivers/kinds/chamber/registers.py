@@ -9,11 +9,10 @@ from drivers.description import Setup
 from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
 from drivers.kinds.chamber.words import Words
 from drivers.protocols.modbus_frames import ReadFunction
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import once_more
 from drivers.transport.modbus import GAP_S, ModbusLink
 
-READ_BACK = ReadBack()
 Spelled = Callable[[Words], str]
 """Formats registers as numbers for a message."""
 
@@ -93,9 +92,7 @@ class ProvedRegisters:
             unanswered = problem
             kept = await self.read(address, count, function=function)  # immediately: the timeout has already passed
         else:
-            kept = await READ_BACK.until(
-                lambda: self.read(address, count, function=function), lambda kept: kept == words
-            )
+            kept = await read_back(lambda: self.read(address, count, function=function), lambda kept: kept == words)
         if kept == words:
             return
         if unanswered is not None:
