@@ -91,7 +91,6 @@ def _done(words: Sequence[str]) -> int:
 
 
 def _command(name: str, known: dict[str, Command]) -> Command:
-    """Return the command of that name. Raises InputError."""
     if name not in known:
         from drivers.schema.suggest import nearest
 

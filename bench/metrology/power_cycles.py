@@ -131,7 +131,6 @@ def _shifted(data: RunData, stretch: int, shifts: Shifts) -> RunData:
 
 
 def _changed(acquisition: Acquisition, shifts: Shifts) -> Acquisition:
-    """An acquisition with changed outputs."""
     return replace(
         acquisition,
         counts={key: _counts(each, shifts.get(key)) for key, each in acquisition.counts.items()},

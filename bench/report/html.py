@@ -166,7 +166,6 @@ def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[P
 
 
 def _flags(results: Results | None) -> Iterator[str]:
-    """Texts of the flags of the units."""
     units = results.units if results is not None else ()
     flagged: dict[str, list[str]] = {}
     for unit in units:

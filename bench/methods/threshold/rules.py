@@ -119,7 +119,6 @@ def _ladders(plan: Plan, label: str) -> Ladders:
 
 
 def _heads(plan: Plan) -> list[str]:
-    """Heads that the plan moves."""
     return list(dict.fromkeys(planned.step.role for planned in plan if isinstance(planned.step, Move)))
 
 

@@ -108,7 +108,6 @@ class SimulatedBinder(SimulatedChamber):
         return (BASIC, MANUAL) if self.kind == "mb1" else (registers_of("mb2", "manual", swapped=False).set_point,)
 
     def _held(self) -> Mapping[int, int]:
-        """All readable words."""
         at = registers_of(self.kind, "manual", swapped=False)
         pairs = {address: self._set_points[address] for address in self._here()}
         pairs[at.process_value] = words(self.measured_c())

@@ -199,5 +199,4 @@ class SimulatedKeithley(LoadedSource):
 
 
 def _range_for(level_a: float) -> float:
-    """Smallest range for a level."""
     return next(range_a for range_a in wire.RANGES_A if abs(level_a) <= wire.OVER_RANGE * range_a)
