@@ -25,11 +25,6 @@ from bench.store.machine_state import problem_to_write
 from bench.store.runs import MANIFEST, RunDirectory
 
 
-def create_directory(prepared: PreparedRun, now: datetime) -> RunDirectory:
-    """Create the directory of a run. Raises StoreError."""
-    return RunDirectory.create(prepared.request.runs, now, prepared.plan.name, "+".join(prepared.serials.values()))
-
-
 def write_manifest(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> dict[str, Any]:
     """Write the manifest of a starting run and its input files, durably; return the manifest."""
     record = manifest.opening(

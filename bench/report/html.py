@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -74,7 +73,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
-        number=report_number(run.manifest, revision),
+        number=tr("{run}, revision {number}", run=run.manifest["run"], number=revision.number),
         head=head(run, revision, journal_records.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
         within_u=of_those_within_u(results.within_u) if results is not None and results.within_u else "",
@@ -182,11 +181,6 @@ def _documents(run: StoredRun) -> list[tuple[str, str]]:
         (tr("The sequence as it was run"), run.document.text),
         (tr("The bench file as it was run"), bench),
     ]
-
-
-def report_number(manifest: Mapping[str, Any], revision: Revision) -> str:
-    """Number of a report: its run, and its revision."""
-    return tr("{run}, revision {number}", run=manifest["run"], number=revision.number)
 
 
 def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *, deviates: bool) -> Facts:
