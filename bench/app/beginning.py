@@ -23,6 +23,7 @@ from bench.runner.held import energising_addresses, is_followed
 from bench.store.energised import energised, note_energised, note_safe
 from bench.store.machine_state import problem_to_write
 from bench.store.runs import MANIFEST, RunDirectory
+from bench.store.seal import file_hash
 
 
 def write_manifest(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> dict[str, Any]:
@@ -76,7 +77,7 @@ def keep_inputs(prepared: PreparedRun, directory: RunDirectory) -> dict[str, str
     copies = inputs_of(prepared)
     for name, text in copies.items():
         directory.write_text(name, text)
-    return {name: manifest.file_hash(directory.path / name) for name in copies}
+    return {name: file_hash(directory.path / name) for name in copies}
 
 
 class Register:
