@@ -12,10 +12,10 @@ from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.errors import BenchError
 from drivers.capabilities import Device, FrameSource, Meter, Positioner, PulseCounter, RateTable, Source, ThermalChamber
-from drivers.description import Setup, make_driver, unheard
+from drivers.description import Setup, ignore_note, make_driver
 from drivers.errors import DriverError, Refused, WrongIdentity
-from drivers.person import NOBODY, Person
-from drivers.timing.awake import patience
+from drivers.person import NO_OPERATOR, Person
+from drivers.timing.awake import fair_timeout
 from drivers.transport.wires import Wires
 from drivers.values import Identity
 
@@ -192,7 +192,7 @@ class Rig:
         async def one(name: str, device: Device) -> object:
             limit_s = limit_of[name]
             try:
-                async with patience(limit_s):
+                async with fair_timeout(limit_s):
                     return await act(device)
             except DriverError as problem:
                 return problem
@@ -248,7 +248,7 @@ def _check(failed: Mapping[str, str], needed: Collection[str] | None) -> None:
 async def _is_held(chamber: ThermalChamber) -> bool:
     """Stop a chamber at its present set point; return False if it does not answer or is not in order."""
     try:
-        async with patience(HOLD_S):
+        async with fair_timeout(HOLD_S):
             await chamber.state()
             await chamber.hold()
     except (DriverError, TimeoutError):
@@ -263,7 +263,11 @@ def limits_to_make_safe(bench: BenchFile) -> dict[str, float]:
 
 
 def device_of(
-    role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object] = unheard, person: Person = NOBODY
+    role: str,
+    entry: DeviceEntry,
+    wires: Wires,
+    note: Callable[[str], object] = ignore_note,
+    person: Person = NO_OPERATOR,
 ) -> Device:
     """Return the driver of one device on these wires, not yet connected."""
     setup: Setup[Any, Any, Any] = Setup(

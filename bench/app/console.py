@@ -125,17 +125,17 @@ class Console:
 
     async def _type(self, line: str) -> None:
         """Send a line in the instrument's protocol; with restrictions for lines that are not queries."""
-        asks = self._protocol.asks(line)
-        if asks is not True and not self._write:
-            known = "this is not a query" if asks is False else "this protocol does not mark queries"
+        is_query = self._protocol.is_query(line)
+        if is_query is not True and not self._write:
+            known = "this is not a query" if is_query is False else "this protocol does not mark queries"
             raise Unsendable(f"not sent: {known}; --write allows it")
-        if self._protocol.twice and not asks and line != self._unsure:
+        if self._protocol.twice and not is_query and line != self._unsure:
             self._unsure = line
             self._say("not sent yet: type the same line again to send it")
             return
         self._unsure = ""
-        self.wrote = self.wrote or not asks
-        for text in await self._protocol.say(line, is_question=asks is True):
+        self.wrote = self.wrote or not is_query
+        for text in await self._protocol.say(line, is_question=is_query is True):
             self._say(text)
 
     async def _read(self) -> None:

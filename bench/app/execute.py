@@ -31,7 +31,7 @@ from bench.engine.journal import Journal
 from bench.engine.past import Past
 from bench.engine.people import People
 from bench.engine.pulse import Pulse
-from bench.engine.questions import Desk
+from bench.engine.questions import PromptQueue
 from bench.errors import InUseError, StoreError, in_words
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
@@ -285,7 +285,7 @@ async def _with_devices(
             can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
             signals=signals,
             hold=hold,
-            on_desk=_technician(prepared, laboratory, watching),
+            on_prompts=_technician(prepared, laboratory, watching),
             places=tuple(prepared.serials),
             people=people,
             past=past,
@@ -321,14 +321,14 @@ def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: Run
 
 def _technician(
     prepared: PreparedRun, laboratory: Laboratory | None, observer: RunObserver
-) -> Callable[[Desk], object] | None:
+) -> Callable[[PromptQueue], object] | None:
     """Return the simulated technician: scripted, or at full speed a default one; None if people answer."""
     bench, script = prepared.loaded.bench, prepared.script
     if script is None and prepared.speed >= AS_FAST_AS_POSSIBLE:
         script = {}
     if script is None and (laboratory is None or not laboratory.by_hand):
         return None
-    return lambda desk: Technician(desk, script, bench, laboratory, observer.notice)
+    return lambda prompts: Technician(prompts, script, bench, laboratory, observer.notice)
 
 
 def _follow(prepared: PreparedRun, directory: RunDirectory, record: dict[str, Any], ran: _Run) -> None:

@@ -33,7 +33,7 @@ from bench.store.energised import Energised, energised, note_safe, record_made_s
 from bench.store.machine_state import printable, problem_to_write
 from bench.store.runs import summary
 from drivers.safe_state import LONGEST_S
-from drivers.timing.awake import came_true
+from drivers.timing.awake import succeeded_within
 from drivers.transport.address import Address
 
 _pause = threading.Event().wait
@@ -110,7 +110,7 @@ def _let_guardians_finish(notice: Notice) -> None:
         busy = [owner for owner in owners(addresses) if owner.words.startswith(A_RESCUE)]
         return not busy or bool(_pause(limit_s))
 
-    if not came_true(nobody_does, longest_lane_s({"": LONGEST_S + OWN_LIMIT_S})):
+    if not succeeded_within(nobody_does, longest_lane_s({"": LONGEST_S + OWN_LIMIT_S})):
         notice("A guardian has not made a bench safe in time.")
 
 

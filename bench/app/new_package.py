@@ -15,7 +15,7 @@ from bench.sequence.method import known_methods
 from drivers.description import known_drivers
 from drivers.schema.fields import Name
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 _TOY = "toy_"
 _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
@@ -26,7 +26,7 @@ def expect_free(name: str, kind: str, known: Collection[str]) -> None:
     try:
         TypeAdapter(Name).validate_python(name)
     except ValidationError as error:
-        raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
+        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
     if name in known:
         raise InputError(f"NAME: there is a {kind} '{name}' already; choose another name")
     module = find_spec(name)

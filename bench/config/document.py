@@ -21,7 +21,7 @@ from yaml import MarkedYAMLError, YAMLError, events
 
 from bench.errors import InputError
 from drivers.schema.bounded import UnfitFileError, read_bounded
-from drivers.schema.wording import in_words
+from drivers.schema.wording import value_text
 
 SIZE_LIMIT_BYTES = 32 * 1024
 LINE_LIMIT = 4000
@@ -264,7 +264,7 @@ class _Builder:
         if not isinstance(key, str):
             if isinstance(key, (list, dict)):
                 self._refuse(event, f"a key is text, found a {'list' if isinstance(key, list) else 'mapping'}")
-            self._refuse(event, f"a key is text, found {in_words(key)}; put it in quotes")
+            self._refuse(event, f"a key is text, found {value_text(key)}; put it in quotes")
         if key == "<<":
             self._refuse(event, "merge keys (<<) are not part of this language; repeat the values")
         if key in node.value:

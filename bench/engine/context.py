@@ -11,7 +11,7 @@ from bench.config.models import BenchFile
 from bench.engine.crediting import SoakCredit
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
-from bench.engine.questions import Desk
+from bench.engine.questions import PromptQueue
 from bench.rig import Rig
 from bench.store.decoder import Decoder
 from bench.store.writer import RunWriter
@@ -32,7 +32,7 @@ class Bench:
     rig: Rig
     monitor: Monitor
     journal: Journal
-    desk: Desk
+    prompts: PromptQueue
     notice: Callable[[str], None]
     numbered: Numbered
     angles_deg: dict[str, float] = field(default_factory=dict)

@@ -15,7 +15,7 @@ from pathlib import PurePath
 from typing import Any, NamedTuple
 
 from bench.clock import SLEWED, SMALLEST_STEP_S
-from drivers.kinds.chamber.arrival import KEPT_WITHIN_C
+from drivers.kinds.chamber.arrival import SET_POINT_TOLERANCE_C
 
 GAP_S = 60.0  # largest interval between readings of the chamber: two periods of a guardian that has missed none
 SAME_C = 0.05  # largest difference of consecutive read-backs of an unchanged set point
@@ -170,7 +170,7 @@ def expect_gap(gap_s: float) -> None:
 
 def expect_at(found_c: float, set_point_c: float) -> None:
     """Raise NoCredit for a set point (°C) other than that of the soak."""
-    if not abs(found_c - set_point_c) <= KEPT_WITHIN_C:
+    if not abs(found_c - set_point_c) <= SET_POINT_TOLERANCE_C:
         raise NoCredit(f"the set point was {found_c:g} °C and not the {set_point_c:g} °C of the soak")
 
 
@@ -179,7 +179,7 @@ def _expect_in_band(look: Look, chamber: Chamber, set_point_c: float, read_back_
     expect_at(look.set_point_c, set_point_c)
     if not abs(look.set_point_c - read_back_c) <= SAME_C:
         raise NoCredit(f"the set point changed from {read_back_c:g} to {look.set_point_c:g} °C")
-    if not abs(look.from_safe_c - abs(look.set_point_c - chamber.safe_c)) <= KEPT_WITHIN_C:
+    if not abs(look.from_safe_c - abs(look.set_point_c - chamber.safe_c)) <= SET_POINT_TOLERANCE_C:
         raise NoCredit(f"the controller of {chamber.role} was switched off, or its state is unknown")
     if not abs(look.air_c - set_point_c) <= chamber.band_c:
         raise NoCredit(f"the air was at {look.air_c:.1f} °C, outside {set_point_c:g} ± {chamber.band_c:g} °C")

@@ -17,7 +17,7 @@ from bench.sequence.steps.stimulus import Ramp, SetOutput
 from bench.sequence.steps.verbs import Step
 from bench.sequence.steps.waits import Soak
 from drivers.errors import DriverError
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 
 LOOKED_AT_WITHIN_S = 5.0
 
@@ -56,7 +56,7 @@ class SoakCredit:
             return
         chamber, soaked, held = self._proved
         try:
-            async with patience(LOOKED_AT_WITHIN_S):
+            async with fair_timeout(LOOKED_AT_WITHIN_S):
                 state = await rig.chamber(chamber.role).state()
             now = Instant(boot_id(), since_boot_s(), wall_utc().timestamp())
             from_safe_c = float("nan") if state.from_safe_c is None else state.from_safe_c

@@ -102,7 +102,7 @@ class Monitor:
         """Wait until unsolicited data of a reading, or of all channels of a device, has been read in."""
         device = self._rig.devices[self._source(name).partition(".")[0]]
         if isinstance(device, FrameSource):
-            device.take_in()
+            device.drain()
             await asyncio.sleep(0)  # tasks that wait for data of the device go first
 
     def newest(self) -> dict[str, tuple[Latest, str]]:
@@ -125,7 +125,11 @@ class Monitor:
     async def _watch(self, role: str) -> None:
         every_s, device = period_s(role, self._bench), self._rig.devices[role]
         units = self._bench.devices[role].channels
-        news = device.news if isinstance(device, FrameSource) and not self._interlocks.judge_age_of(role) else None
+        wait = (
+            device.wait_for_data
+            if isinstance(device, FrameSource) and not self._interlocks.judge_age_of(role)
+            else None
+        )
         loop = asyncio.get_running_loop()
         due_s = loop.time()
         self.polls[role] = 0
@@ -138,7 +142,7 @@ class Monitor:
                     if role not in self.being_made_safe:  # this interrupts the answer to a poll
                         raise
                 due_s = max(due_s + every_s, loop.time())
-                await (news() if news is not None else asyncio.sleep(due_s - loop.time()))
+                await (wait() if wait is not None else asyncio.sleep(due_s - loop.time()))
         except DriverError as problem:
             if role in self.used:
                 self._tell("fault", device=role, problem=str(problem))
@@ -237,12 +241,12 @@ class Monitor:
         if on_since_s is None or not isinstance(device, FrameSource):
             return None
         sends_itself = "telemetry" in self._bench.devices[role].description.capabilities
-        heard = device.heard().get((unit.telemetry or "") if sends_itself else unit.channel)
-        if heard is None:
+        seen = device.last_seen().get((unit.telemetry or "") if sends_itself else unit.channel)
+        if seen is None:
             return None
         now_s, late_s = asyncio.get_running_loop().time(), self._bench.devices[role].description.reports_every_s
-        late_s += stalled_s(max(heard.frame_s, on_since_s))
-        text = self.units.silence(place, heard, on_since_s, now_s, late_s)
+        late_s += stalled_s(max(seen.frame_s, on_since_s))
+        text = self.units.silence(place, seen, on_since_s, now_s, late_s)
         return ("silent", f"{text} Check the unit, its converter and their wiring.") if text else None
 
     def drop(self, failure: UnitFailure) -> None:

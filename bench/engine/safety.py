@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 
 T = TypeVar("T")
 
@@ -65,5 +65,5 @@ def _first_of(problems: BaseExceptionGroup[BaseException]) -> BaseException:
 
 
 async def _limited(work: Coroutine[Any, Any, T], limit_s: float) -> T:
-    async with patience(limit_s):
+    async with fair_timeout(limit_s):
         return await work

@@ -280,7 +280,7 @@ class Walk:
 
     async def _asked(self, step_id: str, problem: Exception) -> str:
         question = Question(f"{step_id}?", f"{problem} What now?", AFTER_A_FAILURE)
-        answer = await answered(self._bench.desk, self._journal, question, A_DAY_S)
+        answer = await answered(self._bench.prompts, self._journal, question, A_DAY_S)
         return str(answer.value)
 
     def _visited(self, planned: PlannedStep) -> PlannedStep:

@@ -38,7 +38,7 @@ from bench.store.energised import note_safe
 from bench.store.followed import FOLLOWED
 from drivers.capabilities import ThermalChamber
 from drivers.kinds.chamber.description import ChamberOptions, ChamberSafe
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport.wires import RealWires
 
 FIRST_S, EVERY_S = 1.0, 30.0  # intervals between readings, doubled each time
@@ -169,21 +169,21 @@ class Following:
         if not isinstance(device, ThermalChamber):
             raise TypeError(f"{role} is not a chamber")
         try:
-            async with patience(VISIT_S):
+            async with fair_timeout(VISIT_S):
                 await device.__aenter__()
                 await device.identify()
                 course.seen(self._now_s(), await device.state())
             if course.is_held and (course.hold_is_over or self._ends.is_set()):
                 course.hold_is_over = course.hold_is_over or "its guardian was ended"
-                async with patience(limits_to_make_safe(self._bench)[role]):
+                async with fair_timeout(limits_to_make_safe(self._bench)[role]):
                     await device.make_safe()
                 course.commanded(self._now_s())
                 self._notes.do(partial(note_safe, {str(self._addresses[role])}))
-                async with patience(VISIT_S):
+                async with fair_timeout(VISIT_S):
                     course.seen(self._now_s(), await device.state())
         finally:
             with suppress(Exception):
-                async with patience(CLOSE_S):
+                async with fair_timeout(CLOSE_S):
                     await device.__aexit__(None, None, None)
 
     def _end(self) -> bool:

@@ -60,7 +60,7 @@ def commands_of(  # noqa: C901  one small function for each command
     def answer(request: Arguments) -> str:
         if "answer" not in request:
             raise InputError("an answer is missing")
-        question = engine.desk.answer(request["answer"], request["by"], request.get("step") or None)
+        question = engine.prompts.answer(request["answer"], request["by"], request.get("step") or None)
         return f"answered: {question.text}"
 
     async def status(_: Arguments) -> str:
@@ -117,7 +117,7 @@ def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
         "now_s": asyncio.get_running_loop().time(),
         "questions": [
             {"step": question.step, "text": question.text, "expected": question.expected}
-            for question in engine.desk.questions
+            for question in engine.prompts.questions
         ],
         "readings": {name: _latest_to_json(latest, unit) for name, (latest, unit) in monitor.newest().items()},
     }

@@ -16,12 +16,12 @@ T = TypeVar("T")
 WITHIN_S, EVERY_S = 2.0, 0.2
 
 
-async def read_back(ask: Callable[[], Awaitable[T]], agrees: Callable[[T], object]) -> T:
+async def read_back(read: Callable[[], Awaitable[T]], agrees: Callable[[T], object]) -> T:
     """First answer that agrees, or the last one at the time limit, for the caller to judge."""
     now_s = asyncio.get_running_loop().time
     over_s = now_s() + WITHIN_S
-    found = await ask()
+    found = await read()
     while not agrees(found) and now_s() < over_s:
         await asyncio.sleep(EVERY_S)
-        found = await ask()
+        found = await read()
     return found

@@ -19,7 +19,7 @@ from drivers.errors import NoAnswer
 from drivers.transport.exchange import LineExchange
 from drivers.transport.memory import Line
 from drivers.transport.modbus import ModbusLink
-from simulators.faults.line_faults import BadLine, LineFault, in_turn, now_and_then
+from simulators.faults.line_faults import FaultyLine, LineFault, in_turn, random_faults
 from simulators.serving.proxy import serve_bad_line
 from tests.support.instruments import tried
 
@@ -166,8 +166,8 @@ def heard_after(fault: LineFault, seed: int = 1) -> Hearing:
     async def main() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, BenchLoop)
-        bad = BadLine(seed, in_turn([fault]), patience_s=1.0)
-        loop.serve_in_memory("instrument", 1, bad.in_front_of(Saying), Line())
+        bad = FaultyLine(seed, in_turn([fault]), client_timeout_s=1.0)
+        loop.serve_in_memory("instrument", 1, bad.server(Saying), Line())
         transport, _ = await loop.create_connection(lambda: client, "instrument", 1)
         for _ in range(2):
             transport.write(b"question\n")
@@ -221,7 +221,7 @@ def test_altered_answers_differ_by_what_their_fault_says_and_are_the_same_with_t
 
 
 def test_faults_that_come_now_and_then_come_as_often_as_they_should() -> None:
-    choose = now_and_then(1, 0.2, [LineFault.CUT, LineFault.LATE])
+    choose = random_faults(1, 0.2, [LineFault.CUT, LineFault.LATE])
     chosen = [choose(number) for number in range(2000)]
     assert 300 < sum(fault is not None for fault in chosen) < 500
     assert set(chosen) == {None, LineFault.CUT, LineFault.LATE}
@@ -234,7 +234,7 @@ def test_a_proxy_process_stands_in_front_of_a_real_address() -> None:
         loop = asyncio.get_running_loop()
         server = await loop.create_server(Saying, "127.0.0.1", 0)
         target = server.sockets[0].getsockname()
-        bad = BadLine(1, in_turn([None, LineFault.DUPLICATE, LineFault.RESET]), patience_s=0.2)
+        bad = FaultyLine(1, in_turn([None, LineFault.DUPLICATE, LineFault.RESET]), client_timeout_s=0.2)
         proxy = await serve_bad_line(("127.0.0.1", 0), target, bad)
         reader, writer = await asyncio.open_connection(*proxy.sockets[0].getsockname())
         for expected in (b"answer\n", b"answer\nanswer\n"):

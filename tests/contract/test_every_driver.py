@@ -17,7 +17,7 @@ from tests.support.every_driver import EVERY, Opened, bench_of, calls_of
 SILENT_S = 30.0  # the longest that a call may take on an instrument that says nothing
 PACING_S = 0.35  # the longest that a line has to be still before a question
 TICK_S = 0.01
-QUESTIONS = ("identify", "poll", "angle", "rate", "read", "state", "news")
+QUESTIONS = ("identify", "poll", "angle", "rate", "read", "state", "wait_for_data")
 NAMES = ("maker", "model", "serial", "firmware")
 every_driver = pytest.mark.parametrize("driver", EVERY)
 
@@ -146,7 +146,7 @@ def test_an_answer_is_waited_for_as_long_as_the_instrument_may_take_and_no_longe
             with suppress(NoAnswer):
                 await device.identify()
             waited_s = told_s[0] - began_s if told_s else 0.0
-            assert waited_s == pytest.approx(EVERY[driver].patience_s, abs=PACING_S)
+            assert waited_s == pytest.approx(EVERY[driver].client_timeout_s, abs=PACING_S)
 
     run(main(), AS_FAST_AS_POSSIBLE)
 

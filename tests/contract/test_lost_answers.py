@@ -12,11 +12,11 @@ import pytest
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import DriverError
 from drivers.transport.dialogue import Dialogue
-from simulators.faults.line_faults import BadLine, LineFault
+from simulators.faults.line_faults import FaultyLine, LineFault
 from tests.support.every_driver import EVERY, Call, Opened, calls_of
 
 ASKS_NOTHING = frozenset({"can_counter", "can_telemetry"})
-WITHOUT_ANSWERS = frozenset({"acquire", "news"})
+WITHOUT_ANSWERS = frozenset({"acquire", "wait_for_data"})
 INSTEAD: Mapping[str, Call] = {"ramp_to": lambda d: d.ramp_to(20.6, 1.0)}  # a short way will do
 OF_DRIVER: Mapping[str, Mapping[str, Call]] = {"fluke_5700a": {"set": lambda d: d.set(1e-3, limit=10.0, output=True)}}
 asking_driver = pytest.mark.parametrize("driver", sorted(EVERY.keys() - ASKS_NOTHING))
@@ -65,7 +65,7 @@ def meaning(driver: str, said: bytes) -> bytes:
 
 async def heard_while(driver: str, call: Call, lost: int) -> tuple[list[bytes], list[str], DriverError | None]:
     """What an instrument hears while it is opened and called, its answer of this number lost; notes, and the error."""
-    bad, told = BadLine(1, lambda number: LineFault.SILENCE if number == lost else None), list[str]()
+    bad, told = FaultyLine(1, lambda number: LineFault.SILENCE if number == lost else None), list[str]()
     problem = None
     device: Any = Opened(driver, bad).driver(told.append)
     try:
@@ -74,7 +74,7 @@ async def heard_while(driver: str, call: Call, lost: int) -> tuple[list[bytes], 
     except DriverError as found:
         problem = found
     assert len(bad.injected) == (lost >= 0)
-    return bad.heard, told, problem
+    return bad.received_data, told, problem
 
 
 async def problems_of(driver: str, name: str, call: Call) -> list[str]:
@@ -121,10 +121,10 @@ def test_a_lost_answer_costs_one_more_question_and_no_second_order(driver: str) 
 
 
 def test_a_driver_that_does_not_ask_again_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Dialogue, "ask", Dialogue.ask_once)
+    monkeypatch.setattr(Dialogue, "query", Dialogue.query_once)
     assert any("no answer within" in problem for problem in play("newport_xps"))
 
 
 def test_a_driver_that_sends_an_order_again_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Dialogue, "ask_once", Dialogue.ask)
+    monkeypatch.setattr(Dialogue, "query_once", Dialogue.query)
     assert any("LIM:RATE" in problem and "was sent again" in problem for problem in play("acutronic_acl"))

@@ -47,10 +47,10 @@ def talk(head: SimulatedEnsemble, *lines: bytes) -> list[bytes]:
         (wire.move_absolute("X", -0.000278, 0.5), "MOVEABS X -0.000278 F0.5"),
         (wire.move_absolute("X", -1e-9, 30.0), "MOVEABS X 0.0 F30"),
         (wire.abort("X"), "ABORT X"),
-        (wire.ask_feedback("X"), "PFBK X"),
-        (wire.ask_status("X"), "AXISSTATUS X"),
-        (wire.ask_fault("X"), "AXISFAULT X"),
-        (wire.ask_fingerprint("X"), "GETPARM(X, CountsPerUnit)"),
+        (wire.feedback_query("X"), "PFBK X"),
+        (wire.status_query("X"), "AXISSTATUS X"),
+        (wire.fault_query("X"), "AXISFAULT X"),
+        (wire.fingerprint_query("X"), "GETPARM(X, CountsPerUnit)"),
     ],
 )
 def test_commands_are_spelled_as_documented(command: str, line: str) -> None:

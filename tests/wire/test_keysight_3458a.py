@@ -21,7 +21,7 @@ def test_what_is_sent() -> None:
         b"PRESET NORM;TARM HOLD;TRIG AUTO;INBUF ON;END ALWAYS;QFORMAT NORM;DCV 10;NPLC 10;AZERO ON;TARM?"
     )
     assert b";DCV 0.1;NPLC 100;" in wire.set_up(Setting(0.1, 100.0))
-    assert wire.IDENTITY_QUESTION == b"TARM HOLD;END ALWAYS;ID?"
+    assert wire.IDENTITY_QUERY == b"TARM HOLD;END ALWAYS;ID?"
     assert wire.TRIGGER == b"TARM SGL"
 
 
@@ -110,9 +110,9 @@ def test_anything_else_is_no_error(line: bytes) -> None:
         wire.read_error(line)
 
 
-@pytest.mark.parametrize(("nplc", "takes_s", "middle_s"), [(1, 0.04, 0.03), (10, 0.4, 0.3), (100, 4.0, 2.1)])
-def test_how_long_a_reading_takes_and_when_its_middle_was(nplc: float, takes_s: float, middle_s: float) -> None:
-    assert wire.takes_s(nplc, 50.0) == pytest.approx(takes_s)
+@pytest.mark.parametrize(("nplc", "duration_s", "middle_s"), [(1, 0.04, 0.03), (10, 0.4, 0.3), (100, 4.0, 2.1)])
+def test_how_long_a_reading_takes_and_when_its_middle_was(nplc: float, duration_s: float, middle_s: float) -> None:
+    assert wire.duration_s(nplc, 50.0) == pytest.approx(duration_s)
     assert wire.middle_before_answer_s(nplc, 50.0) == pytest.approx(middle_s)
 
 

@@ -98,7 +98,7 @@ def test_it_goes_off_at_zero_whatever_it_gives(function: str, level: float, outp
     ("range_a", "most_a", "step_a"), [(1e-3, 1.2e-3, 10e-9), (0.01, 0.012, 100e-9), (0.1, 0.12, 1e-6), (0.2, 0.2, 1e-6)]
 )
 def test_a_range_has_its_largest_level_and_its_step(range_a: float, most_a: float, step_a: float) -> None:
-    assert wire.most_a(range_a) == pytest.approx(most_a)
+    assert wire.max_a(range_a) == pytest.approx(most_a)
     assert wire.step_a(range_a) == pytest.approx(step_a)
 
 

@@ -8,7 +8,7 @@ from drivers.can.dbc import Dbc, dbc_in
 from drivers.can.decoded import FrameDecoder, Positions, Samples
 from drivers.can.encoder_frames import PositionFormat, position_formats
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
+from drivers.can.gap_detection import GapDetector
 from drivers.dialects.can_telemetry import wire
 from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.dialects.can_telemetry.wire import SampleFormat, sample_formats
@@ -34,7 +34,7 @@ class TelemetryDecoder(FrameDecoder):
             for name, encoder in self._encoders.items()
         }
 
-    def watches(self) -> Sequence[Unbroken]:
+    def watches(self) -> Sequence[GapDetector]:
         """Gap detectors, one for each message with samples."""
         return wire.unbroken(self._formats)
 

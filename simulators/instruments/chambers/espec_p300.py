@@ -13,8 +13,8 @@ from typing import ClassVar, Self
 
 from drivers.dialects.espec_p300 import wire
 from drivers.dialects.espec_p300.wire import CONSTANT, OFF, STANDBY, TENTHS
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap, sets
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan, sets
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.scpi import LineSession
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -170,10 +170,10 @@ class SimulatedP300(SimulatedChamber):
     def _humidity(self) -> str:
         return "" if self._humidity_percent is None else str(self._humidity_percent)
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": Mishap(restart),
-        "program": Mishap(start_program, end_program),
-        "alarm": Mishap(lambda chamber: chamber.alarm(1), lambda chamber: chamber.alarms.clear()),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": FaultEffect(restart),
+        "program": FaultEffect(start_program, end_program),
+        "alarm": FaultEffect(lambda chamber: chamber.alarm(1), lambda chamber: chamber.alarms.clear()),
         "front_panel": sets("protected", True, False),
     }

@@ -170,12 +170,12 @@ def test_ending_a_run_leaves_no_question_open(tmp_path, ending):
 
     async def script(engine):
         await asyncio.sleep(30)
-        assert [question.step for question in engine.desk.questions] == ["head#1"]
+        assert [question.step for question in engine.prompts.questions] == ["head#1"]
         getattr(engine, ending)()
         await asyncio.sleep(0.5)
-        assert engine.desk.questions == ()
+        assert engine.prompts.questions == ()
         with pytest.raises(InputError, match="no question is open"):
-            engine.desk.answer("90 deg", "A. Late")
+            engine.prompts.answer("90 deg", "A. Late")
 
     run = run_plan(tmp_path / "run", plan, BENCH, script)
     assert run.outcome.how == "aborted"
@@ -194,7 +194,7 @@ def test_a_step_is_skipped_and_repeated_as_any_other(tmp_path):
             await asyncio.sleep(60)
             getattr(engine, wish)()
         await asyncio.sleep(60)
-        engine.desk.answer("0 deg", "A. Person")
+        engine.prompts.answer("0 deg", "A. Person")
 
     run = run_plan(tmp_path / "run", plan, BENCH, script)
     assert run.outcome.how == "completed"

@@ -12,7 +12,7 @@ import pytest
 
 from bench.app.byhand_lines import Unsendable, _parsed
 from bench.runner.held import address_lock
-from drivers.discovery.recognition import scpi_asks
+from drivers.discovery.recognition import is_scpi_query
 from drivers.transport.address import Address
 from tests.support.commands import invoked
 from tests.support.runs import ROOT, copy_bench
@@ -129,7 +129,7 @@ def test_a_device_that_is_not_there_is_not_opened(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_question_is_told_from_what_does_something(line: str, asks: bool) -> None:
-    assert scpi_asks(line) is asks
+    assert is_scpi_query(line) is asks
 
 
 @pytest.mark.parametrize(

@@ -102,8 +102,16 @@ class Run:
     def _visit(self, group, set_c, axis):
         angles = angles_of_attitudes()
         for number in range(8 * axis, 8 * axis + 8):
-            lies = self.axes(angles[number])
-            self._count(f"{group}/{NAMES[number]}", group, set_c, angles[number], lies[:, 2], lies @ EARTH_DPS, DWELL_S)
+            orientation = self.axes(angles[number])
+            self._count(
+                f"{group}/{NAMES[number]}",
+                group,
+                set_c,
+                angles[number],
+                orientation[:, 2],
+                orientation @ EARTH_DPS,
+                DWELL_S,
+            )
         angles_deg = angles[8 * axis]  # the axis up, on the outer axis of the table
         for rate_dps in RATES_DPS:
             up = self.axes(angles_deg) @ self.base.apply(POINTS["outer"])

@@ -84,8 +84,8 @@ class Watch:
                 self._rest(down)
 
     def _rest(self, attitude):
-        lies = self.table.axes(angles_of_attitudes()[attitude])
-        self._read(attitude, lies[:, 2], self._misaligned @ lies @ EARTH_DPS, DWELL_S)
+        orientation = self.table.axes(angles_of_attitudes()[attitude])
+        self._read(attitude, orientation[:, 2], self._misaligned @ orientation @ EARTH_DPS, DWELL_S)
 
     def _turn(self, attitude, axis, rate_dps):
         up = self.table.base.apply(POINTS["outer"])

@@ -18,7 +18,7 @@ from bench.config.document import read_document
 from bench.config.schema import scenario_schema
 from bench.errors import InputError
 from drivers.description import known_drivers
-from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, mishaps_of
+from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, fault_effects_of
 from simulators.faults.line_faults import LineFault
 from simulators.physics.thermal import DOOR_SHARE, ChamberPhysics, Thermal
 from tests.support.laboratory import Laboratory
@@ -118,7 +118,7 @@ def test_documents_and_simulators_have_one_list_of_kinds():
 def test_every_simulator_says_what_can_happen_to_it():
     for driver in known_drivers().values():
         simulator = simulator_of(driver)
-        assert simulator is None or mishaps_of(simulator), driver.name
+        assert simulator is None or fault_effects_of(simulator), driver.name
 
 
 def test_a_fault_is_there_from_its_beginning_to_its_end_and_may_come_again():

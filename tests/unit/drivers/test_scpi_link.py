@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.description import IdentityPin, Nothing, Setup, unheard
+from drivers.description import IdentityPin, Nothing, Setup, ignore_note
 from drivers.errors import LinkLost, Refused, WrongIdentity
 from drivers.transport.address import Address
-from drivers.transport.scpi import ERRORS_AT_MOST, ScpiLink
+from drivers.transport.scpi import MAX_ERRORS, ScpiLink
 from drivers.values import Identity
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.scpi import OUT_OF_RANGE, Interpreter, LineSession, setting
@@ -39,7 +39,7 @@ class Stubborn:
 
 def with_link(
     use: Callable[[ScpiLink, TappedWire, Interpreter], Awaitable[None]], pin: IdentityPin | None = None,
-    note: Callable[[str], object] = unheard, **settings: Any,
+    note: Callable[[str], object] = ignore_note, **settings: Any,
 ) -> None:  # fmt: skip
     async def main() -> None:
         interpreter = an_interpreter(**settings)
@@ -51,7 +51,7 @@ def with_link(
 
 
 def a_link(
-    wire: TappedWire, pin: IdentityPin | None = None, note: Callable[[str], object] = unheard
+    wire: TappedWire, pin: IdentityPin | None = None, note: Callable[[str], object] = ignore_note
 ) -> ScpiLink:  # fmt: skip
     address = Address.parse("tcp://127.0.0.1:5025")
     return ScpiLink(Setup("supply", address, wire, Nothing(), Nothing(), Nothing(), pin or IdentityPin(), note=note))
@@ -137,7 +137,7 @@ def test_an_error_queue_without_end_is_refused() -> None:
         with pytest.raises(Refused, match="does not become empty"):
             await a_link(wire).open()
         await asyncio.sleep(0.1)
-        assert wire.count(b"ERR") == ERRORS_AT_MOST
+        assert wire.count(b"ERR") == MAX_ERRORS
         assert wire.connections[0].transport is not None
         assert wire.connections[0].transport.is_closing()
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from bench.engine.journal import Journal
-from bench.engine.questions import Desk, Question
+from bench.engine.questions import PromptQueue, Question
 from bench.engine.state import replayed
 from bench.errors import InputError, StoreError
 from bench.runner.commands import commands_of
@@ -20,7 +20,7 @@ from bench.store.writer import RunWriter
 
 def commands(writer: RunWriter, said: list[str]):
     journal = Journal(writer)
-    engine = SimpleNamespace(journal=journal, desk=Desk(lambda _question: None), resume=lambda: None)
+    engine = SimpleNamespace(journal=journal, prompts=PromptQueue(lambda _question: None), resume=lambda: None)
     return engine, commands_of(engine, SimpleNamespace(newest=dict), said.append, can_pause=True)
 
 
@@ -45,7 +45,7 @@ def test_what_was_commanded_and_answered_is_on_the_disk_with_who_did_it_and_is_t
     async def main() -> None:
         writer = RunWriter(tmp_path)
         engine, handlers = commands(writer, said)
-        asked = asyncio.create_task(engine.desk.ask(Question("steps/1", "Ready?", ("yes", "no")), 10.0))
+        asked = asyncio.create_task(engine.prompts.ask(Question("steps/1", "Ready?", ("yes", "no")), 10.0))
         await asyncio.sleep(0)
         await handlers["answer"]({"answer": "yes", "by": "A. Person", "user": "anna"})
         await handlers["resume"]({"by": "anna", "user": "anna"})

@@ -106,8 +106,8 @@ def test_a_measured_loop_is_followed_as_often_as_it_may_be_gone_through(tmp_path
 def test_a_measured_loop_that_comes_back_is_followed_until_it_does(tmp_path):
     loop = f"{{while: {WARM}, at_most: 900, steps: [{{move: head, to: 90°}}, {{move: head, to: 0°}}]}}"
     assert angles(tmp_path, "{move: head, to: 0°}", MEASURE, loop) == [0, 0, 90, 0]
-    once_more = loop.replace("{move: head, to: 0°}", "wait: 1 s")
-    assert angles(tmp_path, MEASURE, once_more) == [0, 0, 90, 0, 90]
+    retry_once = loop.replace("{move: head, to: 0°}", "wait: 1 s")
+    assert angles(tmp_path, MEASURE, retry_once) == [0, 0, 90, 0, 90]
 
 
 def test_a_measured_loop_is_followed_in_bounded_time(tmp_path):
