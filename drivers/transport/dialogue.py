@@ -60,8 +60,8 @@ class Dialogue:
     """Successive lines to the same instrument.
 
     A query is repeated once without an answer, and reconnects after a loss: at once, then after increasing pauses. A
-    command does neither: the state of the instrument must be read first. `on_connect` is sent on every new line; `note`
-    receives repeated queries, and the loss and return of the connection.
+    command does neither: the state of the instrument must be read first. `on_connect` is called on every new line;
+    `note` receives repeated queries, and the loss and return of the connection.
 
     `double_read` confirms readings that enter a result. TCP protects data by a checksum; a serial line does not, even
     behind a serial server.
@@ -125,7 +125,7 @@ class Dialogue:
         self._backoff = ReconnectBackoff()
 
     async def query(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """Send a query, on a new line if the connection was lost; see LineExchange.ask, and `open`.
+        """Send a query, on a new line if the connection was lost; see LineExchange.query, and `open`.
 
         It must change nothing in the instrument, because it is repeated once without an answer. Raises LinkLost at once
         during a pause between attempts to connect, and if it is not open.
@@ -153,7 +153,7 @@ class Dialogue:
     async def send_command(
         self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None
     ) -> T | None:
-        """Send, once, a command that moves or energises; see LineExchange.order."""
+        """Send, once, a command that moves or energises; see LineExchange.send_command."""
         self.double_read.command_sent()
         return await self.line.send_command(command, read, answer_s=answer_s)
 

@@ -65,7 +65,7 @@ class ScpiLink:
         return await self.query(IDENTITY_QUERY, self._recognise)
 
     async def query(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """Send a query that may be repeated; see Dialogue.ask."""
+        """Send a query that may be repeated; see Dialogue.query."""
         return await self._dialogue.query(question, read, answer_s=answer_s)
 
     async def query_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:

@@ -70,7 +70,7 @@ class FlukeLink:
         return await self.query(wire.IDENTITY_QUERY, self._recognise)
 
     async def query(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        """Send a query that may be repeated; see Dialogue.ask."""
+        """Send a query that may be repeated; see Dialogue.query."""
         return await self._dialogue.query(question, read)
 
     async def query_once(self, question: bytes, read: Callable[[bytes], T]) -> T:

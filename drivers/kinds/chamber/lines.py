@@ -61,7 +61,7 @@ class VerifiedLine:
             raise
 
     async def query(self, question: str, read: Read[T]) -> T:
-        """Query and decode with `read`, repeated once without an answer; see LineExchange.ask."""
+        """Query and decode with `read`, repeated once without an answer; see LineExchange.query."""
         await self._dialogue.reopen()
         try:
             return await self.query_once(question, read)
