@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from bench.errors import InputError
-from bench.files import folder_made_whole
+from bench.files import atomic_folder
 from drivers.schema.fields import Name
 from drivers.schema.wording import error_text
 
@@ -34,7 +34,7 @@ def write_package(template: Path, name: str, out: Path) -> list[Path]:
     """Write the package `OUT/NAME`. Raises InputError if it cannot be written."""
     folder = out / name
     try:
-        with folder_made_whole(folder) as draft:
+        with atomic_folder(folder) as draft:
             made = [path.relative_to(draft) for path in _copied(template, draft, name)]
         return [folder / path for path in made]
     except FileExistsError:
