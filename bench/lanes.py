@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from typing import Literal, NamedTuple
 
-from bench.rig import CLOSE_S, GRACE_S, bring_to_safety
+from bench.rig import CLOSE_S, GRACE_S, make_safe_or_hold
 from drivers.capabilities import Device, Source, ThermalChamber
 from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
 from drivers.timing.awake import Deadline, fair_timeout
@@ -79,7 +79,7 @@ async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool, ho
         return lane("not reached", _in_words(role, problem, CONNECT_S))
     try:
         async with fair_timeout(limit_s):
-            held = await bring_to_safety(device, only_off=only_off, hold=hold)
+            held = await make_safe_or_hold(device, only_off=only_off, hold=hold)
         if on_again := await _on_again(device):
             return lane("unsafe", f"{role}: {on_again}")
     except Exception as problem:  # noqa: BLE001  the lane reports any error

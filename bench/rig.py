@@ -173,7 +173,7 @@ class Rig:
         held = [self.devices[role] for role in hold if role in self.devices]
 
         async def act(device: Device) -> bool:
-            return await bring_to_safety(device, only_off=only_off, hold=device in held)
+            return await make_safe_or_hold(device, only_off=only_off, hold=device in held)
 
         ended = await self._each(act, self._limits_s)
         self.held = {role for role, held in ended.items() if held is True}
@@ -215,7 +215,7 @@ class Rig:
         return {name: task.result() if task.done() and not task.cancelled() else stuck for name, task in tasks.items()}
 
 
-async def bring_to_safety(device: Device, *, only_off: bool, hold: bool = False) -> bool:
+async def make_safe_or_hold(device: Device, *, only_off: bool, hold: bool = False) -> bool:
     """Make a device safe; return True if it is a chamber that is held instead.
 
     With `hold` a chamber in order is stopped at its present set point. With `only_off` every chamber is, and Refused

@@ -35,7 +35,7 @@ class LineProtocol(Protocol):
     def is_query(self, line: str) -> bool | None:
         """Return True if a line is a query, None if unknown. Raises Unsendable for an invalid line."""
 
-    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+    async def send(self, line: str, *, is_question: bool) -> Sequence[str]:
         """Send the line; return the text to print besides the bytes. Raises a DriverError."""
 
 
@@ -62,7 +62,7 @@ class TextLines:
         """See LineProtocol."""
         return None if self._is_query is None else self._is_query(line)
 
-    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+    async def send(self, line: str, *, is_question: bool) -> Sequence[str]:
         """Exchange a line; a missing answer is no error, because commands have none."""
         exchange = self._wires.line(self._role).inner
         if not isinstance(exchange, LineExchange):
@@ -100,7 +100,7 @@ class ModbusLines:
         verb, _ = _parsed(line)
         return verb != "write"
 
-    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+    async def send(self, line: str, *, is_question: bool) -> Sequence[str]:
         """Send one request; return its registers as text."""
         verb, numbers = _parsed(line)
         frames = frames_of(self._framing, self._unit_id)

@@ -44,7 +44,7 @@ HELP = """\
 
 
 def talk(
-    role: str, name: str | None, lines: Callable[[], AsyncIterator[str]], say: Say, *, simulate: bool, write: bool
+    role: str, name: str | None, lines: Callable[[], AsyncIterator[str]], send: Say, *, simulate: bool, write: bool
 ) -> int:
     """Open one device of a bench and execute the lines; return the number of failed ones.
 
@@ -61,12 +61,12 @@ def talk(
 
     def keep(passed: Passed) -> None:
         if passed.sign != RECEIVED or not sends_frames:
-            say(shown(passed))
+            send(shown(passed))
 
     async def main() -> int:
         wires = SharedWires(TracedWires(BenchWires(bench, laboratory_of(bench)), keep))
-        async with device_of(role, entry, wires, say) as device:
-            console = Console(device, entry, line_protocol_of(role, entry, wires), say, write=write)
+        async with device_of(role, entry, wires, send) as device:
+            console = Console(device, entry, line_protocol_of(role, entry, wires), send, write=write)
             try:
                 async for line in lines():
                     if not await console.execute(line):
@@ -74,10 +74,10 @@ def talk(
             finally:
                 if console.wrote:
                     await device.make_safe()
-                    say(f"{role} is in its safe state.")
+                    send(f"{role} is in its safe state.")
         return console.problems
 
-    say(BY_HAND if write else QUESTIONS_ONLY)
+    send(BY_HAND if write else QUESTIONS_ONLY)
     with address_lock([entry.connection], f"a console of {role}"):
         return run_loop(main(), REAL_TIME)
 
@@ -93,10 +93,10 @@ class Console:
     `wrote` is True if anything but a query may have been sent; `problems` counts the failed lines.
     """
 
-    def __init__(self, device: Device, entry: DeviceEntry, protocol: LineProtocol, say: Say, *, write: bool) -> None:
+    def __init__(self, device: Device, entry: DeviceEntry, protocol: LineProtocol, send: Say, *, write: bool) -> None:
         self.wrote = False
         self.problems = 0
-        self._device, self._entry, self._protocol, self._say, self._write = device, entry, protocol, say, write
+        self._device, self._entry, self._protocol, self._say, self._write = device, entry, protocol, send, write
         self._unsure = ""  # line that must be typed again before it is sent
         self._commands: Mapping[str, Callable[[], Awaitable[None]]] = {
             ":read": self._read, ":status": self._status, ":identify": self._identify, ":frames": self._frames,
@@ -135,7 +135,7 @@ class Console:
             return
         self._unsure = ""
         self.wrote = self.wrote or not is_query
-        for text in await self._protocol.say(line, is_question=is_query is True):
+        for text in await self._protocol.send(line, is_question=is_query is True):
             self._say(text)
 
     async def _read(self) -> None:

@@ -32,7 +32,7 @@ from bench.engine.past import Past
 from bench.engine.people import People
 from bench.engine.pulse import Pulse
 from bench.engine.questions import PromptQueue
-from bench.errors import InUseError, StoreError, in_words
+from bench.errors import InUseError, StoreError, error_message
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.reduce.evaluate import Results
@@ -45,10 +45,10 @@ from bench.runner.power import Hold, power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
-from bench.runner.takeover import relieve
+from bench.runner.takeover import end_supervision
 from bench.store.chain import Link
 from bench.store.runs import RunDirectory
-from bench.store.unsafe import keep_unsafe
+from bench.store.unsafe import write_unsafe
 from bench.store.writer import RunWriter
 from drivers.values import Identity
 
@@ -136,7 +136,7 @@ def _execute(
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
         left_on = register.begin(now)
-        relieve(list(real_addresses(bench).values()), observer.notice)
+        end_supervision(list(real_addresses(bench).values()), observer.notice)
         if resumption is not None and not bench.is_simulated:
             origin_s = resumption.last_s + resumption.outage_s(now)
             resumption.past.credit = credit_of(resumption, prepared, left_on.held)
@@ -230,7 +230,7 @@ async def _run(
             journal.write("warning", text=writer.ledger_problem)
         journal.write("run_ended", how=outcome.how)
     except Exception as problem:  # noqa: BLE001  the outcome, and what is not safe, must not be lost
-        outcome.failed(in_words(problem))
+        outcome.failed(error_message(problem))
     try:
         writer.close()
         digest = writer.digest()
@@ -312,7 +312,7 @@ def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: Run
         return
     connections = {role: str(entry.connection) for role, entry in bench.devices.items()}
     try:
-        path = keep_unsafe(folder, wall_utc(), outcome.unsafe, connections)
+        path = write_unsafe(folder, wall_utc(), outcome.unsafe, connections)
     except StoreError as problem:
         outcome.failed(str(problem))
     else:

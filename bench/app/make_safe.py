@@ -106,11 +106,11 @@ def _let_guardians_finish(notice: Notice) -> None:
     """Wait until no guardian is making a bench safe, at most for the time that this may take."""
     addresses = [address for found in energised(lambda _: None) for address in _addresses(found)]
 
-    def nobody_does(limit_s: float) -> bool:
+    def is_released(limit_s: float) -> bool:
         busy = [owner for owner in owners(addresses) if owner.words.startswith(A_RESCUE)]
         return not busy or bool(_pause(limit_s))
 
-    if not succeeded_within(nobody_does, longest_lane_s({"": LONGEST_S + OWN_LIMIT_S})):
+    if not succeeded_within(is_released, longest_lane_s({"": LONGEST_S + OWN_LIMIT_S})):
         notice("A guardian has not made a bench safe in time.")
 
 

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from bench.config.load import shipped
 from bench.errors import InputError
-from bench.files import folder_made_whole
+from bench.files import atomic_folder
 from bench.sequence.method import known_methods
 from drivers.description import known_drivers
 from drivers.schema.fields import Name
@@ -38,7 +38,7 @@ def write_package(template: Path, name: str, out: Path) -> list[Path]:
     """Write the package `OUT/NAME`. Raises InputError if it cannot be written."""
     folder = out / name
     try:
-        with folder_made_whole(folder) as draft:
+        with atomic_folder(folder) as draft:
             made = [path.relative_to(draft) for path in _copied(template, draft, name)]
         return [folder / path for path in made]
     except FileExistsError:

@@ -180,14 +180,14 @@ class _Look:
         for _, group in groupby(sorted(drivers, key=language), key=language):
             speaking = list(group)
             for unit_id in self._numbers(speaking[0][1].language):
-                await self._speak(address, speaking, unit_id)
+                await self._query_protocol(address, speaking, unit_id)
             if self.candidates:
                 return
 
     def _numbers(self, language: Language) -> Sequence[int]:
         return self._units if language.numbered else self._units[:1]
 
-    async def _speak(self, address: Address, drivers: Sequence[Known], unit_id: int) -> None:
+    async def _query_protocol(self, address: Address, drivers: Sequence[Known], unit_id: int) -> None:
         """Query in one protocol; generic drivers only if no other one recognises the instrument."""
         if self.connected:
             await asyncio.sleep(BETWEEN_CONNECTIONS_S)

@@ -164,11 +164,11 @@ def parse_document(text: str, path: Path) -> Document:
         value = builder.build(yaml.parse(lines, Loader=_FAST))
     except YAMLError:  # the parser written in Python has better messages and positions
         builder = _Builder(path)
-        value = _built_or_refused(lines, builder, path)
+        value = _parsed_in_python(lines, builder, path)
     return Document(path, text, value, builder.marks)
 
 
-def _built_or_refused(lines: str, builder: _Builder, path: Path) -> Any:
+def _parsed_in_python(lines: str, builder: _Builder, path: Path) -> Any:
     """Return the value from the parser written in Python. Raises InputError."""
     try:
         return builder.build(yaml.parse(lines, Loader=yaml.SafeLoader))

@@ -20,7 +20,7 @@ from bench.engine.safety import finish
 from bench.engine.stepper import Stopped, UnitFailed, Watcher
 from bench.engine.units import UnitFailure
 from bench.engine.walk import Walk
-from bench.errors import InputError, StepError, WindowError, in_words
+from bench.errors import InputError, StepError, WindowError, error_message
 from bench.rig import Rig
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.stimulus import Ramp
@@ -350,7 +350,7 @@ class Engine:
         self.outcome.how = "error"
         of_chamber = isinstance(problem, DriverError) and problem.device in self._may_be_held
         self._is_hold_ruled_out |= of_chamber or isinstance(problem, WindowError)
-        text = in_words(problem)
+        text = error_message(problem)
         if text in self.outcome.problems:  # a store that fails, fails the teardown as well
             return
         self.outcome.problems.append(text)

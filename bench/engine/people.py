@@ -42,14 +42,14 @@ class People:
 
     def meet(self, prompts: PromptQueue, journal: Journal, notice: Callable[[str], None]) -> None:
         """Connect to a desk; withdrawn questions are passed to `notice`."""
-        self._person = _AtADesk(prompts, journal, notice)
+        self._person = _PromptingPerson(prompts, journal, notice)
 
     async def prompt(self, request: OperatorRequest) -> OperatorAnswer:
         """Return the answer. Raise NoAnswer if there is none in time, CannotConnect before a run has started."""
         return await self._person.prompt(request)
 
 
-class _AtADesk:
+class _PromptingPerson:
     def __init__(self, prompts: PromptQueue, journal: Journal, notice: Callable[[str], None]) -> None:
         self._prompts, self._journal, self._notice = prompts, journal, notice
         self._requests: Counter[str] = Counter()

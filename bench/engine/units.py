@@ -87,7 +87,7 @@ class Units:
         """Members of a name in the sequence, without those of absent units."""
         return [member for member in self._bench.members(name) if self.is_needed(member)]
 
-    def alone_at(self, name: str) -> str | None:
+    def sole_unit(self, name: str) -> str | None:
         """The only unit that a supply or a reading belongs to, if the run has several."""
         places = [place for place in self.at(name) if place in self.places]
         return places[0] if self.several and len(places) == 1 else None

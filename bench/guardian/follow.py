@@ -18,7 +18,7 @@ from typing import NamedTuple, Self
 
 from bench.clock import Stopwatch
 from bench.config.models import BenchFile
-from bench.errors import InUseError, StoreError, in_words
+from bench.errors import InUseError, StoreError, error_message
 from bench.guardian.course import Course, Noted
 from bench.guardian.notes import Notes
 from bench.rig import CLOSE_S, device_of, limits_to_make_safe
@@ -162,7 +162,7 @@ class Following:
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)
         except Exception as problem:  # noqa: BLE001  after any error the next reading is tried
-            course.unseen(now_s(), in_words(problem) or type(problem).__name__)
+            course.unseen(now_s(), error_message(problem) or type(problem).__name__)
 
     async def _visit(self, role: str, course: Course) -> None:
         device = device_of(role, self._bench.devices[role], RealWires())

@@ -12,7 +12,7 @@ from typing import Any
 
 from bench.errors import BenchError
 from bench.figures.languages import ENGLISH, language
-from bench.files import write_whole
+from bench.files import write_atomically
 from bench.metrology.results.coverage import COVERAGE
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
@@ -42,7 +42,7 @@ def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Pat
     with language(lang):
         content = FORMS[form](run)
     with replacing(run.folder, path.name, content):
-        write_whole(path, content)
+        write_atomically(path, content)
     return path
 
 

@@ -19,7 +19,7 @@ from bench.engine.people import People
 from bench.engine.pulse import Pulse
 from bench.engine.questions import PromptQueue
 from bench.engine.safety import finish
-from bench.errors import StoreError, in_words
+from bench.errors import StoreError, error_message
 from bench.quality import Judged
 from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
@@ -175,7 +175,7 @@ async def _failed(
     problem: Exception, outcome: Outcome | None, rig: Rig, journal: Journal, observer: Observer
 ) -> Outcome:
     """Return the outcome of a run that an error outside of its steps has ended."""
-    text = in_words(problem)
+    text = error_message(problem)
     journal.try_to_write("problem", text=text)
     observer.notice(text)
     if outcome is None:  # the engine has not started
@@ -216,7 +216,7 @@ async def _close(rig: Rig, outcome: Outcome) -> None:
     try:
         await rig.close()
     except Exception as problem:  # noqa: BLE001  the outcome of the run must not be lost
-        outcome.failed(in_words(problem))
+        outcome.failed(error_message(problem))
 
 
 def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[EndSignal], None]:

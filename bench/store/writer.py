@@ -22,7 +22,7 @@ from bench.store import database, ledger
 from bench.store.chain import NOTHING, Link, beginning
 from bench.store.digest import Digest
 from bench.store.encoded import Row, encoded
-from bench.store.place import WatchedFiles, rescue, rescue_whole
+from bench.store.place import WatchedFiles, rescue, rescue_database
 from bench.store.runs import MANIFEST
 from drivers.can.frame_block import FrameBlock
 from drivers.timing.awake import succeeded_within
@@ -299,7 +299,7 @@ class RunWriter:
         if truncated is None:
             return
         try:
-            self.folder = rescue_whole(self._database, self.folder.name, database.FILE_NAME, self._link)
+            self.folder = rescue_database(self._database, self.folder.name, database.FILE_NAME, self._link)
             kept = f"everything recorded until then is in {self.folder}"
         except StoreError as problem:
             kept = str(problem)

@@ -185,14 +185,14 @@ class _Stream(asyncio.Protocol):
     def __init__(self) -> None:
         self.received = bytearray()
         self.lost = False
-        self._heard_at_s = asyncio.get_running_loop().time()
+        self._received_at_s = asyncio.get_running_loop().time()
         self._waiter: asyncio.Future[None] | None = None
         self._transport: asyncio.Transport | None = None
 
     @property
     def silent_s(self) -> float:
         """Time since the last received byte."""
-        return asyncio.get_running_loop().time() - self._heard_at_s
+        return asyncio.get_running_loop().time() - self._received_at_s
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
@@ -229,7 +229,7 @@ class _Stream(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the instrument."""
         self.received += data
-        self._heard_at_s = asyncio.get_running_loop().time()
+        self._received_at_s = asyncio.get_running_loop().time()
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
 

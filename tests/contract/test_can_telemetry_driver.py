@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.metrology.sampled_codes import begins_anew
+from bench.metrology.sampled_codes import has_restarted
 from drivers.can.frame_block import FrameBlock
 from drivers.can.options import IDLE_BLOCK_S
 from drivers.capabilities import Telemetry
@@ -228,7 +228,7 @@ def test_a_restart_goes_on_and_is_in_the_samples() -> None:
         codes = decoded(await acquired(driver, 40.0))
         await restarting
         assert codes.restarts == 1
-        assert begins_anew(codes)
+        assert has_restarted(codes)
         assert (np.diff(decoded(await acquired(driver, 10.0)).tick) == 2000).all()
 
     with_driver(use)

@@ -17,7 +17,7 @@ from typing import Any
 from bench.app.drawn_faults import with_drawn_faults
 from bench.app.execute import RunResult, execute
 from bench.app.request import RunRequest, prepare
-from bench.app.resume import prepared_again, read_interrupted
+from bench.app.resume import prepare_again, read_interrupted
 from bench.clock import Clock
 from bench.runner.quiet import Quiet
 from bench.sequence.estimate.estimate import Estimate
@@ -70,7 +70,7 @@ def _killed(wish: dict[str, Any]) -> None:
 def resumed(path: Path, quiet: Quiet | None = None) -> RunResult:
     """An interrupted run that has gone on to its end."""
     resumption = read_interrupted(path)
-    return execute(prepared_again(resumption), quiet or Quiet(), None, resumption)
+    return execute(prepare_again(resumption), quiet or Quiet(), None, resumption)
 
 
 def journal(path: Path) -> list[Event]:

@@ -21,7 +21,7 @@ from simulators.world import World
 
 RUN = "RUN"
 PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # target, °C, and rate, °C/min
-QUESTION_GAP_S, SETTING_GAP_S = 0.2, 0.5  # minimum pause
+QUERY_GAP_S, SETTING_GAP_S = 0.2, 0.5  # minimum pause
 _TEMPERATURE = re.compile(
     r"TEMP,\s*(?=[SHL])(?:S(-?\d{1,3}\.\d))?\s*(?:H\s*(-?\d{1,3}\.\d))?\s*(?:L\s*(-?\d{1,3}\.\d))?"
 )
@@ -91,7 +91,7 @@ class SimulatedP300(SimulatedChamber):
                 return ""
         now_s = self._world.look()
         self.hurried += now_s < self._ready_s
-        self._ready_s = now_s + (QUESTION_GAP_S if "?" in line else SETTING_GAP_S)
+        self._ready_s = now_s + (QUERY_GAP_S if "?" in line else SETTING_GAP_S)
         try:
             return self._carry_out(line)
         except Refusal as refusal:

@@ -42,7 +42,7 @@ from bench.config.bench import load_bench
 from bench.store.energised import energised, note_energised, note_safe, record_made_safe
 from bench.store.lockout import lift, lock_out, locked_out, lockouts
 from bench.store.machine_state import append_record, problem_to_read, problem_to_write
-from bench.store.unsafe import keep_unsafe, kept_unsafe
+from bench.store.unsafe import write_unsafe, read_unsafe
 loaded = load_bench(Path("config/simulated_wires.yaml"))
 AT, SUPPLY = datetime(2026, 1, 1, tzinfo=UTC), "tcp://10.0.0.1:5025"
 user, group = map(int, sys.argv[1:])
@@ -119,9 +119,9 @@ def test_a_lockout_of_one_user_holds_and_is_lifted_by_another(machine):
 @pytest.mark.lengthy
 @as_root
 def test_what_was_not_made_safe_and_how_benches_were_made_safe_is_of_all_users(machine):
-    by(ALICE, "keep_unsafe(Path('/runs/a'), AT, {'supply': 'no answer'}, {})")
-    by(BOB, "keep_unsafe(Path('/bob/a'), AT, {'source': 'no answer'}, {})")
-    assert by(BOB, "print(kept_unsafe(Path('/runs/a')))") == "{'supply': 'no answer'}"
+    by(ALICE, "write_unsafe(Path('/runs/a'), AT, {'supply': 'no answer'}, {})")
+    by(BOB, "write_unsafe(Path('/bob/a'), AT, {'source': 'no answer'}, {})")
+    assert by(BOB, "print(read_unsafe(Path('/runs/a')))") == "{'supply': 'no answer'}"
     by(ALICE, "record_made_safe(Path('/b.yaml'), AT, [])")
     by(BOB, "record_made_safe(Path('/b.yaml'), AT, [])")
     assert len((machine / "made_safe.jsonl").read_text("utf-8").splitlines()) == 2

@@ -182,7 +182,7 @@ def test_what_has_tripped_recovers_by_valid_readings_without_a_gap_only() -> Non
 
     def judged(at_s: float, value: float) -> list[bool]:
         watch.take(source, [Valid(at_s, value, 1)])
-        return [change.tripped for change in watch.look(at_s)]
+        return [change.tripped for change in watch.evaluate(at_s)]
 
     assert judged(0, 90.0) == [True]
     assert judged(1, 80.0) == []
@@ -196,7 +196,7 @@ def test_a_rate_over_a_gap_trips_but_does_not_recover() -> None:
 
     def judged(at_s: float, value: float) -> list[bool]:
         watch.take(source, [Valid(at_s, value, 1)])
-        return [change.tripped for change in watch.look(at_s)]
+        return [change.tripped for change in watch.evaluate(at_s)]
 
     assert [found for at_s in range(0, 125, 4) if (found := judged(at_s, at_s / 5))] == [[True]]
     assert judged(1000, 24.2) == [], "the mean rate since 124 s is small, and over a gap"
@@ -211,14 +211,14 @@ def test_a_difference_to_what_is_not_known_is_not_judged(cause) -> None:
         watch = made(astray={"difference": [air, set_point], "above": "5 °C", "then": "pause"})
         watch.take(air, [Valid(0, first_c, 1)])
         watch.take(set_point, [Valid(0, 20.0, 1)])
-        assert [change.tripped for change in watch.look(0)] == now_tripped
+        assert [change.tripped for change in watch.evaluate(0)] == now_tripped
         if cause == "invalid":
-            watch.lapse(set_point)
+            watch.invalidate(set_point)
         at_s = 1.0 if cause == "invalid" else 1000.0
         watch.take(air, [Valid(at_s, then_c, 2)])
-        assert watch.look(at_s) == ()
+        assert watch.evaluate(at_s) == ()
         watch.take(set_point, [Valid(at_s + 1, 20.0, 2)])
-        assert [change.tripped for change in watch.look(at_s + 1)] == [not now_tripped]
+        assert [change.tripped for change in watch.evaluate(at_s + 1)] == [not now_tripped]
 
 
 @pytest.mark.parametrize("wrong", WRONG)

@@ -208,7 +208,7 @@ def test_sentences_of_analyses_are_in_the_language_of_the_report(note, chinese):
 
 def test_what_people_type_stays_as_they_typed_it_and_what_the_program_says_is_told_in_the_language():
     with language("zh"):
-        said = [words.said_in_words(text) for text in ("done", "scripted technician", "air", "93 °", HOSTILE)]
+        said = [words.answer_text(text) for text in ("done", "scripted technician", "air", "93 °", HOSTILE)]
     assert said == ["已完成", "脚本模拟的操作员", "air", "93 °", HOSTILE]
 
 
