@@ -62,6 +62,7 @@ class RunRequest(NamedTuple):
     trace: Path | None = None
     scenario: Path | None = None
     fault_seed: int | None = None
+    no_report: bool = False
 
 
 class CheckedRun(NamedTuple):

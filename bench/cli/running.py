@@ -310,6 +310,7 @@ COMMANDS = (
         ),
         option("--trace FILE", "Record every byte on the connections of the bench in a new file.", read=Path),
         SCENARIO,
+        flag("--no-report", "Write no report; `bench report` writes it later."),
         ONLY_RESULTS,
     )),
     Command("preflight", preflight, (

@@ -7,7 +7,7 @@ import pytest
 
 from bench.app.request import RunRequest
 from bench.cli.commands import Argument, Command
-from bench.cli.main import ALL, COMMANDS
+from bench.cli.table import ALL, COMMANDS
 from tests.support.commands import invoked
 from tests.support.sequences import ROOT
 
