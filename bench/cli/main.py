@@ -31,7 +31,7 @@ def run() -> None:
     """Run the command line; exit codes are those of `bench.cli.exits`."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for plug-ins is slow
     make_usable()
-    if sys.argv[1:2] in (["run"], ["rehearse"]):
+    if sys.argv[1:2] in (["run"], ["rehearse"], ["attempt"]):
         end_at_once()
     code = main(sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
