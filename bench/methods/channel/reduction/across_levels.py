@@ -137,7 +137,7 @@ class ChannelConclusions:
         for factor, level in zip(gain.tolist(), self._usable, strict=True):
             for line in level.slope_lines:
                 if line.kind == READ_OUT:
-                    yield BudgetLine(f"{level.name}: {line.source}", line.type, abs(factor) * line.u, line.dof)
+                    yield line.times(factor, f"{level.name}: {line.source}")
                 else:
                     together[line.source] = together.get(line.source, 0.0) + factor * line.u
         for source, u in together.items():

@@ -22,7 +22,7 @@ from bench.metrology.extremes import interval_of_largest, largest_u
 from bench.metrology.least_squares import Array
 from bench.metrology.nonlinear import NonlinearFit
 from bench.metrology.propagation import Estimate, Measured
-from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import Finding, Interval
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -99,11 +99,7 @@ class IndexingFindings:
     def _per_mps2(self, k1: Finding) -> Finding:
         bench, unit = self.data.bench, f"{self.unit.output_unit}/(m/s²)"
         value = k1.value / bench.gravity_mps2
-        gravity = abs(value) * bench.gravity_u_mps2 / bench.gravity_mps2
-        lines = [
-            BudgetLine("K1", "B", k1.u / bench.gravity_mps2, None, k1.id),
-            BudgetLine("site: gravity", "B", gravity, None, "site.gravity"),
-        ]
+        lines = [BudgetLine("K1", "B", k1.u / bench.gravity_mps2, None, k1.id), bench.gravity(value)]
         return self._of("K1_si", "scale factor of the channel, per m/s²", value, unit, lines, self._at)
 
     def _of_the_mounting(self, both: BothEnds) -> Iterator[Finding]:
@@ -167,7 +163,7 @@ class IndexingFindings:
         lines = [
             BudgetLine(SCATTER, "A", by_scatter, self.estimates.budget.dof or None),
             BudgetLine(SELECTION, "A", by_selection),
-            BudgetLine(BACKLASH, "B", np.radians(self.data.bench.head.backlash_u_deg or 0.0), None, "head.backlash"),
+            common(BACKLASH, np.radians(self.data.bench.head.backlash_u_deg or 0.0)),
         ]
         value = float(np.max(np.abs(every_g)))
         name = "largest difference between readings at one angle, come to from below and from above"
@@ -258,10 +254,8 @@ class IndexingFindings:
 
     def _thermometer(self, per_c: float) -> Iterator[BudgetLine]:
         """Line for the temperature of a result that changes by `per_c` with 1 °C."""
-        thermometer, at_c = self.unit.temperature, self._at.get("at_c")
-        if at_c is not None:
-            u_c = self.data.bench.temperature_u_c(thermometer, at_c)
-            yield BudgetLine(f"{thermometer}: offset, gain", "B", abs(per_c) * u_c, None, thermometer)
+        if (at_c := self._at.get("at_c")) is not None:
+            yield self.data.bench.temperature(self.unit.temperature, at_c).times(per_c)
 
     def _id(self, quantity: str) -> str:
         return self.data.subject(self.unit).id(quantity)
@@ -300,8 +294,7 @@ class IndexingFindings:
 
 
 def _tilt_line(quantity: str, tilt: Measured, scale: float) -> BudgetLine:
-    source = TILT_SOURCES[quantity]
-    return BudgetLine(source, "B", abs(scale) * tilt.u, None, source.replace(": ", "."))
+    return common(TILT_SOURCES[quantity], scale * tilt.u)
 
 
 def _constants(model: SweepModel, fit: NonlinearFit, units: Mapping[str, str], otherwise: str) -> dict[str, Constant]:
