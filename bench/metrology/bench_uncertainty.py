@@ -121,7 +121,7 @@ class BenchRecord:
     @property
     def wobble(self) -> BudgetLine:
         """Tilt of the outermost axis once a turn, in rad."""
-        return common("table: wobble", math.radians(self.head.wobble_u_deg))
+        return BudgetLine("axis: wobble", "B", math.radians(self.head.wobble_u_deg), None, "table.wobble")
 
     def gravity(self, value: float) -> BudgetLine:
         """Contribution of gravity to a value that is proportional to it."""

@@ -18,6 +18,7 @@ from bench.methods.indexing.reduction.model import SweepModel
 from bench.methods.indexing.reduction.readings import IndexingReading
 from bench.methods.indexing.reduction.sweep import EndFit
 from bench.methods.indexing.reduction.two_ends import BothEnds
+from bench.methods.indexing.words import ENDS, ON_THE_GROUND, ORBIT
 from bench.metrology.extremes import interval_of_largest, largest_u
 from bench.metrology.least_squares import Array
 from bench.metrology.nonlinear import NonlinearFit
@@ -25,14 +26,16 @@ from bench.metrology.propagation import Estimate, Measured
 from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import Finding, Interval
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 SELECTION = "readings: scatter makes the largest of many larger"
 TILT_SOURCES = {"b3": "fixture: level", "b4": "platform: angle"}
 TILT_NAMES = {"b3": "tilt by the level of the fixture", "b4": "tilt of the platform"}
 TILTS = ("head: zero", "head: harmonics", "fixture: level")  # contributions to the tilt of the seat
-ORBIT = "a = (U - b) / K1, U the output, a along the input axis in g"
-MODEL = "U = c0 + c1·a + cxz·a·a_z, a = sin(θ + s·δ), a_z = s·cos(θ + s·δ), s = +1 with +Z up, -1 with it down"
+LINE = "a = (U - b) / K1"
+MODEL = "U = c0 + c1·a + cxz·a·a_z"
+INPUTS = ("a = sin(θ + s·δ)", "a_z = s·cos(θ + s·δ)")
 
 
 @dataclass(frozen=True)
@@ -205,8 +208,8 @@ class IndexingFindings:
             yield self._equation("orbit", "acceleration", ORBIT, both.corrected, both.scale, known)
         for name in self.estimates.fits:
             bias, scale = self.estimates.line(name)
-            form = f"{ORBIT}, on the ground with +Z {name}"
-            yield self._equation(f"end_{name}", f"acceleration_{name}", form, bias, scale)
+            clauses = (*ORBIT, ON_THE_GROUND[name])
+            yield self._equation(f"end_{name}", f"acceleration_{name}", clauses, bias, scale)
         model = self.found.model
         if model.fit is not None and both is not None:
             units = {"c0": output, "delta": "rad", "cxz": f"{output}/g²", "c2": f"{output}/g²", "c3": f"{output}/g³"}
@@ -218,11 +221,13 @@ class IndexingFindings:
                 constants=_constants(model, model.fit, units, f"{output}/g"),
                 valid=self._valid,
                 correlation=tuple(tuple(float(value) for value in row) for row in _correlation(model.fit.covariance)),
+                clauses=tuple(map(Flag, (*INPUTS, *ENDS))),
             )
 
     def _equation(
-        self, name: str, quantity: str, form: str, bias: Estimate, scale: Estimate, known: tuple[BudgetLine, ...] = ()
-    ) -> Equation:
+        self, name: str, quantity: str, clauses: tuple[str, ...], bias: Estimate, scale: Estimate,
+        known: tuple[BudgetLine, ...] = (),
+    ) -> Equation:  # fmt: skip
         output, budget = self.unit.output_unit, self.estimates.budget
         u_bias, u_scale = (
             float(np.sqrt(sum(line.u**2 for line in (*budget.lines(each), *more))))
@@ -232,10 +237,11 @@ class IndexingFindings:
             id=self._id(f"equation/{name}"),
             uut=self.unit.serial,
             quantity=quantity,
-            form=form,
+            form=LINE,
             constants={"b": Constant(bias.value, output, u_bias), "K1": Constant(scale.value, f"{output}/g", u_scale)},
             valid=self._valid,
             correlation=budget.correlation([bias, scale]),
+            clauses=tuple(map(Flag, clauses)),
         )
 
     @property

@@ -21,7 +21,6 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 BIAS = "readings at rest"
 TILT = "axis: level, in readings at rest at one angle"
-WOBBLE = "axis: wobble"
 WARMER = "scale factor: temperature against that at the low rates"
 BY_RADIUS = "low rates: by way of the radius"
 OTHERWISE_WARM = "scale factor: temperature against that of the curve"
@@ -142,7 +141,7 @@ class RangeFindings:
         share = 1.0 if at_one_angle else 0.5
         if at_one_angle:
             yield bench.level.times(1.0, TILT)
-        yield bench.wobble.times(share, WOBBLE)
+        yield bench.wobble.times(share)
 
     def errors(
         self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]

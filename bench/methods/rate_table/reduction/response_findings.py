@@ -215,7 +215,7 @@ class ResponseFindings:
                 BudgetLine(ENCODER, "A", squares * size_m * swing.u_relative),
                 BudgetLine(SLOPE, "B", squares * size_m * _slope_u(self._table, swing), None, SHARED_SLOPE),
                 bench.level.times(level, "axis: level"),
-                bench.wobble.times(leak_m, "axis: wobble"),
+                bench.wobble.times(leak_m),
                 *(line.times(size_m) for line in self.of_scale),
                 bench.gravity(size_m),
                 self._clock.time_base.times(size_m if self.unit.is_counted else 2 * size_m),  # the same counts pulses
