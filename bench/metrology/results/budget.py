@@ -34,9 +34,9 @@ class BudgetLine:
         return replace(self, u=float(self.u * gain), source=source or self.source)
 
 
-def common(source: str, u: float) -> BudgetLine:
+def common(source: str, u: float, kind: str = "") -> BudgetLine:
     """Line of an error that all results have."""
-    return BudgetLine(source, "B", float(u), None, source.replace(": ", ".").replace(" ", "_"))
+    return BudgetLine(source, "B", float(u), None, source.replace(": ", ".").replace(" ", "_"), kind)
 
 
 def gain_and_offset(instrument: str, gain_u: float, offset_u: float) -> tuple[BudgetLine, BudgetLine]:

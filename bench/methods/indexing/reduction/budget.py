@@ -28,6 +28,7 @@ from bench.metrology.thermometer_drift import source_of
 SCATTER = "readings: scatter"
 BACKLASH = "head: backlash"
 LEVEL = "fixture: level"
+TILT = "tilt"  # the kind of the lines of the tilt of the seat
 
 
 @dataclass(frozen=True)
@@ -57,11 +58,11 @@ class IndexingBudget:
         from_above = np.array([each.came_from != "below" for each in self.readings])
         return {
             BudgetLine(SCATTER, "A", 1.0, self.dof or None): gain * self.sd,
-            common("head: zero", np.radians(head.zero_u_deg)): together,
-            common("head: harmonics", 1.0): by_harmonics(turned, head_rad, head.harmonics_u_deg),
+            common("head: zero", np.radians(head.zero_u_deg), TILT): together,
+            common("head: harmonics", 1.0, TILT): by_harmonics(turned, head_rad, head.harmonics_u_deg),
             BudgetLine("head: repeatability", "B", float(np.radians(head.repeatability_u_deg))): self._by_stand(turned),
             common(BACKLASH, np.radians(head.backlash_u_deg or 0.0)): np.array([turned[from_above].sum()]),
-            self.bench.level: together,
+            replace(self.bench.level, kind=TILT): together,
             common(source_of(LEVEL, level_drift), np.radians(level_drift.u)): np.array(
                 [turned @ [each.run_share for each in self.readings]]
             ),
@@ -82,12 +83,12 @@ class IndexingBudget:
         lines = instrument_lines(self.unit, self.bench, float(gain @ values), float(gain.sum()))
         return {line: np.ones(1) for line in lines}
 
-    def lines(self, result: Estimate, without: Sequence[str] = ()) -> tuple[BudgetLine, ...]:
-        """Budget of a result; `without` are sources that are part of the quantity, not errors of it."""
+    def lines(self, result: Estimate, without: str = "") -> tuple[BudgetLine, ...]:
+        """Budget of a result; sources of the kind `without` are part of the quantity, not errors of it."""
         return combined([
             replace(source, u=float(np.linalg.norm(source.u * gains)))
             for source, gains in self.sources(result.gain).items()
-            if source.source not in without
+            if not without or source.kind != without
         ])  # fmt: skip
 
     def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.indexing.reduction.budget import BACKLASH, SCATTER
+from bench.methods.indexing.reduction.budget import BACKLASH, SCATTER, TILT
 from bench.methods.indexing.reduction.calibrate import StaticCalibration
 from bench.methods.indexing.reduction.estimates import IndexingEstimates
 from bench.methods.indexing.reduction.model import SweepModel
@@ -32,9 +32,7 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 SELECTION = "readings: scatter makes the largest of many larger"
 TILT_SOURCES = {"b3": "fixture: level", "b4": "platform: angle"}
 TILT_NAMES = {"b3": "tilt by the level of the fixture", "b4": "tilt of the platform"}
-TILTS = ("head: zero", "head: harmonics", "fixture: level")  # contributions to the tilt of the seat
 LINE = "a = (U - b) / K1"
-MODEL = "U = c0 + c1·a + cxz·a·a_z"
 INPUTS = ("a = sin(θ + s·δ)", "a_z = s·cos(θ + s·δ)")
 
 
@@ -119,7 +117,7 @@ class IndexingFindings:
         if both.beyond is not None:
             known = tuple(_tilt_line(*each, scale.value) for each in self.estimates.tilts.items())
             name = "tilt of the seat beyond b3 and b4, by clocking"
-            yield self._finding("b5", name, both.beyond, output, at, known, without=TILTS)
+            yield self._finding("b5", name, both.beyond, output, at, known, without=TILT)
             yield from self._seat_tilt(scale.value)
 
     def _unknown_tilt(self, both: BothEnds, factor: float = 1.0) -> tuple[BudgetLine, ...]:
@@ -217,7 +215,7 @@ class IndexingFindings:
                 id=self._id("equation/all"),
                 uut=self.unit.serial,
                 quantity="output",
-                form=MODEL if "c2" not in model.terms else MODEL.replace(" + cxz", " + c2·a² + c3·a³ + cxz"),
+                form=f"U = c0 + c1·a{' + c2·a² + c3·a³' if 'c2' in model.terms else ''} + cxz·a·a_z",
                 constants=_constants(model, model.fit, units, f"{output}/g"),
                 valid=self._valid,
                 correlation=tuple(tuple(float(value) for value in row) for row in _correlation(model.fit.covariance)),
@@ -274,7 +272,7 @@ class IndexingFindings:
         unit: str,
         at: Mapping[str, Any],
         known: tuple[BudgetLine, ...] = (),
-        without: Sequence[str] = (),
+        without: str = "",
         flags: tuple[str, ...] = (),
     ) -> Finding:
         lines = [*self.estimates.budget.lines(result, without), *known]

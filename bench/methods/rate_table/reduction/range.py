@@ -132,7 +132,7 @@ def _radius(form: RangeFindings, blocks: RangeBlocks, low: Sequence[Turning], ar
     weights = np.array([each.steady.rate_dps**4 for each in low])
     harmonics = weights / weights.sum() * [2 * each.u_harmonics_dps / each.steady.rate_dps for each in low]
     lines = [
-        BudgetLine(noise_of(form.unit).replace("sensor", "low rates", 1), "A", arm.u_own_m),
+        BudgetLine(noise_of(form.unit, "low rates"), "A", arm.u_own_m),
         form.of_rest(blocks, arm.u_bias_m / blocks.bias.u_output if blocks.bias.u_output else 0.0),
         BudgetLine(HARMONICS, "B", abs(radius_m) * float(np.linalg.norm(harmonics))),
         *form.as_stated(radius_m, float(np.mean([each.temperature_c for each in low]))),

@@ -272,11 +272,11 @@ class RangeFindings:
         )  # fmt: skip
 
 
-def noise_of(unit: UnitUnderTest) -> str:
-    """Name in budgets of the scatter of an output."""
+def noise_of(unit: UnitUnderTest, what: str = "sensor") -> str:
+    """Name in budgets of the scatter of an output, of the sensor or of readings with it."""
     if unit.is_counted:
-        return "sensor: noise and steps of counting"
-    return "sensor: noise and steps of codes" if unit.telemetry is not None else "sensor and voltmeter: noise"
+        return f"{what}: noise and steps of counting"
+    return f"{what}: noise and steps of codes" if unit.telemetry is not None else f"{what} and voltmeter: noise"
 
 
 def _dof(blocks: RangeBlocks) -> int | None:
