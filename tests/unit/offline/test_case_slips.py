@@ -61,7 +61,9 @@ def test_an_output_that_never_changes_neither_passes_nor_is_reduced(tmp_path, me
 def test_a_radius_of_a_dead_output_is_not_determined(tmp_path):
     case = good_case("M3", "acc_range")
     case["acc_g"] = np.zeros_like
-    assert "invalid" in reduce_case(case.write(tmp_path))["flags"]
+    found = reduced_case(case.write(tmp_path))
+    assert found.lacking[:2] == ("radius_not_determined", "invalid")
+    assert list(found.lacking) == found.content["flags"]
 
 
 def test_the_wording_of_a_flag_decides_nothing(tmp_path, monkeypatch):
