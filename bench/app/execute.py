@@ -40,7 +40,7 @@ from bench.runner import manifest
 from bench.runner.alert import alert
 from bench.runner.found_on import NOTHING, LeftOn
 from bench.runner.guard import guarded
-from bench.runner.held import A_RUN, address_lock, real_addresses, why_locked_out
+from bench.runner.held import Kind, address_lock, real_addresses, why_locked_out
 from bench.runner.power import Hold, power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
@@ -57,7 +57,7 @@ HEALTHY_BLOCK_S = 60.0  # time for which frames stay with the nodes if no fault 
 
 @dataclass(frozen=True)
 class RunResult:
-    """Outcome of a run: directory, problems, results, and report if any."""
+    """Outcome of a run: directory, problems, results, and report unless it failed or none was asked for."""
 
     path: Path
     outcome: Outcome
@@ -65,6 +65,7 @@ class RunResult:
     bench_s: float
     wall_s: float
     report: Path | None = None
+    no_report: bool = False
 
     @property
     def problems(self) -> list[str]:
@@ -86,7 +87,7 @@ def execute(
     """
     with ExitStack() as in_use, nullcontext(signals) if signals is not None else Signals() as kept:
         bench = prepared.loaded.bench
-        in_use.enter_context(address_lock(real_addresses(bench).values(), f"{A_RUN}{prepared.plan.name}"))
+        in_use.enter_context(address_lock(real_addresses(bench).values(), f"a run of {prepared.plan.name}", Kind.RUN))
         if why := why_locked_out(bench):
             raise InUseError(f"The bench is {why}. When the work is done: bench lockout --lift --bench FILE")
         return _execute(prepared, observer, kept, in_use.close, resumption)
@@ -151,9 +152,11 @@ def _execute(
         if ran.clock_steps:
             record["clock_steps"] = ran.clock_steps
         finish = Finish(directory, record, ran.outcome, signals, watch)
-        results = finish.results(ran.laboratory, ran.begun, ran.end)
+        no_report = prepared.request.no_report
+        results = finish.results(ran.laboratory, ran.begun, ran.end, no_report=no_report)
         _alert(prepared, directory.path.name, ran.outcome, results, observer)
-        return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s(), finish.report)
+        elapsed_s = watch.elapsed_s()
+        return RunResult(directory.path, ran.outcome, results, ran.bench_s, elapsed_s, finish.report, no_report)
     finally:
         directory.release()
 

@@ -113,7 +113,7 @@ def _lost_its_thermostat(level: Level) -> bool:
 def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[Flag]:
     name, excluded = level.name, level.run.excluded
     yield from (Flag(code, of=name) for code in level.run.flags)
-    yield from (Flag(note, at=name) for note in level.run.notes)
+    yield from (replace(note, at=name) for note in level.run.notes)
     for reason in LEFT_OUT:
         if excluded.get(reason):
             yield samples_left_out(reason, excluded[reason], name)
