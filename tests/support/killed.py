@@ -47,9 +47,9 @@ class Killed(Quiet):
             os._exit(KILLED)
 
 
-def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **wishes: Any) -> Path:
+def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **options: Any) -> Path:
     """The directory of a run that was killed at an instant of bench time."""
-    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), **wishes}
+    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), **options}
     _killed({"at_s": at_s, "asked": asked})
     return max(runs.iterdir())
 
