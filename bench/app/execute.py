@@ -58,7 +58,7 @@ HEALTHY_BLOCK_S = 60.0  # time for which frames stay with the nodes if no fault 
 
 @dataclass(frozen=True)
 class RunResult:
-    """Outcome of a run: directory, problems, results, and report if any."""
+    """Outcome of a run: directory, problems, results, and report unless it failed or none was asked for."""
 
     path: Path
     outcome: Outcome
@@ -66,6 +66,7 @@ class RunResult:
     bench_s: float
     wall_s: float
     report: Path | None = None
+    no_report: bool = False
 
     @property
     def problems(self) -> list[str]:
@@ -151,9 +152,11 @@ def _execute(
         if ran.clock_steps:
             record["clock_steps"] = ran.clock_steps
         finish = Finish(directory, record, ran.outcome, signals, watch)
-        results = finish.results(ran.laboratory, ran.begun, ran.end)
+        no_report = prepared.request.no_report
+        results = finish.results(ran.laboratory, ran.begun, ran.end, no_report=no_report)
         _alert(prepared, directory.path.name, ran.outcome, results, observer)
-        return RunResult(directory.path, ran.outcome, results, ran.bench_s, watch.elapsed_s(), finish.report)
+        elapsed_s = watch.elapsed_s()
+        return RunResult(directory.path, ran.outcome, results, ran.bench_s, elapsed_s, finish.report, no_report)
     finally:
         directory.release()
 

@@ -45,7 +45,9 @@ class Finish:
         self.report: Path | None = None
         """Report, once it is written."""
 
-    def results(self, laboratory: Laboratory | None, begun: bytes, end: Link) -> Results | None:
+    def results(
+        self, laboratory: Laboratory | None, begun: bytes, end: Link, *, no_report: bool = False
+    ) -> Results | None:
         """Reduce the run and write results, manifest and report; return None if it cannot be reduced.
 
         `begun` is the head of the first link of its chain, `end` the last link.
@@ -69,7 +71,7 @@ class Finish:
             if beginning(path / MANIFEST) != begun:
                 self._set_aside(MANIFEST)
             self._close(begun, end)
-            if stored is not None:
+            if stored is not None and not no_report:
                 stored.manifest = {**stored.manifest, **record}
                 stored.record = examine(path, thoroughly=False)
                 self._report(stored)

@@ -62,6 +62,8 @@ class RunRequest(NamedTuple):
     trace: Path | None = None
     scenario: Path | None = None
     fault_seed: int | None = None
+    no_report: bool = False
+    ticket: str = ""
 
 
 class CheckedRun(NamedTuple):
@@ -224,7 +226,9 @@ def prepare(request: RunRequest) -> PreparedRun:
     speed = _speed(request, loaded)
     if request.past_due == "refuse" and (found := [each for each in checked.warnings if each.rule == PAST_DUE]):
         raise InputError(*(f"{loaded.document.where(remark.place)}: {remark.text}" for remark in found))
-    for option, text in (("--order", request.order), ("--procedure", request.procedure)):
+    for option, text in (
+        ("--order", request.order), ("--procedure", request.procedure), ("--ticket", request.ticket),
+    ):  # fmt: skip
         if not text.isprintable() or len(text) > 200:
             raise InputError(f"{option}: expected up to 200 printable characters")
     loaded, scenario = with_scenario(loaded, request.scenario, plan)

@@ -1,4 +1,4 @@
-"""schema, reference, fmt, new: commands for writing sequences and bench files."""
+"""schema, fmt, new: commands for writing sequences and bench files."""
 
 from __future__ import annotations
 
@@ -48,17 +48,6 @@ def schema_of_table_profiles() -> None:
 
 def _print(schema: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
-
-
-def reference(page: str, out: Path | None) -> None:
-    """Print a page of the reference in Markdown: steps, keys of files, methods, drivers, commands, errors."""
-    from bench.cli.reference import page_text, write_pages
-
-    if out is None:
-        sys.stdout.write(page_text(page))
-        return
-    for path in write_pages(out):
-        sys.stdout.write(f"{path}\n")
 
 
 def format_files(files: tuple[Path, ...], *, check: bool) -> int:
@@ -112,10 +101,6 @@ COMMANDS = (
     Command("schema chamber-profile", schema_of_chamber_profiles),
     Command("schema scenario", schema_of_scenarios),
     Command("schema table-profile", schema_of_table_profiles),
-    Command("reference", reference, (
-        argument("PAGE", "One of the pages listed by README.", default="README"),
-        option("--out DIR", "Write all pages there instead of printing one.", read=Path),
-    )),
     Command("fmt", format_files, (
         arguments("FILE", "Sequence and bench files.", to="files", least=1, read=Path),
         flag("--check", "Change nothing; exit with 2 if a file would change."),

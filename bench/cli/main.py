@@ -6,22 +6,17 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from bench.cli import authoring, control, devices, offline, rehearsing, running, stored
-from bench.cli.commands import COMMANDS, Command, Helped
+from bench.cli.commands import Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.cli.interrupts import end_at_once
 from bench.cli.streams import make_usable
+from bench.cli.table import COMMANDS
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
 
 PURPOSE = "Runs inertial-sensor test benches: sequences in, calibrated models with uncertainties out."
-ALL = (
-    *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
-    *authoring.COMMANDS, *control.COMMANDS,
-)  # fmt: skip
-COMMANDS.update({command.words: command for command in ALL})
 GROUPS = {
     "runs": "List or verify runs.",
     "devices": "List the instruments of a bench, or find new ones.",
@@ -34,7 +29,7 @@ def run() -> None:
     """Run the command line; exit codes are those of `bench.cli.exits`."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for plug-ins is slow
     make_usable()
-    if sys.argv[1:2] in (["run"], ["rehearse"]):
+    if sys.argv[1:2] in (["run"], ["rehearse"], ["attempt"]):
         end_at_once()
     code = main(sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
@@ -90,7 +85,7 @@ def _done(words: Sequence[str]) -> int:
     return _command(f"{first} {others[0]}", COMMANDS).called(others[1:])
 
 
-def _command(name: str, known: dict[str, Command]) -> Command:
+def _command(name: str, known: Mapping[str, Command]) -> Command:
     """Return the command of that name. Raises InputError."""
     if name not in known:
         from drivers.schema.suggest import nearest

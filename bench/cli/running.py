@@ -63,7 +63,7 @@ def _uncollected() -> Iterator[None]:
 def check(*, strict: bool, form: str, **wishes: Any) -> int:
     """Check a sequence against a bench; nothing is opened."""
     from bench.app.request import RunRequest, load_checked
-    from bench.cli.check_output import RENDERERS, Shown
+    from bench.sequence.checks.output import RENDERERS, Shown
 
     try:
         checked = load_checked(RunRequest(**wishes))
@@ -97,7 +97,7 @@ def _counted(count: int, what: str) -> str:
 
 def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
     """Write warnings before a run to stderr, one per line."""
-    from bench.cli.check_output import warning_line
+    from bench.sequence.checks.output import warning_line
 
     for warning in warnings:
         sys.stderr.write(warning_line(warning, plan.document) + "\n")
@@ -301,6 +301,7 @@ COMMANDS = (
         option("--operator NAME", "Who runs it; default: $USER.", variable="USER", default=""),
         option("--order TEXT", "The order that the run is for; shown in the report.", default=""),
         option("--procedure TEXT", "The test procedure and its revision; shown in the report.", default=""),
+        option("--ticket TEXT", "Identification of the request for this run; kept in its manifest.", default=""),
         NEW_RUNS,
         flag("--unattended", "Nobody stays with the bench: run only if every line of the preflight is good."),
         ANSWERS,
@@ -310,6 +311,7 @@ COMMANDS = (
         ),
         option("--trace FILE", "Record every byte on the connections of the bench in a new file.", read=Path),
         SCENARIO,
+        flag("--no-report", "Write no report; `bench report` writes it later."),
         ONLY_RESULTS,
     )),
     Command("preflight", preflight, (

@@ -13,7 +13,7 @@ from bench.errors import InputError
 from bench.sequence.checks.check import check
 from bench.sequence.checks.remarks import Remark
 from bench.sequence.checks.rules import judge
-from bench.sequence.document.model import Outline, SequenceFile
+from bench.sequence.document.model import CONTEXT, Outline, SequenceFile
 from bench.sequence.document.outline import block_around, outline_of
 from bench.sequence.language.expressions import Value, ValueProblem
 from bench.sequence.language.readings import example_of
@@ -21,7 +21,6 @@ from bench.sequence.language.values import value_of
 from bench.sequence.plan.expand import expand
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.unit_places import occupied
-from drivers.schema.fields import DEFERRED
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import value_text
 
@@ -29,7 +28,7 @@ from drivers.schema.wording import value_text
 def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
     """Load a sequence file without evaluating expressions; InputError lists every problem with its place."""
     document = read_document(path)
-    return document, load(document, SequenceFile, **DEFERRED, files_needed=False)
+    return document, load(document, SequenceFile, **CONTEXT, files_needed=False)
 
 
 def load_plan(path: Path, bench: BenchFile | None, **wishes: Any) -> Plan:

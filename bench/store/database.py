@@ -78,6 +78,22 @@ def _make_commits_durable(database: sqlite3.Connection, path: Path) -> None:
         )
 
 
+def make_one_file(database: sqlite3.Connection) -> None:
+    """Move everything into the database file, and end the log, so that later readers create no other files.
+
+    Where another program has the database open the log stays, empty. Raises sqlite3.Error if one reads so long that
+    the log cannot be emptied.
+    """
+    database.execute("PRAGMA busy_timeout=500")
+    try:
+        database.execute("PRAGMA journal_mode=DELETE")
+    except sqlite3.OperationalError:
+        database.execute("PRAGMA busy_timeout=5000")  # now for those that read at this moment
+        busy, _, _ = database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+        if busy:
+            raise
+
+
 def open_to_read(path: Path) -> sqlite3.Connection:
     """Open an existing database for reading; SQLite recovers that of an interrupted run. Raises StoreError."""
     _expect_files(path)

@@ -321,7 +321,7 @@ class RunWriter:
     def _close_database(self) -> None:
         try:
             if self._failure is None:
-                self._database.execute("PRAGMA journal_mode=DELETE")  # leave one file, so that readers create no others
+                database.make_one_file(self._database)
             self._database.close()
             self._place.close()
         except sqlite3.Error as problem:

@@ -334,7 +334,7 @@ _NO_CONTENT = ("run.lock", "run.db-shm", "runner.json", "reserve.bin")
 
 def originals(folder: Path) -> tuple[Path, Path]:
     """A run that came to its end, and what is left of one that was killed in its middle."""
-    finished = run_short(folder / "finished", sequence="smoke", operator="A. Technician").path
+    finished = run_short(folder / "finished", sequence="smoke", operator="A. Technician", no_report=False).path
     with running(folder / "interrupted") as run:
         while run.acknowledged < HALF_OF_THE_ROWS:
             pass

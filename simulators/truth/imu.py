@@ -7,7 +7,7 @@ at the indicated temperature and with the bias drift of that time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import permutations, product
 from typing import Any
 
@@ -68,11 +68,12 @@ def accelerometer_constants(
 ) -> dict[str, float]:
     """True K0 (g, with K2 in it), K1 (pulse/s/g, with K3), K2 (g/g²) and misalignments (rad), as "misalignment x".
 
-    With a decoding K1 is that of the decoded output.
+    With a decoding K1 is that of the decoded output. They are constants outside the dead band of the converter: pulses
+    that it takes away in one attitude are no misalignment.
     """
     up = _attitudes()[:, :, 2]
     ordered = [up[:, (axis + shift) % 3] for shift in range(3)]
-    channel, at_c = truth.accelerometers[axis], np.full(len(up), temperature_c)
+    channel, at_c = replace(truth.accelerometers[axis], dead_band_a=0.0), np.full(len(up), temperature_c)
     force_g = (ordered[0], ordered[1], ordered[2])
     output = channel.output(channel.current_a(force_g, at_c, np.full(len(up), drifted_g)), decoding)
     own = up[:, axis]

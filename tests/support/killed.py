@@ -48,8 +48,8 @@ class Killed(Quiet):
 
 
 def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **options: Any) -> Path:
-    """The directory of a run that was killed at an instant of bench time."""
-    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), **options}
+    """The directory of a run that was killed at an instant of bench time; `options` are as in `run_short`."""
+    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), "no_report": True, **options}
     _killed({"at_s": at_s, "asked": asked})
     return max(runs.iterdir())
 

@@ -35,7 +35,7 @@ def steps(*lines: str) -> str:
 
 
 def plan_of(folder: Path, body: str, *, tail: str = TAIL, bench: BenchFile | None = BENCH, **options: Any) -> Plan:
-    """The plan of a sequence; `wishes` are those of load_plan."""
+    """The plan of a sequence; `options` are those of load_plan."""
     path = folder / "s.yaml"
     path.write_text(body + tail, "utf-8")
     return load_plan(path, bench, **options)

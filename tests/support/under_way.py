@@ -48,7 +48,7 @@ def bench_run(
 ) -> Iterator[UnderWay]:
     """Start a run in a process group of its own; inside it takes commands, and afterwards it is gone."""
     process = subprocess.Popen(
-        [sys.executable, *program, "run", *arguments, "--bench", bench, "--runs", str(runs)],
+        [sys.executable, *program, "run", *arguments, "--no-report", "--bench", bench, "--runs", str(runs)],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=ROOT,
         start_new_session=True, env={**os.environ, "USER": "tired"},
     )  # fmt: skip

@@ -42,7 +42,9 @@ def run(tmp_path_factory):
     assert asked.count("current_from: source ") == 1
     sequence = folder / "by_meter.yaml"
     sequence.write_text(asked.replace("current_from: source ", "current_from: meter "), "utf-8")
-    return run_short(folder / "runs", bench=bench, sequence=str(sequence), settings=SETTINGS, speed="max", seed=4)
+    return run_short(
+        folder / "runs", bench=bench, sequence=str(sequence), settings=SETTINGS, speed="max", seed=4, no_report=False
+    )
 
 
 def findings(run, current_from="meter"):

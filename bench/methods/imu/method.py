@@ -43,6 +43,12 @@ class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
         description="maximum deviation of a reading from the others of its kind; beyond it the unit was in another "
         "attitude",
     )
+    dead_band_g: Annotated[float, InUnit("g", at_least=0)] = Field(
+        40e-6,
+        alias="dead_band",
+        description="dead band ± of the converters of counted accelerometers, with the noise of their input; level "
+        "readings below it are left out of K2 and misalignment",
+    )
     rate_tolerance: Annotated[Ratio, InUnit("", above=0, at_most=1)] = Field(
         0.1, description="maximum deviation of the table from the commanded rate"
     )

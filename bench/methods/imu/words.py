@@ -22,6 +22,10 @@ UNITS = {
         "Set point {set_c} °C: in attitude {what} the unit seems to have been in another attitude; its axis is left"
         " out there."
     ),
+    "T={set_c}:near_zero:{what}": (
+        "Set point {set_c} °C: {what} is in the dead band of its converter, or near it, and is left out of K2 and the"
+        " misalignments."
+    ),
 }
 QUANTITIES = {
     "start_up_not_determined": "too few readings after power-on to follow it.",

@@ -58,7 +58,7 @@ def message(result):
 def test_a_tumble_runs_to_its_end_and_the_record_says_who_turned_the_head_when(tmp_path):
     script = {"head": {"by": "A. Turner"}, "head#2": {"by": "B. Turner", "after": "10 min"}}
     four = "positions=[0°, 90°, 180°, 270°]"
-    result = run_by_hand(tmp_path, script, settings=(*SHORT, four))
+    result = run_by_hand(tmp_path, script, settings=(*SHORT, four), no_report=False)
     assert result.outcome.how == "completed"
     assert result.results.verdict in ("PASS", "INCOMPLETE")
     asked, answered = events(result, "asked"), events(result, "answered")

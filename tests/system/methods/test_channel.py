@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def full(tmp_path_factory):
-    return ran(tmp_path_factory.mktemp("full"), "channel_full", FULL, seed=3)
+    return ran(tmp_path_factory.mktemp("full"), "channel_full", FULL, seed=3, no_report=False)
 
 
 def events(result, kind="step_ended"):

@@ -18,7 +18,9 @@ BENCHES = {"channel_volts": ("dvm", "V"), "channel_telemetry": ("x", "code")}
 
 @pytest.fixture(scope="module", params=BENCHES)
 def full(request, tmp_path_factory):
-    result = ran(tmp_path_factory.mktemp(request.param), "channel_full", FULL, bench=request.param, seed=3)
+    result = ran(
+        tmp_path_factory.mktemp(request.param), "channel_full", FULL, bench=request.param, seed=3, no_report=False
+    )
     return request.param, result
 
 

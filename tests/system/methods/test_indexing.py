@@ -47,7 +47,7 @@ def calibrated(folder, bench, settings=SHORT, edits=(), sequence="indexing_stati
 
 @pytest.fixture(scope="module")
 def volts(tmp_path_factory):
-    return calibrated(tmp_path_factory.mktemp("volts"), "indexing")
+    return calibrated(tmp_path_factory.mktemp("volts"), "indexing", no_report=False)
 
 
 @pytest.fixture(scope="module")
@@ -249,7 +249,7 @@ def test_what_came_to_every_angle_from_below_is_not_called_hysteresis(tmp_path):
     path = both_passes_from_below(tmp_path)
     options = {"settings": (*SHORT, "max_repeats=0"), "sequence": path}
     with pytest.raises(InputError, match=r"to 0\.0\d+ g, and its range is ±0\.01 g"):
-        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], **options)
+        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], no_report=False, **options)
     run = calibrated(tmp_path, "indexing", edits=[HYSTERETIC, NO_RANGE], **options)
     assert run.problems == []
     results = read_json(run, "results.json")
@@ -272,7 +272,7 @@ def test_the_record_tells_from_where_the_head_came_and_while_it_stood(data):
 
 def test_ends_that_differ_are_measured_again_and_then_marginal(tmp_path):
     coupled = ("uut/micro_g.yaml", "Kip: {mean: 0 µg/g², sd: 10 µg/g²}", "Kip: 500 µg/g²")
-    run = calibrated(tmp_path, "indexing", (*SHORTEST, "max_repeats=1"), [coupled])
+    run = calibrated(tmp_path, "indexing", (*SHORTEST, "max_repeats=1"), [coupled], no_report=False)
     assert run.problems == []
     with RunReader(run.path) as reader:
         decisions = [event.data["value"] for event in reader.events("step_ended") if event.data.get("as") == "decision"]
@@ -296,7 +296,7 @@ def test_what_does_not_become_stable_is_not_fitted(tmp_path):
 def test_the_bench_must_say_what_1_g_is(tmp_path):
     bench = full_bench(tmp_path, "indexing")
     bench.write_text(bench.read_text("utf-8").replace("resistor: 1 kΩ, ", ""), "utf-8")
-    with pytest.raises(Exception, match=r"places\.a of the bench file has no nominal K1 and resistor"):
+    with pytest.raises(InputError, match=r"places\.a of the bench file has no nominal K1 and resistor"):
         run_short(tmp_path / "runs", bench=bench, sequence="indexing_static")
 
 

@@ -57,15 +57,14 @@ def events(result, *kinds):
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory):
-    return run_three(tmp_path_factory.mktemp("good"), units=("a=QF-1", "b=QF-2", "c=QF-3"))
+    return run_three(tmp_path_factory.mktemp("good"), no_report=False, units=("a=QF-1", "b=QF-2", "c=QF-3"))
 
 
 @pytest.fixture(scope="module")
 def one_failed(tmp_path_factory):
     fault = "{unit: b, kind: current, at: 75 s}"
-    return run_three(
-        tmp_path_factory.mktemp("failed"), fault, settings=("temperatures=[20 °C, 20 °C]", "soak=20 s", "gate=5 s")
-    )
+    settings = ("temperatures=[20 °C, 20 °C]", "soak=20 s", "gate=5 s")
+    return run_three(tmp_path_factory.mktemp("failed"), fault, settings=settings, no_report=False)
 
 
 def test_two_units_on_one_supply_may_draw_what_both_may(tmp_path):

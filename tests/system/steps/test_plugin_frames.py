@@ -83,11 +83,10 @@ def run(plugin: None, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
         return run_short(folder / "runs", bench=bench_with_the_plugin(folder), sequence="smoke")
 
 
-def test_it_is_acquired_and_a_method_reduces_it_like_what_a_shipped_counter_counts(run, tmp_path):
+def test_it_is_acquired_and_a_method_reduces_it_like_what_a_shipped_counter_counts(run, smoke_run):
     assert (run.outcome.how, run.problems) == ("completed", [])
-    shipped = run_short(tmp_path, sequence="smoke")
     found, expected = (
-        {each.quantity: each.value for each in result.results.units[0].findings} for result in (run, shipped)
+        {each.quantity: each.value for each in result.results.units[0].findings} for result in (run, smoke_run)
     )
     assert found.keys() == expected.keys()
     assert found["K1"] == pytest.approx(expected["K1"], rel=1e-4)

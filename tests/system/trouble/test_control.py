@@ -32,7 +32,7 @@ class Running:
     def __init__(self, runs: Path, *arguments: str, bench: str = "simulated", stdin: int | None = None) -> None:
         self.runs = runs
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "bench", "run", *arguments, "--bench", bench, "--runs", str(runs)],
+            [sys.executable, "-m", "bench", "run", *arguments, "--no-report", "--bench", bench, "--runs", str(runs)],
             stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
             env={**os.environ, "USER": "tired"},
         )  # fmt: skip

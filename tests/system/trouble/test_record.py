@@ -190,8 +190,8 @@ def long_written(folder):
     return writer
 
 
-def test_a_report_of_which_the_list_says_nothing_is_not_as_it_was_written(tmp_path):
-    folder = run_short(tmp_path / "runs", sequence="smoke").path
+def test_a_report_of_which_the_list_says_nothing_is_not_as_it_was_written(smoke_copy):
+    folder = smoke_copy
     report = folder / "report.html"
     report.write_text(report.read_text("utf-8").replace("PASS", "FAIL"), "utf-8")
     (folder / "report_revisions.json").unlink()

@@ -101,7 +101,7 @@ def test_a_table_that_cannot_be_is_refused(tmp_path, edit, problem):
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("corrected")
     bench = copy_bench(folder / "config", CLOCK, HEAD, THERMOMETER, PAST_DUE)
-    return run_short(folder, bench=bench, sequence="smoke", past_due="mark")
+    return run_short(folder, bench=bench, sequence="smoke", past_due="mark", no_report=False)
 
 
 def test_the_report_tells_each_correction_and_where_a_table_ended(run):
@@ -124,10 +124,9 @@ def test_readings_beyond_a_table_are_told(tmp_path):
     assert "outside the table: there its end values were used." in line
 
 
-def test_without_corrections_and_past_due_certificates_nothing_is_told(tmp_path):
-    plain = run_short(tmp_path, sequence="smoke")
-    assert read_json(plain, "results.json")["corrections"] == []
-    assert read_json(plain, "results.json")["past_due"] == {}
+def test_without_corrections_and_past_due_certificates_nothing_is_told(smoke_run):
+    assert read_json(smoke_run, "results.json")["corrections"] == []
+    assert read_json(smoke_run, "results.json")["past_due"] == {}
 
 
 def test_what_is_stored_stays_as_it_was_read(run):

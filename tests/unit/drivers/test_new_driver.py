@@ -16,8 +16,8 @@ from tests.support.runs import ROOT
 LINES = {"wire.py": 120, "driver.py": 150, "simulator.py": 120}
 
 
-def test_the_toy_becomes_the_name_everywhere(tmp_path, bench_command):
-    done = bench_command("new", "driver", "my_big_oven", "--out", tmp_path)
+def test_the_toy_becomes_the_name_everywhere(tmp_path, bench_here):
+    done = bench_here("new", "driver", "my_big_oven", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     written = [path for path in (tmp_path / "my_big_oven").rglob("*") if path.is_file()]
     assert sorted(done.stdout.splitlines()) == sorted(map(str, written))

@@ -14,8 +14,8 @@ from bench.errors import InputError
 LINES = {"method.py": 60, "reduction.py": 130, "rules.py": 70, "shown.py": 80, "offline.py": 80, "truth.py": 50}
 
 
-def test_the_toy_becomes_the_name_everywhere(tmp_path, bench_command):
-    done = bench_command("new", "method", "my_big_test", "--out", tmp_path)
+def test_the_toy_becomes_the_name_everywhere(tmp_path, bench_here):
+    done = bench_here("new", "method", "my_big_test", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     written = [path for path in (tmp_path / "my_big_test").rglob("*") if path.is_file()]
     assert sorted(done.stdout.splitlines()) == sorted(map(str, written))

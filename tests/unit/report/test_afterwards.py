@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -14,15 +15,15 @@ from bench.reduce.stored_run import open_run
 from bench.report.write import write_report
 from bench.store.followed import FOLLOWED
 from bench.store.verify import examine
-from tests.support.runs import run_short
 
 AT = "2026-03-01T05:06:07.000+00:00"
 SCRIPT = "<script>alert(1)</script>"
 
 
 @pytest.fixture(scope="module")
-def sealed(tmp_path_factory) -> Path:
-    return run_short(tmp_path_factory.mktemp("after"), sequence="smoke").path
+def sealed(shared_runs, tmp_path_factory) -> Path:
+    smoke_run = shared_runs.smoke()
+    return Path(shutil.copytree(smoke_run.path, tmp_path_factory.mktemp("after") / smoke_run.path.name))
 
 
 @pytest.fixture

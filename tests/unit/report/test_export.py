@@ -15,15 +15,14 @@ from scipy.io import loadmat
 from bench.errors import InputError
 from bench.reduce.stored_run import open_run
 from bench.report.export.export import FORMATS
-from tests.support.runs import run_short
 
 COUNTERS = ("sequence", "tick", "positive", "negative")
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(shared_runs):
     """Three dwells in two rounds of temperature; several acquisitions by three channels."""
-    return run_short(tmp_path_factory.mktemp("runs"))
+    return shared_runs.tumble()
 
 
 @pytest.fixture(scope="module")

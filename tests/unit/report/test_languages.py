@@ -2,7 +2,9 @@
 
 import ast
 import re
+import shutil
 from collections import Counter
+from pathlib import Path
 from string import Formatter
 from typing import get_args
 
@@ -68,13 +70,14 @@ def missing(monkeypatch):
     return catalogue.missed
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("languages"), units=(HOSTILE,), operator=HOSTILE)
+@pytest.fixture
+def run(tumble_run, tmp_path):
+    """The directory of a tumble; reports are written into it."""
+    return Path(shutil.copytree(tumble_run.path, tmp_path / tumble_run.path.name))
 
 
 def report(run, form, lang):
-    with open_run(run.path) as stored:
+    with open_run(run) as stored:
         return write_report(stored, form, lang)
 
 
@@ -240,11 +243,17 @@ def test_a_report_misses_no_word_and_is_in_chinese(run, missing):
         assert text in page
     for text in ("Decision rule", "degrees of freedom", "Serial number", "temperature of the unit"):
         assert text not in page
-    assert "{text.__class__}&lt;b&gt;，安装位置 a" in page
+    assert "QF-0001，安装位置 a" in page
     assert ">被测件温度<" in page  # the legend of the course
     english = report(run, "html", "en")
     assert english.name == "report.html"
     assert not CHINESE.search(english.read_text("utf-8"))
+
+
+def test_names_with_braces_and_markup_are_text_in_every_language(tmp_path):
+    run = run_short(tmp_path, sequence="smoke", units=(HOSTILE,), operator=HOSTILE)
+    assert "{text.__class__}&lt;b&gt;，安装位置 a" in report(run.path, "html", "zh").read_text("utf-8")
+    assert "{text.__class__}&lt;b&gt; in place a" in report(run.path, "html", "en").read_text("utf-8")
 
 
 def test_a_text_without_translation_stays_english(missing):
@@ -273,8 +282,8 @@ def test_without_a_font_the_figures_are_english_and_the_page_says_so(run, monkey
 
 @pytest.mark.lengthy
 @pytest.mark.peer("pango", "a Chinese font")
-def test_a_pdf_brings_the_chinese_characters_that_it_uses(tmp_path):
-    path = report(run_short(tmp_path, sequence="smoke"), "pdf", "zh")
+def test_a_pdf_brings_the_chinese_characters_that_it_uses(smoke_copy):
+    path = report(smoke_copy, "pdf", "zh")
     reader = pypdf.PdfReader(path)
     fonts = {}
     for page in reader.pages:

@@ -29,7 +29,9 @@ def run(tmp_path_factory):
     """A short run on a bench whose title is hostile to style sheets."""
     folder = tmp_path_factory.mktemp("forms")
     title = ("title: Simulated accelerometer bench", f"title: '{HOSTILE}'")
-    return run_short(folder, bench=copy_bench(folder / "config", title), sequence="smoke", units=("QF-0001",))
+    return run_short(
+        folder, bench=copy_bench(folder / "config", title), sequence="smoke", units=("QF-0001",), no_report=False
+    )
 
 
 def report(run, form):

@@ -27,7 +27,7 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("head")
     bench = copy_bench(folder / "config", *AMBIENT)
     options = {"operator": "A. Technician", "order": "2026-117", "procedure": "TP-017 rev. C"}
-    return run_short(folder, bench=bench, sequence="smoke", **options)
+    return run_short(folder, bench=bench, sequence="smoke", no_report=False, **options)
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import pytest
 
-from bench.cli.check_output import warning_line
 from bench.config.bench import load_bench
 from bench.config.fixture import AngleRange
 from bench.errors import InputError
+from bench.sequence.checks.output import warning_line
 from bench.sequence.checks.rules import every_rule
 from bench.sequence.load import load_judged_plan
 from tests.support.sequences import BENCH, ELSEWHERE, ROOT

@@ -11,11 +11,11 @@ from itertools import combinations
 import pytest
 
 from bench.app.request import RunRequest, load_checked
-from bench.cli.check_output import RENDERERS, Shown
 from bench.config.bench import load_bench
 from bench.errors import InputError
 from bench.methods.tumble.rules import _dwells, _inseparable
 from bench.reduce.acquisitions import run_data
+from bench.sequence.checks.output import RENDERERS, Shown
 from bench.sequence.load import load_judged_plan
 from bench.store.reader import RunReader
 from drivers.can.dbc_outline import lengths_bits

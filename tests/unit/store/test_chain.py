@@ -32,15 +32,10 @@ FORMATS = Path(__file__).parents[2] / "formats"
 COMMITS = 20
 
 
-@pytest.fixture(scope="module")
-def smoke(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("runs"), sequence="smoke", operator="A. Technician").path
-
-
 @pytest.fixture
-def sealed(smoke, tmp_path):
+def sealed(smoke_run, tmp_path):
     """A copy of a run that came to its end."""
-    return Path(shutil.copytree(smoke, tmp_path / smoke.name))
+    return Path(shutil.copytree(smoke_run.path, tmp_path / smoke_run.path.name))
 
 
 @pytest.fixture

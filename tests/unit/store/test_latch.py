@@ -24,9 +24,9 @@ def state(tmp_path, monkeypatch) -> None:
 
 
 @pytest.fixture
-def run(tmp_path) -> Path:
+def run(smoke_copy) -> Path:
     """A run that ended well."""
-    return run_short(tmp_path / "runs", sequence="smoke").path
+    return smoke_copy
 
 
 def incident(run: Path, why: str = "the process of the run has died", unsafe: tuple[str, ...] = ()) -> None:

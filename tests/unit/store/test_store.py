@@ -186,6 +186,28 @@ def test_a_commit_returns_only_when_another_process_can_read_what_was_given(tmp_
     assert run(main(), AS_FAST_AS_POSSIBLE) == [("before",)]
 
 
+def test_a_run_ends_well_while_somebody_has_its_database_open(tmp_path):
+    """A page or a database browser that is left open all night has a connection, and reads nothing at that moment."""
+
+    async def main():
+        writer = RunWriter(tmp_path)
+        writer.event("run_begins")
+        await writer.commit()
+        with closing(sqlite3.connect(tmp_path / "run.db")) as other:
+            assert other.execute("SELECT COUNT(*) FROM journal").fetchone() == (1,)
+            writer.event("run_ended")
+            await writer.commit()
+            writer.close()
+            sealed = (tmp_path / "run.db").read_bytes()
+            assert other.execute("SELECT COUNT(*) FROM journal").fetchone() == (2,)
+        return sealed
+
+    sealed = run(main(), AS_FAST_AS_POSSIBLE)
+    with RunReader(tmp_path) as reader:
+        assert [event.kind for event in reader.events()] == ["run_begins", "run_ended"]
+    assert (tmp_path / "run.db").read_bytes() == sealed, "what is sealed does not change when the last reader leaves"
+
+
 def test_nothing_is_written_after_a_failure_and_everybody_hears_of_it(tmp_path, monkeypatch):
     async def main():
         writer = RunWriter(tmp_path)

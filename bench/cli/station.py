@@ -1,0 +1,68 @@
+"""serve, attempt: the station and the processes of its runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bench.cli.commands import Command, argument, flag, option, options, whole_number
+
+
+def serve(
+    file: Path | None,
+    bench: str | None,
+    runs: Path | None,
+    folder: Path | None,
+    host: str,
+    port: int,
+    hosts: tuple[str, ...],
+    certificate: Path | None,
+    key: Path | None,
+    *,
+    insecure: bool,
+) -> None:
+    """Serve a station: the queue of its benches, the API and the pages. Runs go on when it ends."""
+    import asyncio
+    import sys
+
+    from bench.errors import InputError
+    from bench.station.settings import bench_name, read_station
+
+    try:
+        from bench.web.server import Listening
+        from bench.web.server import serve as served
+    except ImportError as problem:
+        raise InputError(
+            f"'bench serve' needs more packages ({problem}): pip install 'inertial-test-bench[station]'"
+        ) from None
+    named = {bench_name(bench): bench} if bench else None
+    settings = read_station(file, folder, benches=named, runs=runs)
+
+    def say(text: str) -> None:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+
+    asyncio.run(served(settings, Listening(host, port, certificate, key, hosts, insecure), say))
+
+
+def attempt(folder: Path) -> None:
+    """Make the attempt at a run that a station has prepared in a folder; the station calls this."""
+    from bench.station.attempts import make
+
+    make(folder)
+
+
+COMMANDS = (
+    Command("serve", serve, (
+        argument("FILE", "Settings of the station; without it the shipped simulated bench.", read=Path, default=None),
+        option("--bench FILE", "The bench of the station, in place of those of the settings."),
+        option("--runs DIR", "Directory of the runs; default: that of the settings, or runs.", read=Path),
+        option("--folder DIR", "Folder of the station's own records.", read=Path),
+        option("--host ADDRESS", "Address to listen at.", default="127.0.0.1"),
+        option("--port N", "Port to listen at; 0 for a free one.", read=whole_number(0, 65535), default=8421),
+        options("--name HOST", "A further host name by which the station is reached; repeatable.", to="hosts"),
+        option("--certificate FILE", "Certificate for TLS.", read=Path),
+        option("--key FILE", "Key of the certificate.", read=Path),
+        flag("--insecure", "Serve a network without users or TLS; all pages show a banner."),
+    )),
+    Command("attempt", attempt, (argument("FOLDER", "Folder of the attempt.", read=Path),)),
+)  # fmt: skip

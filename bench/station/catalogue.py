@@ -1,0 +1,74 @@
+"""Catalogue of the runs of a station: those of its queue and those started by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from bench.errors import InputError
+from bench.store.runs import LOCK, MANIFEST, RunSummary, summary
+
+TICKET = "ticket"
+CLOCKS_DIFFER_BY = timedelta(hours=1)
+
+
+class Catalogue:
+    """Runs of a folder. What has ended and was sealed is read once; a changed manifest is read again."""
+
+    def __init__(self, runs: Path) -> None:
+        self.runs = runs
+        self._ended: dict[str, tuple[tuple[int, int], RunSummary]] = {}
+
+    def names(self) -> list[str]:
+        """Return the names of all run directories, newest first."""
+        if not self.runs.is_dir():
+            return []
+        return sorted((path.name for path in self.runs.iterdir() if _is_run(path)), reverse=True)
+
+    def all(self) -> Iterator[RunSummary]:
+        """Yield all runs, newest first."""
+        for name in self.names():
+            yield self._summary(self.runs / name)
+
+    def run(self, name: str) -> RunSummary:
+        """Return the run of a directory name. Raises InputError."""
+        path = self.runs / name
+        if "/" in name or name in ("", ".", "..") or path.is_symlink() or not _is_run(path):
+            raise InputError(f"there is no run '{name}'")
+        return self._summary(path)
+
+    def of_ticket(self, ticket: str, since: datetime) -> RunSummary | None:
+        """Return the run of a ticket that was begun after an instant, or None."""
+        first = f"{since - CLOCKS_DIFFER_BY:%Y%m%dT%H%M%SZ}"
+        for name in self.names():
+            if name < first:
+                return None
+            found = self._summary(self.runs / name)
+            if ticket_of(found.manifest) == ticket:
+                return found
+        return None
+
+    def _summary(self, path: Path) -> RunSummary:
+        try:
+            state = (path / MANIFEST).stat()
+        except OSError:
+            return summary(path)
+        mark = (state.st_mtime_ns, state.st_size)
+        if (known := self._ended.get(path.name)) is not None and known[0] == mark:
+            return known[1]
+        found = summary(path)
+        if found.state not in ("running", "interrupted", "damaged"):
+            self._ended[path.name] = (mark, found)
+        return found
+
+
+def ticket_of(manifest: Mapping[str, Any]) -> str:
+    """Return the ticket of a run from its manifest; "" if it was started by hand."""
+    request = manifest.get("request")
+    return str(request.get(TICKET) or "") if isinstance(request, Mapping) else ""
+
+
+def _is_run(path: Path) -> bool:
+    return (path / MANIFEST).is_file() or (path / LOCK).is_file()

@@ -1,0 +1,110 @@
+"""The daemon: all parts of a station at work in one event loop."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from datetime import datetime
+
+from bench.clock import wall_utc
+from bench.errors import InputError
+from bench.station.attempts import Launcher, as_subprocess
+from bench.station.catalogue import Catalogue
+from bench.station.database import Database
+from bench.station.items import Item, Submission
+from bench.station.live import Live, Timelines
+from bench.station.part import Part
+from bench.station.queue import Queue
+from bench.station.schedule import Expected, expected
+from bench.station.scheduler import Scheduler
+from bench.station.settings import Settings
+from bench.station.worker import Checked, Workers, check
+from bench.store.runs import RunSummary
+
+
+class Daemon:
+    """Parts of a running station. Made by `at_work`, in whose event loop it is used."""
+
+    def __init__(self, settings: Settings, database: Database, workers: Workers, launch: Launcher) -> None:
+        self.settings, self.database, self.workers = settings, database, workers
+        self.queue = Queue(database, self._changed)
+        self.catalogue = Catalogue(settings.runs)
+        self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
+        self.live = Live(self.running)
+        self.parts: dict[str, Part] = {
+            "queue": self.scheduler,
+            "live view": self.live,
+            "timelines": Timelines(self.live, workers),
+        }
+
+    def problems(self) -> list[str]:
+        """Return the last errors of all parts, with their names."""
+        return [f"{name}: {part.problem}" for name, part in self.parts.items() if part.problem]
+
+    def running(self) -> list[RunSummary]:
+        """Return the runs in progress, also those started by hand."""
+        return [run for run in self.catalogue.all() if run.state == "running"]
+
+    async def checked(self, submission: Submission) -> Checked:
+        """Check a submission. Raises InputError for names that the station does not have."""
+        request = submission.request(
+            sequence=str(self.settings.sequence_file(submission.sequence)),
+            bench=str(self.settings.bench_file(submission.bench)),
+            runs=self.settings.runs,
+        )
+        return await self.workers.call(check, request)
+
+    async def submit(self, submission: Submission, by: str, *, key: str = "", held: bool = False) -> Item:
+        """Check a submission and append it to the queue. Raises InputError with all problems."""
+        if not submission.operator:
+            submission = submission.model_copy(update={"operator": by})
+        found = await self.checked(submission)
+        if found.problems:
+            raise InputError(*found.problems)
+        return self.queue.submit(submission, by, expected_s=found.expected_s, key=key, held=held)
+
+    def expected(self) -> dict[str, Expected]:
+        """Return the estimated begin and end of all items that run or wait, by id."""
+        now, found = wall_utc(), dict[str, Expected]()
+        occupying, waiting = self.queue.occupying(), self.queue.waiting()
+        ends = {each.id: ends for each in occupying if (ends := self._ends(each)) is not None}
+        for bench in self.settings.benches:
+            items = [each for each in (*occupying, *waiting) if each.submission.bench == bench]
+            found |= expected(items, now, ends)
+        return found
+
+    def bench_of(self, run: str) -> str | None:
+        """Return the name of the bench of a run in progress, by its bench file; None for a file of somebody else."""
+        live = self.live.runs.get(run)
+        request = live.run.manifest.get("request", {}) if live is not None else {}
+        file = str(request.get("bench", ""))
+        return next((name for name, path in self.settings.benches.items() if str(path) == file), None)
+
+    def _ends(self, item: Item) -> datetime | None:
+        live = self.live.runs.get(item.run)
+        return live.ends() if live is not None else None
+
+    def _changed(self, _item: Item) -> None:
+        self.scheduler.wake()
+
+
+@asynccontextmanager
+async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> AsyncIterator[Daemon]:
+    """Yield a daemon at work; at the end of the block it stops, and the runs go on.
+
+    Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
+    """
+    database, workers = Database(settings.folder), Workers()
+    try:
+        daemon = Daemon(settings, database, workers, launch)
+        async with asyncio.TaskGroup() as parts:
+            tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
+            try:
+                yield daemon
+            finally:
+                for task in tasks:
+                    task.cancel()
+    finally:
+        workers.close()
+        database.close()

@@ -1,0 +1,105 @@
+"""Settings of a station: `station.yaml`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, StringConstraints
+
+from bench.config.bench import LoadedBench, load_bench
+from bench.config.devices import Text
+from bench.config.load import find, load_file, shipped
+from bench.errors import InputError
+from bench.store.user_state import state_folder
+from drivers.schema.fields import NOT_EMPTY, StrictModel
+from drivers.schema.suggest import did_you_mean
+
+NAME = r"[a-z][a-z0-9_]{0,31}"
+Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
+FOLDER = "station"
+DEMO = "demo"
+
+
+class BenchEntry(StrictModel):
+    """Bench of a station."""
+
+    title: Text = Field("", description="name on pages; without it the title of the bench file")
+    file: str = Field(description="bench file: a path, relative to this file, or the name of a shipped one")
+
+
+class StationFile(StrictModel):
+    """File `station.yaml`."""
+
+    schema_: Literal["itb-station/1"] = Field(alias="schema", description="version of the file format")
+    title: Text = Field("Bench station", description="name of the station on pages and in messages")
+    benches: Annotated[Mapping[Name, BenchEntry], NOT_EMPTY] = Field(description="benches by name")
+    runs: str = Field("runs", description="folder of run directories, relative to this file")
+    sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
+
+
+class Settings(NamedTuple):
+    """Settings of a station, with absolute paths; `benches` are bench files by name.
+
+    `folder` holds the station's own records, `sequences` those of the laboratory.
+    """
+
+    title: str
+    folder: Path
+    runs: Path
+    benches: Mapping[str, Path]
+    titles: Mapping[str, str]
+    sequences: Path | None = None
+
+    def bench_file(self, name: str) -> Path:
+        """Return the bench file of a name. Raises InputError."""
+        if name not in self.benches:
+            raise InputError(f"the station has no bench '{name}'; it has {', '.join(self.benches)}")
+        return self.benches[name]
+
+    def sequence_file(self, name: str) -> Path:
+        """Return the file of a sequence: the laboratory's own, else a shipped one. Raises InputError."""
+        folders = [*([self.sequences] if self.sequences is not None else []), *shipped("sequences")]
+        found = next((file for folder in folders if (file := folder / f"{name}.yaml").is_file()), None)
+        if found is None or "/" in name:
+            known = sorted({file.stem for folder in folders for file in folder.glob("*.yaml")})
+            raise InputError(f"the station has no sequence '{name}'{did_you_mean(name, known)}")
+        return found
+
+    def bench(self, name: str) -> LoadedBench:
+        """Load the bench file of a name. Raises InputError."""
+        return load_bench(self.bench_file(name))
+
+
+def read_station(file: Path | None, folder: Path | None = None, **instead: Any) -> Settings:
+    """Return the settings of a file; without one, a station with the shipped simulated bench. Raises InputError.
+
+    `instead` replaces `runs` or `benches`, a mapping of names to bench files.
+    """
+    folder = (folder or state_folder() / FOLDER).absolute()
+    if file is None:
+        benches = instead.get("benches") or {DEMO: "simulated"}
+        entries = {name: BenchEntry(file=str(path)) for name, path in benches.items()}
+        found = StationFile(schema="itb-station/1", benches=entries)
+        beside = Path.cwd()
+    else:
+        found, beside = load_file(file, StationFile), file.absolute().parent
+    benches = {name: _bench_file(entry.file, beside) for name, entry in found.benches.items()}
+    titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
+    runs = (beside / (instead.get("runs") or found.runs)).absolute()
+    return Settings(
+        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None
+    )  # fmt: skip
+
+
+def bench_name(file: str) -> str:
+    """Return the name of a bench for its file: letters, digits and underscores of its stem."""
+    name = re.sub(r"[^a-z0-9_]+", "_", Path(file).stem.lower())
+    return name if re.fullmatch(NAME, name) else f"bench_{name}"[:32]
+
+
+def _bench_file(name: str, beside: Path) -> Path:
+    beside_it = beside / name
+    return (beside_it if beside_it.is_file() else find(name, "config")).absolute()

@@ -1,0 +1,87 @@
+"""Work in processes of its own: checks take seconds of processor time, and the files are what users wrote."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context, parent_process
+from typing import NamedTuple, ParamSpec, TypeVar
+
+from bench.app.request import RunRequest
+from bench.errors import InputError
+
+LIMIT_S = 60.0
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Checked(NamedTuple):
+    """Result of a check: expected duration in s of bench time, warnings, and the problems that forbid a run."""
+
+    expected_s: float = 0.0
+    warnings: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+
+
+def check(request: RunRequest) -> Checked:
+    """Check a request as `bench check` does."""
+    from bench.app.request import prepare
+    from bench.sequence.checks.output import warning_line
+
+    try:
+        prepared = prepare(request)
+    except InputError as problem:
+        return Checked(problems=problem.problems)
+    lines = tuple(warning_line(each, prepared.plan.document) for each in prepared.warnings)
+    return Checked(prepared.expected.total_s, lines)
+
+
+def _end_with_parent() -> None:
+    """End this process when that of the station dies, even if it is killed."""
+
+    def wait() -> None:
+        if (parent := parent_process()) is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()
+
+
+class Workers:
+    """Worker processes, started when they are first needed."""
+
+    def __init__(self, count: int = 1) -> None:
+        self._count = count
+        self._pool: ProcessPoolExecutor | None = None
+
+    async def call(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """Return the result of a module's function, called in a worker; everything passed must be picklable.
+
+        Raises InputError if the work takes longer than LIMIT_S, or ends its process.
+        """
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(self._count, get_context("spawn"), initializer=_end_with_parent)
+        working = asyncio.wrap_future(self._pool.submit(work, *args, **kwargs))
+        try:
+            return await asyncio.wait_for(working, LIMIT_S)
+        except TimeoutError:
+            self.close()
+            raise InputError(f"the check has not ended within {LIMIT_S:g} s") from None
+        except BrokenProcessPool as problem:
+            self.close()
+            raise InputError(f"the process of the check has died ({problem})") from None
+
+    def close(self) -> None:
+        """End the processes at once; the next call starts new ones."""
+        if self._pool is None:
+            return
+        processes = list((self._pool._processes or {}).values())  # noqa: SLF001  the pool has no way to kill them
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for each in processes:
+            each.kill()
+        self._pool = None

@@ -1,0 +1,116 @@
+"""Queue: submit, order, hold, clone and cancel items."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Header, status
+from pydantic import BaseModel, Field
+
+from bench.station.items import Item, Submission
+from bench.station.view import ItemView, item_views
+from bench.station.worker import Checked
+from bench.web.access import Engineer, Operator, Reader
+from bench.web.services import Station
+
+router = APIRouter(prefix="/api/v1", tags=["queue"])
+Key = Annotated[str, Header(alias="Idempotency-Key", max_length=100)]
+
+
+class Change(BaseModel):
+    """Change of an item; `version` is that of the item that the sender has seen, null for any."""
+
+    version: int | None = Field(None, ge=0)
+
+
+class Move(Change):
+    """New place of an item."""
+
+    before: str | None = Field(None, description="id of the item that it is to precede; null for the end")
+
+
+class CheckedView(BaseModel):
+    """Result of a check: warnings, and the problems that forbid a run."""
+
+    expected_s: float
+    warnings: list[str]
+    problems: list[str]
+
+    @classmethod
+    def of(cls, checked: Checked) -> CheckedView:
+        """Return the view of a result."""
+        return cls(expected_s=checked.expected_s, warnings=list(checked.warnings), problems=list(checked.problems))
+
+
+@router.get("/queue")
+async def items(station: Station, _: Reader, *, all_: bool = False) -> list[ItemView]:
+    """Return the items that run or wait, in order; with `all_` those of the past as well."""
+    queue = station.daemon.queue
+    return item_views(station.daemon, queue.items() if all_ else [*queue.occupying(), *queue.waiting()])
+
+
+@router.get("/queue/{id_}")
+async def item(station: Station, _: Reader, id_: str) -> Item:
+    """Return an item."""
+    return station.daemon.queue.item(id_)
+
+
+@router.post("/check")
+async def check(station: Station, _: Reader, submission: Submission) -> CheckedView:
+    """Check a submission without queueing it."""
+    return CheckedView.of(await station.daemon.checked(submission))
+
+
+@router.post("/queue", status_code=status.HTTP_201_CREATED)
+async def submit(
+    station: Station, person: Operator, submission: Submission, key: Key = "", *, held: bool = False
+) -> Item:
+    """Check a submission and append it to the queue; a repeated request with the same key returns the same item."""
+    submitted = await station.daemon.submit(submission, person.name, key=key, held=held)
+    station.audit.note(person, "submit", submitted.id, sequence=submission.sequence, bench=submission.bench)
+    return submitted
+
+
+@router.post("/queue/{id_}/hold")
+async def hold(station: Station, person: Operator, id_: str, change: Change) -> Item:
+    """Hold a waiting item."""
+    station.audit.note(person, "hold", id_)
+    return station.daemon.queue.hold(id_, person.name, change.version)
+
+
+@router.post("/queue/{id_}/release")
+async def release(station: Station, person: Operator, id_: str, change: Change) -> Item:
+    """Release a held item."""
+    station.audit.note(person, "release", id_)
+    return station.daemon.queue.release(id_, change.version)
+
+
+@router.post("/queue/{id_}/cancel")
+async def cancel(station: Station, person: Operator, id_: str, change: Change) -> Item:
+    """Cancel a waiting item."""
+    station.audit.note(person, "cancel", id_)
+    return station.daemon.queue.cancel(id_, person.name, change.version)
+
+
+@router.post("/queue/{id_}/move")
+async def move(station: Station, person: Operator, id_: str, change: Move) -> Item:
+    """Move a waiting item before another one, or to the end."""
+    station.audit.note(person, "move", id_, before=change.before)
+    return station.daemon.queue.move(id_, change.before, change.version)
+
+
+@router.post("/queue/{id_}/clone", status_code=status.HTTP_201_CREATED)
+async def clone(station: Station, person: Operator, id_: str) -> Item:
+    """Append an item with the submission of another one."""
+    cloned = station.daemon.queue.clone(id_, person.name)
+    station.audit.note(person, "clone", id_, item=cloned.id)
+    return cloned
+
+
+@router.post("/benches/{bench}/go-on", status_code=status.HTTP_204_NO_CONTENT)
+async def go_on(station: Station, person: Engineer, bench: str) -> None:
+    """Begin items at a bench again, after somebody has looked at it."""
+    station.daemon.settings.bench_file(bench)
+    station.audit.note(person, "go on", bench, stopped=station.daemon.queue.stopped(bench))
+    station.daemon.queue.go_on(bench)
+    station.daemon.scheduler.wake()

@@ -1,0 +1,176 @@
+"""Runs: list, state, events, and commands to runs in progress."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Header, Query
+from fastapi.responses import StreamingResponse
+from pydantic import BaseModel, Field
+
+from bench.errors import InputError, StoreError
+from bench.runner.tell import send_command
+from bench.station.items import Line, Short
+from bench.station.view import EventView, RunInfo, RunView, event_view, run_info, run_view
+from bench.store.tail import Tail
+from bench.web.access import Operator, Person, Reader, Stopper
+from bench.web.services import Services, Station
+
+router = APIRouter(prefix="/api/v1/runs", tags=["runs"])
+LOOK_EVERY_S = 0.25
+ALIVE_EVERY_S = 15.0
+AT_ONCE = 500
+Limit = Annotated[int, Query(ge=1, le=1000)]
+
+
+class Done(BaseModel):
+    """Answer of a run to a command."""
+
+    answer: str
+
+
+class Answer(BaseModel):
+    """Answer to a question of a run."""
+
+    answer: Line
+    step: Short | None = Field(None, description="which question; needed if several are open")
+
+
+@router.get("")
+async def runs(
+    station: Station, _: Reader, text: str = "", state: str = "", limit: Limit = 100, before: str = ""
+) -> list[RunInfo]:
+    """Return runs, newest first; `text` is searched in names, titles, units and operators."""
+
+    def found() -> list[RunInfo]:
+        chosen: list[RunInfo] = []
+        for run in station.daemon.catalogue.all():
+            info = run_info(run)
+            if (not before or info.run < before) and state in ("", info.state) and _matches(info, text):
+                chosen.append(info)
+                if len(chosen) >= limit:
+                    break
+        return chosen
+
+    return await asyncio.to_thread(found)
+
+
+def _matches(info: RunInfo, text: str) -> bool:
+    within = " ".join([info.run, info.title, info.operator, info.verdict or "", *info.units]).lower()
+    return all(word in within for word in text.lower().split())
+
+
+@router.get("/{run}")
+async def run_(station: Station, _: Reader, run: str) -> RunInfo:
+    """Return a run."""
+    return await asyncio.to_thread(lambda: run_info(station.daemon.catalogue.run(run)))
+
+
+@router.get("/{run}/live")
+async def live(station: Station, _: Reader, run: str) -> RunView:
+    """Return the state of a run in progress."""
+    found = station.daemon.live.runs.get(run)
+    if found is None:
+        raise InputError(f"run '{run}' is not in progress")
+    return run_view(found)
+
+
+@router.get("/{run}/events")
+async def events(
+    station: Station, _: Reader, run: str, after: int = 0, last_event_id: Annotated[str, Header()] = ""
+) -> StreamingResponse:
+    """Stream the journal of a run as server-sent events, from after an entry; the number of an entry is its id."""
+    station.daemon.catalogue.run(run)
+    first = int(last_event_id) if last_event_id.isascii() and last_event_id.isdigit() else after
+    return StreamingResponse(_stream(station, run, first), media_type="text/event-stream")
+
+
+async def _stream(station: Services, run: str, after: int) -> AsyncIterator[str]:
+    """Yield entries as they appear. A slow reader delays only itself: each look reads from the record."""
+    silent_s = 0.0
+    while True:
+        new = await asyncio.to_thread(_events_of, station, run, after)
+        for view in new:
+            yield f"id: {view.seq}\nevent: {view.kind}\ndata: {view.model_dump_json()}\n\n"
+            after = view.seq
+        if new:
+            silent_s = 0.0
+            continue
+        if await asyncio.to_thread(_has_ended, station, run):
+            yield "event: end\ndata: {}\n\n"
+            return
+        await asyncio.sleep(LOOK_EVERY_S)
+        silent_s += LOOK_EVERY_S
+        if silent_s >= ALIVE_EVERY_S:
+            silent_s = 0.0
+            yield ": alive\n\n"
+
+
+def _has_ended(station: Services, run: str) -> bool:
+    return run not in station.daemon.live.runs and station.daemon.catalogue.run(run).state != "running"
+
+
+def _events_of(station: Services, run: str, after: int) -> list[EventView]:
+    path = station.daemon.catalogue.run(run).path
+    try:
+        with Tail(path) as tail:
+            found = tail.events(after, AT_ONCE)
+            begins = tail.begins()
+    except StoreError:
+        return []  # it has just begun
+    return [event_view(begins, each) for each in found]
+
+
+async def _command(station: Services, person: Person, run: str, command: str, **arguments: str) -> Done:
+    path = station.daemon.catalogue.run(run).path
+    if command not in ("stop", "stop_after_step", "abort"):
+        station.audit.note(person, command, run, **arguments)
+        return Done(answer=await asyncio.to_thread(send_command, path, command, by=person.name, **arguments))
+    # Making safe never waits for the disk of the station.
+    answer = await asyncio.to_thread(send_command, path, command, by=person.name)
+    station.audit.note(person, command, run)
+    return Done(answer=answer)
+
+
+@router.post("/{run}/pause")
+async def pause(station: Station, person: Stopper, run: str) -> Done:
+    """Pause before the next step."""
+    return await _command(station, person, run, "pause")
+
+
+@router.post("/{run}/stop")
+async def stop(station: Station, person: Stopper, run: str, when: Literal["now", "after_step"] = "now") -> Done:
+    """Interrupt the current step, or complete it; then the teardown runs."""
+    return await _command(station, person, run, "stop" if when == "now" else "stop_after_step")
+
+
+@router.post("/{run}/abort")
+async def abort(station: Station, person: Stopper, run: str) -> Done:
+    """End at once: no teardown, all devices are made safe."""
+    return await _command(station, person, run, "abort")
+
+
+@router.post("/{run}/resume")
+async def resume(station: Station, person: Operator, run: str) -> Done:
+    """Continue a paused run."""
+    return await _command(station, person, run, "resume")
+
+
+@router.post("/{run}/skip")
+async def skip(station: Station, person: Operator, run: str) -> Done:
+    """Interrupt the current step and continue with the next one."""
+    return await _command(station, person, run, "skip")
+
+
+@router.post("/{run}/repeat")
+async def repeat(station: Station, person: Operator, run: str) -> Done:
+    """Restart the current step or, while paused, repeat the previous one."""
+    return await _command(station, person, run, "repeat")
+
+
+@router.post("/{run}/answer")
+async def answer(station: Station, person: Operator, run: str, given: Answer) -> Done:
+    """Answer a question."""
+    return await _command(station, person, run, "answer", answer=given.answer, step=given.step or "")
