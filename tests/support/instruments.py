@@ -34,7 +34,7 @@ class Order(NamedTuple):
     """How one is given, what of it is heard on the wire, and the reading that then has the value it was given."""
 
     give: Callable[[Any, int], Awaitable[float | None]]
-    received: re.Pattern[bytes]
+    heard: re.Pattern[bytes]
     reading: str = ""
 
 
@@ -84,7 +84,7 @@ class Instrument:
 
     bench: str
     role: str
-    identity_reports: str = ""
+    tells: str = ""
     client_timeout_s: float = 2.0
     connection: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -157,11 +157,11 @@ _REGISTERS = ROOT / "config/chambers/fictional.yaml"
 _AIR_S = 3600.0  # in which the air of a chamber comes to rest
 
 
-def _chamber(identity_reports: str, connection: str, dialects: tuple[ChamberDialect, ...], *lines: OnLine,
+def _chamber(tells: str, connection: str, dialects: tuple[ChamberDialect, ...], *lines: OnLine,
              client_timeout_s: float = 3.0, **options: object) -> Instrument:  # fmt: skip
     """In the place of the chamber of the demonstration bench."""
     return Instrument(
-        "simulated", "chamber", identity_reports, client_timeout_s, connection, options, lines=lines, settles_s=_AIR_S,
+        "simulated", "chamber", tells, client_timeout_s, connection, options, lines=lines, settles_s=_AIR_S,
         dialects=dialects,
     )  # fmt: skip
 
