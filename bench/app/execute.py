@@ -41,7 +41,7 @@ from bench.runner import manifest
 from bench.runner.alert import alert
 from bench.runner.found_on import NOTHING, LeftOn
 from bench.runner.guard import guarded
-from bench.runner.held import A_RUN, address_lock, real_addresses, why_locked_out
+from bench.runner.held import Kind, address_lock, real_addresses, why_locked_out
 from bench.runner.power import Hold, power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
@@ -88,7 +88,7 @@ def execute(
     """
     with ExitStack() as in_use, nullcontext(signals) if signals is not None else Signals() as kept:
         bench = prepared.loaded.bench
-        in_use.enter_context(address_lock(real_addresses(bench).values(), f"{A_RUN}{prepared.plan.name}"))
+        in_use.enter_context(address_lock(real_addresses(bench).values(), f"a run of {prepared.plan.name}", Kind.RUN))
         if why := why_locked_out(bench):
             raise InUseError(f"The bench is {why}. When the work is done: bench lockout --lift --bench FILE")
         return _execute(prepared, observer, kept, in_use.close, resumption)

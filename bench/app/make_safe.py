@@ -20,7 +20,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import OWN_LIMIT_S, limits_to_make_safe
 from bench.runner.held import (
-    A_RESCUE,
+    Kind,
     address_lock,
     energising_addresses,
     is_followed,
@@ -107,7 +107,7 @@ def _let_guardians_finish(notice: Notice) -> None:
     addresses = [address for found in energised(lambda _: None) for address in _addresses(found)]
 
     def is_released(limit_s: float) -> bool:
-        busy = [owner for owner in owners(addresses) if owner.words.startswith(A_RESCUE)]
+        busy = [owner for owner in owners(addresses) if owner.kind is Kind.RESCUE]
         return not busy or bool(_pause(limit_s))
 
     if not succeeded_within(is_released, longest_lane_s({"": LONGEST_S + OWN_LIMIT_S})):

@@ -24,10 +24,8 @@ from bench.guardian.notes import Notes
 from bench.rig import CLOSE_S, device_of, limits_to_make_safe
 from bench.runner.alert import alert
 from bench.runner.held import (
-    A_RESCUE,
-    A_RUN,
-    A_VISIT,
     LOOKS,
+    Kind,
     address_lock,
     energising_addresses,
     is_locked_out,
@@ -62,7 +60,7 @@ class Follower(NamedTuple):
 
 def guardian_of(run: Path, runner: int) -> Follower:
     """Return the identity of the guardian of a run, whose process is `runner`."""
-    return Follower(f"{A_RESCUE}{run.name}", run, run.name, runner)
+    return Follower(f"the guardian of {run.name}", run, run.name, runner)
 
 
 class Following:
@@ -91,7 +89,7 @@ class Following:
         """Register as supervisor of the chambers."""
         addresses = [self._addresses[role] for role in self._courses]
         with suppress(InUseError, StoreError):  # another program supervises a chamber, and does not end
-            self._locks.enter_context(address_lock(addresses, f"{A_VISIT}{self._follower.words}", LOOKS))
+            self._locks.enter_context(address_lock(addresses, self._follower.words, Kind.VISIT, LOOKS))
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -147,7 +145,7 @@ class Following:
         while others := {each for each in owners([address]) if each.process != os.getpid()}:
             other = others.pop()
             if other.process != self._follower.runner:
-                if other.words.startswith(A_RUN):
+                if other.kind is Kind.RUN:
                     course.hand_over(f"{other} has taken the bench")
                 else:
                     course.unseen(now_s(), f"the bench is in use by {other}", in_use=True)
@@ -157,7 +155,7 @@ class Following:
             course.lock_out(why_locked_out(self._bench))
             return
         try:
-            with address_lock([address], f"{A_VISIT}{self._follower.words}"):
+            with address_lock([address], f"a short look of {self._follower.words}", Kind.VISIT):
                 asyncio.run(self._visit(role, course))
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)

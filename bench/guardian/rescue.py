@@ -20,7 +20,7 @@ from bench.guardian.watch import Lost, Over
 from bench.lanes import Lane, make_safe_in_lanes
 from bench.rig import device_of, limits_to_make_safe
 from bench.runner.alert import alert
-from bench.runner.held import A_RESCUE, address_lock, energising_addresses, is_locked_out
+from bench.runner.held import Kind, address_lock, energising_addresses, is_locked_out
 from bench.store.energised import note_safe
 from bench.store.latch import INCIDENT
 from bench.store.unsafe import write_unsafe
@@ -71,7 +71,7 @@ class Rescue:
         with ExitStack() as stack:
             following: Following | None = None
             try:
-                with _held(self._addresses.values(), f"{A_RESCUE}{self._run.name}"):
+                with _held(self._addresses.values(), f"the guardian of {self._run.name}"):
                     lanes = self._lanes(may_hold=lost.may_hold)
                     unsafe = self._record(lanes)
                     following = self._following(lanes, stack)
@@ -142,7 +142,7 @@ def _held(addresses: Collection[Address], who: str) -> Iterator[None]:
     with ExitStack() as held:
         for left in reversed(range(ATTEMPTS)):
             try:
-                held.enter_context(address_lock(addresses, who))
+                held.enter_context(address_lock(addresses, who, Kind.RESCUE))
                 break
             except InUseError:
                 if not left:

@@ -156,14 +156,14 @@ class Case:
 class Reduction:
     """Reduction of one kind of cases; `records` are all that they may name.
 
-    The flags of a result are `Flag`s or names. A result is empty if its `parts` are. Flags whose texts match
-    the expression `lacking`, beside those of `bench.offline.outcome`, make it incomplete.
+    The flags of a result are `Flag`s or names. A result is empty if its `parts` are. Flags with the codes `lacking`
+    make it incomplete: parts that could not be used.
     """
 
     reduce: Callable[[Case], dict[str, Any]]
     records: tuple[str, ...]
     parts: tuple[str, ...] = ()
-    lacking: str = ""
+    lacking: frozenset[str] = frozenset()
 
 
 Reductions = Mapping[tuple[str, str], Reduction]

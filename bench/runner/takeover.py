@@ -13,7 +13,7 @@ from contextlib import suppress
 from functools import partial
 
 from bench.rig import CLOSE_S, GRACE_S
-from bench.runner.held import A_VISIT, LOOKS, Owner, owners
+from bench.runner.held import LOOKS, Kind, Owner, owners
 from drivers.timing.awake import succeeded_within
 from drivers.transport.address import Address
 
@@ -30,7 +30,7 @@ def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end
     Short readings of a chamber end by themselves.
     """
     for owner in owners(addresses):
-        if owner.words.startswith(A_VISIT):
+        if owner.kind is Kind.VISIT:
             continue
         if owner.process in (0, os.getpid()):
             notice(f"{owner} has instruments of this bench and cannot be ended.")
@@ -59,7 +59,7 @@ def end_supervision(addresses: Sequence[Address], notice: Callable[[str], object
             try:
                 if owner in owners(addresses, LOOKS):
                     signal.pidfd_send_signal(process, signal.SIGTERM)
-                    notice(f"{owner.words.removeprefix(A_VISIT)} hands the bench over.")
+                    notice(f"{owner.words} hands the bench over.")
             finally:
                 os.close(process)
     succeeded_within(lambda limit_s: not owners(addresses, LOOKS) or bool(_pause(limit_s)), RELIEVED_WITHIN_S)

@@ -7,7 +7,7 @@ slopes together determine the two temperature coefficients of the converter.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,7 @@ def _lost_its_thermostat(level: Level) -> bool:
 def _flags_of_level(level: Level, settings: Mapping[str, Any]) -> Iterator[Flag]:
     name, excluded = level.name, level.run.excluded
     yield from (Flag(code, of=name) for code in level.run.flags)
-    yield from (Flag(note, at=name) for note in level.run.notes)
+    yield from (replace(note, at=name) for note in level.run.notes)
     for reason in LEFT_OUT:
         if excluded.get(reason):
             yield samples_left_out(reason, excluded[reason], name)

@@ -146,7 +146,7 @@ def _flags(attempts: Sequence[Attempt], clocked: Sequence[IndexingReading]) -> l
         flags.append(Flag("no_clocking"))
     if found.both is not None and "c2" not in found.model.terms:
         flags.append(Flag("K2_K3:range_too_small"))
-    return [*flags, *map(Flag, found.notes)]
+    return [*flags, *found.notes]
 
 
 def _compensations(both: BothEnds | None, unit: UnitUnderTest) -> tuple[Compensation, ...]:

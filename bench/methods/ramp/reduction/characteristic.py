@@ -14,6 +14,7 @@ import numpy as np
 from bench.methods.ramp.reduction.jumps import find_jumps
 from bench.methods.ramp.reduction.legs import Leg, RampRecord, cut_into_legs
 from bench.metrology.least_squares import Array, NotDetermined, PolynomialFit, fit_polynomial, least_squares
+from bench.metrology.results.flag import INVALID
 from bench.metrology.temperature_checks import rates_c_per_s
 
 UG_PER_G = 1e6
@@ -138,7 +139,7 @@ def reduce_ramp(record: RampRecord, limits: RampLimits, *, turns: bool = False) 
     lost, judged = not all(leg.complete for leg in legs), _long_enough(legs, limits.jump_window)
     flags = {
         "ill_conditioned": lag is None,
-        "invalid": lost or not judged,
+        INVALID: lost or not judged,
     }
     failed = (
         bool(jumps)

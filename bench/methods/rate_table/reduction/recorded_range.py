@@ -19,9 +19,11 @@ from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning
 from bench.methods.rate_table.reduction.recorded_samples import recorded_samples
 from bench.methods.rate_table.reduction.samples import steady
 from bench.metrology.results.coverage import coverage_factor
-from bench.metrology.results.flag import Flag
+from bench.metrology.results.flag import INVALID, Flag
 
 BIAS = "bias"
+BLOCK_INVALID = "{block} invalid"
+TOO_FEW_LOW_RATES, RADIUS_NOT_DETERMINED = "too_few_low_rates", "radius_not_determined"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +102,9 @@ def accelerometer_range(
     low = [turning.steady for turning in _of_kind(blocks, "low") if turning.steady.rate_dps]
     arm = Arm(blocks.bias, low, local_g_mps2) if blocks.rest and low else None
     if len(low) < LEAST_LOW_RATES:
-        blocks.flags.append(Flag("too_few_low_rates"))
+        blocks.flags.append(Flag(TOO_FEW_LOW_RATES))
     elif arm and arm.is_uncertain:
-        blocks.flags.append(Flag("radius_not_determined"))
+        blocks.flags.append(Flag(RADIUS_NOT_DETERMINED))
     points = [RangePoint(each, arm.error(each.steady) if arm else None) for each in _of_kind(blocks, "run")]
     test = _test(blocks, [_judged(point, linearity) for point in points], excluded)
     return replace(test, radius_m=arm.radius_m, u_radius_m=arm.u_radius_m) if arm else test
@@ -133,7 +135,7 @@ def recorded_blocks(
     found.settle(resting, turning)
     usable = {each.step for each in found.turning} | ({BIAS} if resting else set())
     lost = [phase for phase in sorted(wanted, key=_order) if phase not in usable]
-    found.flags += [Flag("{block} invalid", values={"block": phase}) for phase in lost]
+    found.flags += [Flag(BLOCK_INVALID, values={"block": phase}) for phase in lost]
     return found, dict(excluded)
 
 
@@ -160,7 +162,7 @@ def _test(blocks: RangeBlocks, points: list[RangePoint], excluded: dict[str, int
         bias=blocks.rest.value if blocks.rest else None,
         points=tuple(points),
         passed=None if invalid else all(point.passed for point in points),
-        flags=(*blocks.flags, Flag("invalid")) if invalid else (),
+        flags=(*blocks.flags, Flag(INVALID)) if invalid else (),
         notes=tuple(
             f"{point.turning.step} is marginal: its limit is within the expanded uncertainty of its error"
             for point in points

@@ -40,7 +40,7 @@ from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import UnitResult
-from bench.metrology.results.flag import Flag
+from bench.metrology.results.flag import INVALID, Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 ARM_U = 3.0  # maximum difference of an arm from the bench file, in standard uncertainties
@@ -164,7 +164,7 @@ class _Sweep:
 
     def leave_out(self, frequency_hz: float) -> None:
         """Leave out a frequency without a result."""
-        self.remarks.flags.append(at_frequency("invalid", frequency_hz))
+        self.remarks.flags.append(at_frequency(INVALID, frequency_hz))
         self.left_out.append(f"{frequency_hz:g} Hz")
 
     def points(self, swings: Mapping[float, TableSamples], point_of: PointOf) -> list[SweepPoint]:
@@ -187,7 +187,7 @@ class _Sweep:
         scale: Constant,
     ) -> UnitResult:  # fmt: skip
         """Results of the unit; `scale` is the stated scale factor, for values in the unit `symbol`."""
-        flags = [Flag("no_response") if flag.code == "invalid" else flag for flag in self.remarks.flags]
+        flags = [Flag("no_response") if flag.code == INVALID else flag for flag in self.remarks.flags]
         if found.bandwidth.status in ("not_reached", "below_at_start"):
             flags.append(Flag(f"bandwidth_{found.bandwidth.status}"))
         if found.bandwidth.crossings > 1:

@@ -174,7 +174,7 @@ def test_a_drift_in_proportion_to_the_level_is_shared_on_the_normalised_basis(us
         "skew": ("up_1g", "share"), "src_1g": ("up_1g", "share"), "src_12g": ("up_1g", "share"),
     }  # fmt: skip
     model = next(each for each in usual.models if isinstance(each, Equation) and each.form.startswith("src_12g"))
-    assert "slope from up_1g, which serves this level too" in model.form
+    assert ", slope from up_1g, which serves this level too" in model.to_json()["form"]
     assert model.constants["κ"].value == found(usual)["rate/relative_temperature_coefficient@up_1g"].value
     assert texts(usual.flags) == ()
 
