@@ -41,7 +41,7 @@ HELP = """\
 
 
 def talk(
-    role: str, name: str | None, lines: Callable[[], AsyncIterator[str]], say: Say, *, simulate: bool, write: bool
+    role: str, name: str | None, lines: Callable[[], AsyncIterator[str]], send: Say, *, simulate: bool, write: bool
 ) -> int:
     """Open one device of a bench and execute the lines; return the number of failed ones.
 
@@ -58,12 +58,12 @@ def talk(
 
     def keep(passed: Passed) -> None:
         if passed.sign != RECEIVED or not sends_frames:
-            say(shown(passed))
+            send(shown(passed))
 
     async def main() -> int:
         wires = SharedWires(TracedWires(BenchWires(bench, laboratory_of(bench)), keep))
-        async with device_of(role, entry, wires, say) as device:
-            console = Console(device, entry, line_protocol_of(role, entry, wires), say, write=write)
+        async with device_of(role, entry, wires, send) as device:
+            console = Console(device, entry, line_protocol_of(role, entry, wires), send, write=write)
             try:
                 async for line in lines():
                     if not await console.execute(line):
@@ -71,10 +71,10 @@ def talk(
             finally:
                 if console.wrote:
                     await device.make_safe()
-                    say(f"{role} is in its safe state.")
+                    send(f"{role} is in its safe state.")
         return console.problems
 
-    say(BY_HAND if write else QUESTIONS_ONLY)
+    send(BY_HAND if write else QUESTIONS_ONLY)
     with address_lock([entry.connection], f"a console of {role}"):
         return run_loop(main(), REAL_TIME)
 
@@ -90,10 +90,10 @@ class Console:
     `wrote` is True if anything but a query may have been sent; `problems` counts the failed lines.
     """
 
-    def __init__(self, device: Device, entry: DeviceEntry, protocol: LineProtocol, say: Say, *, write: bool) -> None:
+    def __init__(self, device: Device, entry: DeviceEntry, protocol: LineProtocol, send: Say, *, write: bool) -> None:
         self.wrote = False
         self.problems = 0
-        self._device, self._entry, self._protocol, self._say, self._write = device, entry, protocol, say, write
+        self._device, self._entry, self._protocol, self._say, self._write = device, entry, protocol, send, write
         self._unsure = ""  # line that must be typed again before it is sent
         self._commands: Mapping[str, Callable[[], Awaitable[None]]] = {
             ":read": self._read, ":status": self._status, ":identify": self._identify, ":frames": self._frames,
@@ -122,17 +122,17 @@ class Console:
 
     async def _type(self, line: str) -> None:
         """Send a line in the instrument's protocol; with restrictions for lines that are not queries."""
-        asks = self._protocol.asks(line)
-        if asks is not True and not self._write:
-            known = "this is not a query" if asks is False else "this protocol does not mark queries"
+        is_query = self._protocol.is_query(line)
+        if is_query is not True and not self._write:
+            known = "this is not a query" if is_query is False else "this protocol does not mark queries"
             raise Unsendable(f"not sent: {known}; --write allows it")
-        if self._protocol.twice and not asks and line != self._unsure:
+        if self._protocol.twice and not is_query and line != self._unsure:
             self._unsure = line
             self._say("not sent yet: type the same line again to send it")
             return
         self._unsure = ""
-        self.wrote = self.wrote or not asks
-        for text in await self._protocol.say(line, is_question=asks is True):
+        self.wrote = self.wrote or not is_query
+        for text in await self._protocol.send(line, is_question=is_query is True):
             self._say(text)
 
     async def _read(self) -> None:

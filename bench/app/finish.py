@@ -13,7 +13,7 @@ from bench.app.laboratory import Laboratory
 from bench.app.truth import truth_of
 from bench.clock import Stopwatch
 from bench.engine.ending import Outcome
-from bench.errors import StoreError, in_words
+from bench.errors import StoreError, error_message
 from bench.offline.calibration_file import calibration_files
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
@@ -54,7 +54,7 @@ class Finish:
         """
         outcome, record, path = self._outcome, self._record, self._directory.path
         with suppress(OSError):  # a full disk shows in the later writes
-            self._directory.use_reserve()
+            self._directory.free_reserve()
         stored, results = None, None
         with ExitStack() as stack:
             try:
@@ -65,7 +65,7 @@ class Finish:
                 self._write_results(stored, results, laboratory)
                 record["verdict"] = results.verdict
             except Exception as problem:  # noqa: BLE001  the outcome of the run must be written all the same
-                outcome.failed(in_words(problem))
+                outcome.failed(error_message(problem))
                 record["verdict"] = "ERROR"
                 results = None if results is None else replace(results, verdict="ERROR")
             if beginning(path / MANIFEST) != begun:

@@ -9,9 +9,9 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 
 from bench.errors import InputError
-from bench.files import folder_made_whole
+from bench.files import atomic_folder
 from drivers.schema.fields import Name
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 _TOY = "toy_"
 _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
@@ -22,7 +22,7 @@ def expect_free(name: str, kind: str, known: Collection[str]) -> None:
     try:
         TypeAdapter(Name).validate_python(name)
     except ValidationError as error:
-        raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
+        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
     if name in known:
         raise InputError(f"NAME: there is a {kind} '{name}' already; choose another name")
     module = find_spec(name)
@@ -34,7 +34,7 @@ def write_package(template: Path, name: str, out: Path) -> list[Path]:
     """Write the package `OUT/NAME`. Raises InputError if it cannot be written."""
     folder = out / name
     try:
-        with folder_made_whole(folder) as draft:
+        with atomic_folder(folder) as draft:
             made = [path.relative_to(draft) for path in _copied(template, draft, name)]
         return [folder / path for path in made]
     except FileExistsError:

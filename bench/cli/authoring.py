@@ -53,12 +53,12 @@ def _print(schema: dict[str, Any]) -> None:
 def format_files(files: tuple[Path, ...], *, check: bool) -> int:
     """Format the indentation of YAML files; values, comments and spelling stay unchanged."""
     from bench.config.layout import changes
-    from bench.files import written_whole
+    from bench.files import atomic_file
 
     changed = changes(files)
     for path, text in changed.items():
         if not check:
-            with written_whole(path) as draft:
+            with atomic_file(path) as draft:
                 draft.write_bytes(text.encode())
         sys.stdout.write(f"{path}\n")
     return INPUT_ERROR if check and changed else PASS

@@ -200,7 +200,7 @@ async def _set_one(step: SetOutput, role: str, bench: Bench) -> Found:
 async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
     question = Question(step_id, step.text, step.allowed, step.input, step.picture, step.expect)
     bench.journal.write("asked", step_id, text=step.text, expected=question.expected)
-    answer = await bench.desk.ask(question, step.give_up_after_s)
+    answer = await bench.prompts.ask(question, step.give_up_after_s)
     found: dict[str, Any] = {"question": step.text, "by": answer.by, **_answer_facts(answer.value)}
     if step.name is not None:
         found["as"] = step.name

@@ -11,7 +11,7 @@ from bench.engine.crediting import SoakCredit
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.engine.numbered import Numbered
-from bench.engine.questions import Desk
+from bench.engine.questions import PromptQueue
 from bench.rig import Rig
 from bench.store.writer import RunWriter
 
@@ -30,7 +30,7 @@ class Bench:
     rig: Rig
     monitor: Monitor
     journal: Journal
-    desk: Desk
+    prompts: PromptQueue
     notice: Callable[[str], None]
     numbered: Numbered
     angles_deg: dict[str, float] = field(default_factory=dict)

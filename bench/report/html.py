@@ -12,7 +12,7 @@ from bench.figures.languages import current, tr
 from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import drawing, font_of
-from bench.figures.words import of_those_within_u, said_in_words
+from bench.figures.words import answer_text, of_those_within_u
 from bench.metrology.results.curves import TemperatureModel
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.limits import Limits
@@ -67,7 +67,7 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     not_come = results.missed if results is not None else ()
     problems = list(page.problems(run, not_evaluated, verdict))
     notes = [
-        *page.past_due(instruments), *page.faults_on_purpose(run), *page.done_again(run), *page.power(run),
+        *page.past_due(instruments), *page.faults_on_purpose(run), *page.repetitions(run), *page.power(run),
         *page.left_on(run), *page.notes_of_steps(run), *gaps.lines(not_come), *_flags(results),
     ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
@@ -107,7 +107,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"tr": tr, "clock": clock, "said_in_words": said_in_words}
+    environment.globals |= {"tr": tr, "clock": clock, "answer_text": answer_text}
     return environment
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from bench.clock import wall_utc
 from bench.errors import StoreError
-from bench.files import write_whole
+from bench.files import write_atomically
 from bench.reduce.evaluate import Results
 from bench.report.afterwards import Afterwards
 from bench.store.kept_json import TEXT, WHOLE, list_of, named, object_of, one_of, read_kept
@@ -160,7 +160,7 @@ def _keep(folder: Path, reports: _Reports) -> None:
     content: dict[str, Any] = {"schema": SCHEMA, "revisions": list(reports.revisions), "files": dict(reports.files)}
     if reports.writing:
         content["writing"] = dict(reports.writing)
-    write_whole(folder / REVISIONS, json_text({**content, "hash": _hash_of(content)}).encode())
+    write_atomically(folder / REVISIONS, json_text({**content, "hash": _hash_of(content)}).encode())
 
 
 def _hash_of(content: object) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bench.errors import BenchError
 from bench.figures.languages import ENGLISH, language
-from bench.files import write_whole
+from bench.files import write_atomically
 from bench.reduce.stored_run import StoredRun
 from bench.report.afterwards import afterwards
 from bench.report.html import render
@@ -31,7 +31,7 @@ def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Pat
     with language(lang):
         content = FORMS[form](run)
     with replacing(run.folder, path.name, content):
-        write_whole(path, content)
+        write_atomically(path, content)
     return path
 
 

@@ -22,7 +22,7 @@ from bench.sequence.plan.expand import expand
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.unit_places import occupied
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import in_words
+from drivers.schema.wording import value_text
 
 
 def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
@@ -107,7 +107,7 @@ def _from_file(outline: Outline, path: Path) -> tuple[list[str], dict[str, Value
     except InputError as error:
         return list(error.problems), {}
     if not isinstance(document.value, dict):
-        problem = f"is {in_words(document.value)}, expected a mapping of parameters to values"
+        problem = f"is {value_text(document.value)}, expected a mapping of parameters to values"
         return document.located([((), problem)]), {}
     found: list[Problem] = []
     given: dict[str, Value] = {}

@@ -25,7 +25,7 @@ import numpy as np
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
-from bench.app.resume import prepared_again, read_interrupted
+from bench.app.resume import prepare_again, read_interrupted
 from bench.errors import BenchError
 from bench.loop import REAL_TIME
 from bench.reduce.reduced_again import reduced_again
@@ -130,7 +130,7 @@ def not_resumable(runs: Path) -> list[str]:
     (run,) = list_runs(runs)
     try:
         if run.state == "interrupted":
-            prepared_again(read_interrupted(run.path))
+            prepare_again(read_interrupted(run.path))
     except BenchError as problem:
         return [] if HAD_ENDED in str(problem) else [f"cannot be resumed: {problem}"]
     return []

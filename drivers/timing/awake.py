@@ -15,7 +15,7 @@ ROUNDING_S = 1e-9  # rounding error of loop times, which are sums
 SLICE_S = 0.25
 
 
-def came_true(wait: Callable[[float], bool], limit_s: float) -> bool:
+def succeeded_within(wait: Callable[[float], bool], limit_s: float) -> bool:
     """Return whether `wait`, which waits for at most the given time, has succeeded within the limit; for threads.
 
     Each slice counts as its nominal length, however long it took.
@@ -52,7 +52,7 @@ class Deadline:
 
 
 @asynccontextmanager
-async def patience(limit_s: float) -> AsyncIterator[asyncio.Timeout]:
+async def fair_timeout(limit_s: float) -> AsyncIterator[asyncio.Timeout]:
     """As asyncio.timeout, but data that have arrived by the time limit are processed before it expires."""
     loop, deadline = asyncio.get_running_loop(), Deadline(limit_s)
     timer: asyncio.Handle

@@ -22,12 +22,12 @@ class ReadBack:
     within_s: float = 2.0
     every_s: float = 0.2
 
-    async def until(self, ask: Callable[[], Awaitable[T]], agrees: Callable[[T], object]) -> T:
+    async def until(self, read: Callable[[], Awaitable[T]], agrees: Callable[[T], object]) -> T:
         """First answer that agrees, or the last one at the time limit, for the caller to judge."""
         now_s = asyncio.get_running_loop().time
         over_s = now_s() + self.within_s
-        found = await ask()
+        found = await read()
         while not agrees(found) and now_s() < over_s:
             await asyncio.sleep(self.every_s)
-            found = await ask()
+            found = await read()
         return found

@@ -16,7 +16,7 @@ import numpy as np
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, InstrumentFault, LinkLost
 from drivers.schema.bounded import expect_bounded
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport import slcan
 from drivers.transport.address import Address
 from drivers.transport.frame_link import DURABLE_BLOCK_S, FrameLink
@@ -79,7 +79,7 @@ class Slcan(TextFrames):
         self._answer = asyncio.get_running_loop().create_future()
         self._transport.write(text + slcan.END)
         try:
-            async with patience(_ANSWER_S):
+            async with fair_timeout(_ANSWER_S):
                 agreed = await self._answer
         except TimeoutError:
             raise CannotConnect(self._device, "the CAN adapter does not answer", sent=repr(text)[1:]) from None

@@ -38,27 +38,27 @@ def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, A
     For units that send codes also the decodings, by channel.
     """
     decodings = {name: imu.settings.decodings for name, imu in sorted(world.imus.items()) if imu.settings.decodings}
-    told = {name: {channel: asdict(each) for channel, each in of.items()} for name, of in decodings.items()}
+    names = {name: {channel: asdict(each) for channel, each in of.items()} for name, of in decodings.items()}
     return {
         "imus": {name: asdict(imu.truth) for name, imu in sorted(world.imus.items())},
         "latitude_deg": world.settings.latitude_deg,
         "windows": _drifted(world, windows),
-        **({"decodings": told} if told else {}),
+        **({"decodings": names} if names else {}),
     }
 
 
 def _drifted(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, dict[str, list[float]]]:
     """Drift of the biases in the middle of each window, and temperatures of the sensors."""
-    told = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
+    names = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
     known = {
-        place: {name: np.array([getattr(state, name) for state in imu.history]).T for name in ("true_s", *told)}
+        place: {name: np.array([getattr(state, name) for state in imu.history]).T for name in ("true_s", *names)}
         for place, imu in world.imus.items()
     }
     found = {}
     for window in (each for each in windows if each.place in world.imus):
         of_unit, true_s = known[window.place], world.true_time(window.at_s)
         found[window.key] = {
-            name: [float(np.interp(true_s, of_unit["true_s"], each)) for each in of_unit[name]] for name in told
+            name: [float(np.interp(true_s, of_unit["true_s"], each)) for each in of_unit[name]] for name in names
         }
     return found
 

@@ -17,7 +17,7 @@ from simulators.units.unit_file import UnitFile
 Array = NDArray[np.float64]
 
 
-class Warmth:
+class UnitTemperatures:
     """Temperature model of a unit: by the chamber alone, or a thermostat; converter in the chamber or outside."""
 
     def __init__(self, thermal: Thermal, index: int, unit: UnitFile, start_c: float, thermometer_s: float) -> None:
@@ -87,13 +87,13 @@ class BoardState(NamedTuple):
 class Board:
     """Temperature of the converter of a unit over time; `history` is empty for one outside the chamber."""
 
-    def __init__(self, warmth: Warmth, start_c: float) -> None:
-        self._warmth, self._last_c = warmth, start_c
+    def __init__(self, temperatures: UnitTemperatures, start_c: float) -> None:
+        self._temperatures, self._last_c = temperatures, start_c
         self.history: list[BoardState] = []
 
     def followed_c(self, edges_s: Array, at_s: Array, drifted_g: float) -> Array | None:
         """Temperatures at times between the first edge and the last, which is now; None outside the chamber."""
-        if not self._warmth.board_in_chamber:
+        if not self._temperatures.board_in_chamber:
             return None
         before_c = self._last_c
         self._now_at(float(edges_s[-1]), drifted_g)
@@ -102,15 +102,17 @@ class Board:
 
     def just_before_c(self, now_s: float, before_s: float, drifted_g: float) -> Array | None:
         """Temperature just before now, independent of the last call; None outside the chamber."""
-        if not self._warmth.board_in_chamber:
+        if not self._temperatures.board_in_chamber:
             return None
         self._now_at(now_s, drifted_g)
-        return np.asarray(self._last_c - self._warmth.board_rate_c_per_s * before_s)
+        return np.asarray(self._last_c - self._temperatures.board_rate_c_per_s * before_s)
 
     def _now_at(self, now_s: float, drifted_g: float) -> None:
-        warmth = self._warmth
-        self._last_c = warmth.board_c
-        self.history.append(BoardState(now_s, self._last_c, warmth.board_thermometer_c, warmth.sensor_c, drifted_g))
+        temperatures = self._temperatures
+        self._last_c = temperatures.board_c
+        self.history.append(
+            BoardState(now_s, self._last_c, temperatures.board_thermometer_c, temperatures.sensor_c, drifted_g)
+        )
 
 
 def followed_c(faults: FaultPlan, at_unit_c: float, room_c: float) -> float:

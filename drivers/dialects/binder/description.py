@@ -12,7 +12,7 @@ from drivers.kinds.chamber.description import (
     CHANNELS,
     ChamberLimits,
     ChamberSafe,
-    StairOptions,
+    SteppedRampOptions,
     TemperatureRange,
     safe_state,
 )
@@ -20,7 +20,7 @@ from drivers.schema.fields import Flag, PositiveSeconds, WholeNumber
 from drivers.schema.wording import telling
 
 
-class BinderOptions(StairOptions):
+class BinderOptions(SteppedRampOptions):
     """Protocol settings of the controller."""
 
     controller: Kind = Field(description="type of the controller: mb1 or mb2")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from drivers.can.dbc import dbc_in
 from drivers.can.decoded import Counts, FrameDecoder, Positions
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
+from drivers.can.gap_detection import GapDetector
 from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.binding import format_of
 from drivers.dialects.can_counter.options import CounterOptions
@@ -31,6 +31,6 @@ class CounterDecoder(FrameDecoder):
         latches = wire.latches_of(self._format, block)
         return {name: wire.decode_positions(self._format, name, block, latches) for name in self._format.positions}
 
-    def watches(self) -> Sequence[Unbroken]:
+    def watches(self) -> Sequence[GapDetector]:
         """Gap detector for the latches and the counts of all channels."""
         return [wire.unbroken(self._format)]

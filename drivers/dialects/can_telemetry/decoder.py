@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from drivers.can.dbc import dbc_in
 from drivers.can.decoded import FrameDecoder, Positions, Samples
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
+from drivers.can.gap_detection import GapDetector
 from drivers.dialects.can_telemetry import wire
 from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
@@ -33,6 +33,6 @@ class TelemetryDecoder(FrameDecoder):
             for name, encoder in self._encoders.items()
         }
 
-    def watches(self) -> Sequence[Unbroken]:
+    def watches(self) -> Sequence[GapDetector]:
         """Gap detectors, one for each message with samples."""
         return wire.unbroken(self._formats)

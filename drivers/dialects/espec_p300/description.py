@@ -7,11 +7,11 @@ from typing import Annotated
 from pydantic import Field
 
 from drivers.description import DriverDescription
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, SteppedRampOptions, safe_state
 from drivers.schema.fields import WholeNumber
 
 
-class P300Options(StairOptions):
+class P300Options(SteppedRampOptions):
     """Protocol settings and ramp of the controller."""
 
     address: Annotated[WholeNumber, Field(ge=1, le=16)] | None = Field(

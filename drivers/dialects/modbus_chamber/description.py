@@ -8,12 +8,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from drivers.description import DriverDescription
 from drivers.dialects.modbus_chamber.profile import ChamberProfile
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, SteppedRampOptions, safe_state
 from drivers.schema.fields import DocumentFile, ModelBeside, WholeNumber
 from drivers.schema.wording import problem_at
 
 
-class ModbusChamberOptions(StairOptions):
+class ModbusChamberOptions(SteppedRampOptions):
     """Protocol settings of the controller."""
 
     profile: Annotated[DocumentFile[ChamberProfile], ModelBeside(ChamberProfile)] = Field(

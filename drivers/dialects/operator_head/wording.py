@@ -14,7 +14,7 @@ def spelled(angle_deg: float) -> str:
     return f"{round(angle_deg, 6) + 0.0:.12g}°"
 
 
-def to_turn(device: str, from_deg: float | None, to_deg: float, approach: Approach) -> str:
+def move_prompt(device: str, from_deg: float | None, to_deg: float, approach: Approach) -> str:
     """Prompt for a turn: target, start, direction, and final approach."""
     if from_deg is None:
         way = ""
@@ -28,12 +28,12 @@ def to_turn(device: str, from_deg: float | None, to_deg: float, approach: Approa
     )
 
 
-def to_look(device: str) -> str:
+def angle_prompt(device: str) -> str:
     """Prompt for the angle of a head whose angle is unknown."""
     return f"Leave {device} as it is, and type the angle that it shows, in ° or deg."
 
 
-def not_taken(typed_deg: float, asked_deg: float | None, why: str, told: str) -> str:
+def rejected(typed_deg: float, requested_deg: float | None, why: str, prompt: str) -> str:
     """Repeat a prompt after an implausible answer."""
-    asked = f", {spelled(asked_deg)} was asked for" if asked_deg is not None else ""
-    return f"{spelled(typed_deg)} was typed{asked}: {why}. {told}"
+    asked = f", {spelled(requested_deg)} was asked for" if requested_deg is not None else ""
+    return f"{spelled(typed_deg)} was typed{asked}: {why}. {prompt}"

@@ -8,11 +8,11 @@ from pydantic import Field
 
 from drivers.description import DriverDescription
 from drivers.dialects.watlow_f4.wire import EVENT_OUTPUTS
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, SteppedRampOptions, safe_state
 from drivers.schema.fields import WholeNumber
 
 
-class F4Options(StairOptions):
+class F4Options(SteppedRampOptions):
     """Protocol settings of the controller."""
 
     unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="Modbus address")

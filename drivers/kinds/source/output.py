@@ -110,7 +110,7 @@ class ScpiOutput(Generic[StateT, SettingT]):
         order = self._latest.begin()
         async with safe_in_time(self.name):
             await self._link.reopen()
-            self._link.cut_in(self._dialect.cut_off)
+            self._link.preempt(self._dialect.cut_off)
             await self._switch_off(order, await self._state())
 
     async def _switch_off(self, order: Order, now: StateT) -> None:
@@ -141,7 +141,7 @@ class ScpiOutput(Generic[StateT, SettingT]):
         )
 
     async def _state(self) -> StateT:
-        return await self._link.ask(self._dialect.state_query, self._dialect.read_state)
+        return await self._link.query(self._dialect.state_query, self._dialect.read_state)
 
     def _check_faults(self, state: StateT, *, output: bool = True) -> None:
         """Raise InstrumentFault for a fault; without `output` only for those that always matter."""

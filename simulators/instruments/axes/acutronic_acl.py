@@ -21,7 +21,7 @@ from drivers.dialects.acutronic_acl.wire import (
     Supervisor,
 )
 from drivers.protocols import scpi
-from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
 from simulators.physics.profiles import Slew
 from simulators.world import World
@@ -353,10 +353,10 @@ class SimulatedAcutrol:
                 return SWINGING
         return Dynamics(0)
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **MEASURES_AND_OBEYS,
-        "emergency_stop": Mishap(lambda table: table.trip(SoftwareFault.ABORT, InterlockInput.MASTER_INTERLOCK)),
-        "interlock": Mishap(lambda table: table.trip(SoftwareFault(0), InterlockInput.INTERLOCK_1)),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **MEASUREMENT_AND_COMMAND_FAULTS,
+        "emergency_stop": FaultEffect(lambda table: table.trip(SoftwareFault.ABORT, InterlockInput.MASTER_INTERLOCK)),
+        "interlock": FaultEffect(lambda table: table.trip(SoftwareFault(0), InterlockInput.INTERLOCK_1)),
     }
 
 

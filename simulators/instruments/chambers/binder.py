@@ -25,8 +25,8 @@ from drivers.dialects.binder.wire import (
     value_c,
     words,
 )
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -180,9 +180,9 @@ class SimulatedBinder(SimulatedChamber):
             self._set_points = dict.fromkeys(self._set_points, words(AFTER_RESTART_C))
             self._follow()
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": LOOKED_FOR,
-        "program": Mishap(start_program),
-        "alarm": Mishap(raise_alarm, clear_alarm),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": PASSIVE_FAULT,
+        "program": FaultEffect(start_program),
+        "alarm": FaultEffect(raise_alarm, clear_alarm),
     }

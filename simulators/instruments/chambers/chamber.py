@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import get_args
 
-from simulators.faults.instrument_faults import LOOKED_FOR, MEASURES_AND_OBEYS, OPEN_C, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import (
+    MEASUREMENT_AND_COMMAND_FAULTS,
+    OPEN_C,
+    PASSIVE_FAULT,
+    FaultEffect,
+    FaultKind,
+    FaultPlan,
+)
 from simulators.physics.chamber_failures import Failure
 from simulators.world import World
 
@@ -49,14 +56,14 @@ class SimulatedChamber:
         self._world.chamber_fails(failure)
 
 
-def _breaks(failure: Failure) -> Mishap:
-    return Mishap(lambda chamber: chamber.break_down(failure), lambda chamber: chamber.break_down(None))
+def _breaks(failure: Failure) -> FaultEffect:
+    return FaultEffect(lambda chamber: chamber.break_down(failure), lambda chamber: chamber.break_down(None))
 
 
-CHAMBER_MISHAPS: Mapping[FaultKind, Mishap] = {
-    **MEASURES_AND_OBEYS,
-    "door_open": Mishap(lambda chamber: chamber.open_door(), lambda chamber: chamber.close_door()),
-    "open_sensor": LOOKED_FOR,
+CHAMBER_FAULT_EFFECTS: Mapping[FaultKind, FaultEffect] = {
+    **MEASUREMENT_AND_COMMAND_FAULTS,
+    "door_open": FaultEffect(lambda chamber: chamber.open_door(), lambda chamber: chamber.close_door()),
+    "open_sensor": PASSIVE_FAULT,
     **{failure: _breaks(failure) for failure in get_args(Failure)},
 }
 """Faults of every chamber."""

@@ -62,18 +62,18 @@ class ScannerSession:
         """Receive bytes in any portions; return the immediate answers."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         self._lines.extend(_Line(line.decode("latin-1").strip()) for line in lines)
-        return self._carry_on()
+        return self._next_replies()
 
-    def _carry_on(self) -> bytes:
-        said = b""
+    def _next_replies(self) -> bytes:
+        sent = b""
         while self._lines and not self._waits:
             line = self._lines[0]
             if not line.commands:
                 self._lines.popleft()
-                said += self._spoken(self._scanner.joined(line.answers))
+                sent += self._reply(self._scanner.joined(line.answers))
             else:
                 self._next_of(line)
-        return said
+        return sent
 
     def _next_of(self, line: _Line) -> None:
         """Execute the next command of a line, or wait for its scan."""
@@ -111,9 +111,9 @@ class ScannerSession:
 
     def _go_on(self) -> bytes:
         self._waits = False
-        return self._carry_on()
+        return self._next_replies()
 
-    def _spoken(self, answer: str) -> bytes:
+    def _reply(self, answer: str) -> bytes:
         return answer.encode() + self._scanner.answer_end if answer else b""
 
 

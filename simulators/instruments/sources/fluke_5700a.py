@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 
 from drivers.dialects.fluke_5700a import wire
 from drivers.dialects.fluke_5700a.wire import Event, Status, Terminator
-from simulators.faults.instrument_faults import OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
 from simulators.instruments.sources.fluke_units import quantity
 from simulators.world import World
@@ -131,7 +131,7 @@ class SimulatedFluke:
             elif header in _OUTPUTS:
                 self.faults.carry_out(partial(self._command_output, header, arguments))
             else:
-                self._obey(header, arguments)
+                self._execute(header, arguments)
         return answers
 
     def fault(self, code: int) -> None:
@@ -152,7 +152,7 @@ class SimulatedFluke:
         events, self._events = self._events, Event(0)
         return str(int(events))
 
-    def _obey(self, header: str, arguments: list[str]) -> None:
+    def _execute(self, header: str, arguments: list[str]) -> None:
         match header, arguments:
             case "REMOTE" | "LOCKOUT", []:
                 self.remote = True
@@ -232,11 +232,11 @@ class SimulatedFluke:
         self.modes = Status(0)
         self._changed_s = self._switched_s = -math.inf
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **OBEYS,
-        "restart": Mishap(restart),
-        "front_panel": Mishap(local),
-        "tripped": Mishap(overload),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **COMMAND_FAULTS,
+        "restart": FaultEffect(restart),
+        "front_panel": FaultEffect(local),
+        "tripped": FaultEffect(overload),
     }
 
 
