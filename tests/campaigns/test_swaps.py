@@ -46,9 +46,9 @@ def test_drivers_that_do_not_ask_who_is_there_after_they_connected_again_are_cau
     connected: list[VerifiedRegisters] = []
     monkeypatch.setattr(Dialogue, "_open", trusting_open)
     monkeypatch.setattr(VerifiedRegisters, "connect", trusting_connect)
-    told = [sentence for sentence in swaps(2 * len(KINDS)).unexpected if " told " in sentence]
+    reported = [sentence for sentence in swaps(2 * len(KINDS)).unexpected if " told " in sentence]
     for driver in ("watlow_f4t", "espec_p300", "keithley_6220", "scpi_supply", "acutronic_acl", "newport_xps"):
-        assert any(f", {driver}" in sentence for sentence in told), driver
+        assert any(f", {driver}" in sentence for sentence in reported), driver
 
 
 def test_a_source_that_does_not_compare_its_settings_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:

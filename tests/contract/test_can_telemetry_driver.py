@@ -237,7 +237,7 @@ def test_a_restart_goes_on_and_is_in_the_samples() -> None:
 # Faults
 
 
-def fails_with(kind: FaultKind, error: type[Exception], said: str) -> None:
+def fails_with(kind: FaultKind, error: type[Exception], message: str) -> None:
     """In mid-acquisition: what came before is handed out, then the error; afterwards everything says so."""
 
     async def use(bench: Bench, driver: CanTelemetry) -> None:
@@ -251,13 +251,13 @@ def fails_with(kind: FaultKind, error: type[Exception], said: str) -> None:
         task = asyncio.create_task(record())
         await asyncio.sleep(5.05)
         bench.faults.begin(kind)
-        with pytest.raises(error, match=said):
+        with pytest.raises(error, match=message):
             await task
         assert now_s() < 5.05 + 4.0, "in bounded time"
         assert len(decoded(FrameBlock.joined(found)).values) >= 200
         assert bench.bus.closed == 1, "frames that nobody takes do not pile up"
         for again in (driver.poll, driver.acquire().__aenter__):
-            with pytest.raises(error, match=said):
+            with pytest.raises(error, match=message):
                 await again()
 
     with_driver(use)

@@ -139,13 +139,13 @@ def test_no_call_waits_for_ever_on_an_instrument_that_says_nothing(driver: str) 
 @every_driver
 def test_an_answer_is_waited_for_as_long_as_the_instrument_may_take_and_no_longer(driver: str) -> None:
     async def main() -> None:
-        opened, told_s = Opened(driver), list[float]()
-        async with opened.driver(lambda _asked_again: told_s.append(now_s())) as device:
+        opened, reported_s = Opened(driver), list[float]()
+        async with opened.driver(lambda _asked_again: reported_s.append(now_s())) as device:
             opened.faults.begin("silent")
             began_s = now_s()
             with suppress(NoAnswer):
                 await device.identify()
-            waited_s = told_s[0] - began_s if told_s else 0.0
+            waited_s = reported_s[0] - began_s if reported_s else 0.0
             assert waited_s == pytest.approx(EVERY[driver].client_timeout_s, abs=PACING_S)
 
     run(main(), AS_FAST_AS_POSSIBLE)

@@ -162,8 +162,8 @@ def test_a_generic_question_leaves_no_error_in_an_instrument_that_does_not_know_
 
 @pytest.mark.parametrize("known", [(), ("STATus:ERRor?",), ("SYSTem:ERRor[:NEXT]?",)])
 def test_a_supply_is_known_whatever_it_is_asked_for_its_errors_by(known: tuple[str, ...]) -> None:
-    told = dict.fromkeys(("VOLTage?", "CURRent?", "OUTPut?"), lambda _: "0")
-    interpreter = Interpreter("ACME,PSU 1,,1.0", told, error_queries=known)
+    reported = dict.fromkeys(("VOLTage?", "CURRent?", "OUTPut?"), lambda _: "0")
+    interpreter = Interpreter("ACME,PSU 1,,1.0", reported, error_queries=known)
 
     class Supply(Answering):
         async def query(self, question: bytes, *, again: bool = False) -> bytes:

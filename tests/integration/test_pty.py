@@ -306,8 +306,8 @@ def test_a_port_that_cannot_turn_the_line_round_is_refused_in_words() -> None:
 
 
 def test_a_port_that_can_is_told_to_hold_rts_while_it_sends(monkeypatch: pytest.MonkeyPatch) -> None:
-    told = []
-    monkeypatch.setattr(serial.Serial, "_set_rs485_mode", lambda _port, settings: told.append(settings))
+    reported = []
+    monkeypatch.setattr(serial.Serial, "_set_rs485_mode", lambda _port, settings: reported.append(settings))
 
     async def main() -> None:
         leader, follower = os.openpty()
@@ -317,4 +317,4 @@ def test_a_port_that_can_is_told_to_hold_rts_while_it_sends(monkeypatch: pytest.
         os.close(follower)
 
     run(main())
-    assert [(each.rts_level_for_tx, each.rts_level_for_rx) for each in told] == [(True, False)]
+    assert [(each.rts_level_for_tx, each.rts_level_for_rx) for each in reported] == [(True, False)]

@@ -47,9 +47,9 @@ class Killed(Quiet):
             os._exit(KILLED)
 
 
-def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **wishes: Any) -> Path:
-    """The directory of a run that was killed at an instant of bench time; `wishes` are as in `run_short`."""
-    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), "no_report": True, **wishes}
+def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **options: Any) -> Path:
+    """The directory of a run that was killed at an instant of bench time; `options` are as in `run_short`."""
+    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), "no_report": True, **options}
     _killed({"at_s": at_s, "asked": asked})
     return max(runs.iterdir())
 

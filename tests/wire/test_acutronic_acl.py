@@ -42,13 +42,13 @@ def table(clock: Clock) -> SimulatedAcutrol:
 
 def talk(table: SimulatedAcutrol, *messages: bytes) -> list[str]:
     """What the answers say: their text, or `error N`."""
-    session, said = table.session(), []
+    session, expected_text = table.session(), []
     for message in messages:
         answer = session.feed(message + b"\n")
         code, length = (int.from_bytes(answer[at : at + 4], "little") for at in (0, 4))
         assert len(answer) == 8 + length
-        said.append(f"error {code}" if code else answer[8:].decode())
-    return said
+        expected_text.append(f"error {code}" if code else answer[8:].decode())
+    return expected_text
 
 
 # The driver's side
@@ -220,8 +220,8 @@ def test_mnemonics_may_be_cut_and_groups_continued(table: SimulatedAcutrol, cloc
 )  # fmt: skip
 def test_what_the_controller_does_not_know_is_an_error(table: SimulatedAcutrol, message: bytes) -> None:
     talk(table, b":INTERLOCK:CLOSE 1")
-    (said,) = talk(table, message)
-    assert said.startswith("error ")
+    (expected_text,) = talk(table, message)
+    assert expected_text.startswith("error ")
 
 
 def test_a_rate_is_reached_at_the_acceleration_of_its_mode(table: SimulatedAcutrol, clock: Clock) -> None:

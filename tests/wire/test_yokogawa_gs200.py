@@ -173,8 +173,10 @@ def test_ranges_and_limits_are_told_as_manual_and_programs_of_other_people_have_
     talk(source, b"SOUR:FUNC CURR")
     for range_ in (b"1E-3", b"10E-3", b"100E-3", b"200E-3"):
         assert talk(source, b"SOUR:RANG " + range_, b"SOUR:RANG?") == [b"", range_ + b"\n"]
-    told = {b"UP": b"200E-3", b"DOWN": b"100E-3", b"MIN": b"1E-3", b"MAX": b"200E-3"}
-    assert [talk(source, b"SOUR:RANG " + word, b"SOUR:RANG?")[1].strip() for word in told] == list(told.values())
+    messages = {b"UP": b"200E-3", b"DOWN": b"100E-3", b"MIN": b"1E-3", b"MAX": b"200E-3"}
+    assert [talk(source, b"SOUR:RANG " + word, b"SOUR:RANG?")[1].strip() for word in messages] == list(
+        messages.values()
+    )
     talk(source, b"SOUR:FUNC VOLT")
     for range_ in (b"10E-3", b"1E+0", b"30E+0"):
         assert talk(source, b"SOUR:RANG " + range_, b"SOUR:RANG?") == [b"", range_ + b"\n"]

@@ -55,9 +55,9 @@ teardown:
 """
 
 
-def rehearsed(folder, sequence="smoke", fault_seed=None, **wishes):
-    wishes = {"bench": str(WIRES), "simulate": True, "runs": folder} | wishes
-    return rehearse(prepare(RunRequest(sequence, **wishes)), Quiet(), fault_seed)
+def rehearsed(folder, sequence="smoke", fault_seed=None, **options):
+    options = {"bench": str(WIRES), "simulate": True, "runs": folder} | options
+    return rehearse(prepare(RunRequest(sequence, **options)), Quiet(), fault_seed)
 
 
 def written(folder, text):
@@ -170,8 +170,8 @@ def test_a_short_tumble_takes_and_writes_what_the_plan_said(tmp_path):
     assert all(phase.ratio == pytest.approx(1, abs=0.02) for phase in rehearsal.phases[1:])
 
 
-def ends_too_late(**wishes):
-    checked = load_checked(RunRequest("tumble_static", **wishes))
+def ends_too_late(**options):
+    checked = load_checked(RunRequest("tumble_static", **options))
     return [remark.problem for remark in checked.warnings if remark.rule == "ends-too-late"]
 
 

@@ -40,8 +40,8 @@ def ran(folder, *lines, more="", tail=TAIL, bench=BENCH, script=None, faults="")
     return run
 
 
-def turned(folder, *lines, **wishes):
-    return ran(folder, *lines, tail=TABLE_TAIL, bench=TABLE, **wishes)
+def turned(folder, *lines, **options):
+    return ran(folder, *lines, tail=TABLE_TAIL, bench=TABLE, **options)
 
 
 def completed(run):

@@ -234,10 +234,10 @@ def test_of_what_no_method_reduces_the_journal_tells(
 
 
 def test_the_technician_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    said: list[str] = []
-    monkeypatch.setattr(Quiet, "notice", lambda self, text: said.append(text))
+    message: list[str] = []
+    monkeypatch.setattr(Quiet, "notice", lambda self, text: message.append(text))
     result = bad(tmp_path, "lost_frames", "lost_bursts")
-    (text,) = (text for text in said if "frames are missing" in text)
+    (text,) = (text for text in message if "frames are missing" in text)
     first = events(result, "gaps")[0]
     assert text.startswith(f"{first.step}: counter: frames are missing: ")
     assert f"{first.data['lost']} of {first.data['expected']} latches of {first.data['channel']}" in text

@@ -140,7 +140,7 @@ class Run:
         seen_g = unit["K0"] - K2 + MISALIGNMENT @ force_g + K2 * force_g**2 + noise_g
         seen_dps = unit["D0"] + GYRO_MISALIGNMENT @ rate_dps + G_SENSITIVITY @ force_g + noise_dps
         pulses = np.concatenate([unit["K1"] * seen_g, unit["KG"] * seen_dps]) * span_s
-        counted, told_s = np.floor(pulses + self._rng.uniform(size=6)), span_s * (1 + self.clock)
+        counted, reported_s = np.floor(pulses + self._rng.uniform(size=6)), span_s * (1 + self.clock)
         begin_s = 60.0 * len(self.acquisitions)
         from_deg = angles_deg["outer"]
         self.acquisitions.append(
@@ -152,7 +152,8 @@ class Run:
                     for name, (offset_c, gain) in self._thermometers.items()
                 },
                 windows={
-                    name: Window(net / told_s, told_s, span_s, ()) for name, net in zip(CHANNELS, counted, strict=True)
+                    name: Window(net / reported_s, reported_s, span_s, ())
+                    for name, net in zip(CHANNELS, counted, strict=True)
                 },
                 turned=None if turning_dps is None else Turned(
                     "outer", turning_dps, begin_s, from_deg, begin_s + span_s, from_deg + turning_dps * span_s

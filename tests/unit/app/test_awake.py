@@ -177,11 +177,11 @@ def test_a_time_in_which_the_program_stood_still_is_in_the_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(clock_record, "LOOK_EVERY_S", 0.2)
-    said: list[str] = []
+    message: list[str] = []
 
     async def main() -> None:
         writer = RunWriter(tmp_path)
-        async with clock_record.ClockRecord(Journal(writer), said.append).watched():
+        async with clock_record.ClockRecord(Journal(writer), message.append).watched():
             await asyncio.sleep(0.05)
             time.sleep(1.2)  # noqa: ASYNC251  nothing of this program runs
             await asyncio.sleep(0.4)
@@ -191,4 +191,4 @@ def test_a_time_in_which_the_program_stood_still_is_in_the_record(
     with RunReader(tmp_path) as reader:
         (stalled,) = [event.data["for_s"] for event in reader.events("stalled")]
     assert 1.0 < stalled < 2.0
-    assert said[0].startswith("This program was suspended for 1.")
+    assert message[0].startswith("This program was suspended for 1.")

@@ -145,10 +145,10 @@ def test_who_is_not_of_the_group_reads_that_and_does_not_pass_for_knowing(machin
     assert "join its group" in by(ALICE, "print(problem_to_write())", group=OTHERS)
     by(BOB, "lock_out(Path('/b.yaml'), AT, 'Bob', 'the coil', {'supply': SUPPLY})")
     assert "is not known" in by(ALICE, "print(locked_out([SUPPLY]))", group=OTHERS)
-    told = by(ALICE, "note_energised(Path('/runs/a'), Path('/b.yaml'), AT, {'supply': SUPPLY})\n"
+    reported = by(ALICE, "note_energised(Path('/runs/a'), Path('/b.yaml'), AT, {'supply': SUPPLY})\n"
                      "print([each.name for each in energised(print)])", group=OTHERS)  # fmt: skip
-    assert "what runs of other users have left on is not known" in told
-    assert told.endswith("['a']")  # its own folder has it
+    assert "what runs of other users have left on is not known" in reported
+    assert reported.endswith("['a']")  # its own folder has it
     assert left() == []
 
 
@@ -161,9 +161,9 @@ def test_who_may_only_read_is_held_back_by_a_lockout_and_told_that_its_own_recor
     assert by(ALICE, "print(problem_to_read())", group=OTHERS) == ""
     assert "may not write to" in by(ALICE, "print(problem_to_write())", group=OTHERS)
     assert by(ALICE, "print(locked_out([SUPPLY]))", group=OTHERS).startswith("locked out by Bob")
-    told = by(ALICE, "Register(loaded, Path('/runs/a'), print).begin(AT)", group=OTHERS)
-    assert "may not write to" in told
-    assert "'bench make-safe' of other users does not know of this run" in told
+    reported = by(ALICE, "Register(loaded, Path('/runs/a'), print).begin(AT)", group=OTHERS)
+    assert "may not write to" in reported
+    assert "'bench make-safe' of other users does not know of this run" in reported
 
 
 @as_root
@@ -277,10 +277,10 @@ def test_words_of_others_reach_no_terminal_as_commands(machine):
     (record := machine / "lockouts" / "0.json").touch()
     entry = {"schema": "itb-lockout/1", "bench": "/b", "since": "", "by": "\x1b[2J", "reason": "", "connections": {}}
     record.write_text(json.dumps(entry | {"connections": {"supply": SUPPLY}}), "utf-8")
-    said: list[str] = []
-    list(make_safe(None, said.append, lambda lane: said.append(lane.why)))
-    assert any("not known to be safe" in text for text in said)
-    assert all(text.isprintable() for text in [*said, locked_out([SUPPLY])])
+    message: list[str] = []
+    list(make_safe(None, message.append, lambda lane: message.append(lane.why)))
+    assert any("not known to be safe" in text for text in message)
+    assert all(text.isprintable() for text in [*message, locked_out([SUPPLY])])
 
 
 @as_root
@@ -318,10 +318,10 @@ def test_a_run_of_another_user_that_is_under_way_is_not_made_safe_by_the_service
     bench = on_real_wires(place)
     address = str(energising_addresses(load_bench(bench).bench)["supply"])
     note_energised(Path("/home/alice/no/right/a"), bench, AT, {"supply": address})
-    said: list[str] = []
+    message: list[str] = []
     with address_lock([Address.parse(address)], "a run of smoke"):
-        assert list(make_safe(None, said.append, lambda _: None, if_left_on=True)) == []
-    assert said == []
+        assert list(make_safe(None, message.append, lambda _: None, if_left_on=True)) == []
+    assert message == []
 
 
 def test_preflight_says_whose_register_it_is(machine, monkeypatch):

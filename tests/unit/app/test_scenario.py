@@ -29,11 +29,11 @@ SHIPPED = sorted((ROOT / "config/scenarios").glob("*.yaml"))
 HEAD = "schema: itb-scenario/1\ntitle: A test\nfaults:\n"
 
 
-def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **wishes: object) -> list[str]:
+def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **options: object) -> list[str]:
     path = tmp_path / "s.yaml"
     path.write_text(HEAD + "".join(f"  - {fault}\n" for fault in faults), "utf-8")
     with pytest.raises(InputError) as caught:
-        prepare(RunRequest("smoke", bench=bench, scenario=path, **wishes))  # type: ignore[arg-type]  # of a test
+        prepare(RunRequest("smoke", bench=bench, scenario=path, **options))  # type: ignore[arg-type]  # of a test
     return [problem.replace(f"{tmp_path}/", "") for problem in caught.value.problems]
 
 
@@ -61,8 +61,8 @@ def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **wishes: object)
     ],
 )
 def test_what_is_wrong_is_told_at_its_place(tmp_path, fault, problem):
-    (told,) = problems(tmp_path, fault)
-    assert told.startswith(f"s.yaml:{problem}")
+    (reported,) = problems(tmp_path, fault)
+    assert reported.startswith(f"s.yaml:{problem}")
 
 
 def test_the_same_is_told_of_a_bench_file(tmp_path):
@@ -78,8 +78,8 @@ def test_the_same_is_told_of_a_bench_file(tmp_path):
 
 def test_on_real_connections_nothing_is_broken(tmp_path):
     wires = str(ROOT / "config/simulated_wires.yaml")
-    told = problems(tmp_path, "{at: 5 s, device: head, fault: stuck}", bench=wires, units=("Q",))
-    assert "this bench has real connections; faults can be injected only into simulators" in told[0]
+    reported = problems(tmp_path, "{at: 5 s, device: head, fault: stuck}", bench=wires, units=("Q",))
+    assert "this bench has real connections; faults can be injected only into simulators" in reported[0]
 
 
 def test_instruments_that_are_only_served_have_no_steps(tmp_path):

@@ -183,7 +183,7 @@ def test_a_command_does_not_connect_again() -> None:
 
 
 def test_attempts_to_connect_again_come_after_longer_and_longer_pauses() -> None:
-    wires, attempts_s, told = Moody(), list[float](), set[str]()
+    wires, attempts_s, reported = Moody(), list[float](), set[str]()
 
     async def main() -> None:
         dialogue = a_dialogue(wires)
@@ -197,7 +197,7 @@ def test_attempts_to_connect_again_come_after_longer_and_longer_pauses() -> None
             except CannotConnect:
                 attempts_s.append(round(now_s() - began_s, 1))
             except LinkLost as problem:
-                told.add(str(problem).partition("is in")[0])
+                reported.add(str(problem).partition("is in")[0])
             await asyncio.sleep(0.1)
         wires.refuses = False
         await asyncio.sleep(30.0)
@@ -208,7 +208,7 @@ def test_attempts_to_connect_again_come_after_longer_and_longer_pauses() -> None
     pauses_s = [after - before for before, after in pairwise(attempts_s)]
     assert pauses_s == pytest.approx([1, 2, 4, 8, 16, 30, 30, 30, 30, 30][: len(pauses_s)], abs=0.15)
     assert len(pauses_s) > 7
-    assert told == {"echo: is not connected; the next attempt "}
+    assert reported == {"echo: is not connected; the next attempt "}
 
 
 def test_a_connection_that_is_open_at_one_end_only_is_given_up_and_made_anew() -> None:

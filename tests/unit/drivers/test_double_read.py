@@ -10,7 +10,7 @@ from drivers.errors import BadAnswer, NoAnswer
 from drivers.transport.double_read import DoubleRead
 
 
-def told(*values: float) -> Callable[[], Awaitable[float]]:
+def reported(*values: float) -> Callable[[], Awaitable[float]]:
     """One value after the other, and an error when it is asked once more."""
     left = list(values)
 
@@ -33,9 +33,9 @@ def confirmed(
 
     async def main() -> float:
         if within is None:
-            return await double_read.confirmed("the voltage", told(*values), repeat=repeat)
+            return await double_read.confirmed("the voltage", reported(*values), repeat=repeat)
         return await double_read.confirmed(
-            "the voltage", told(*values), repeat=repeat, agree=lambda one, other: abs(one - other) <= within,
+            "the voltage", reported(*values), repeat=repeat, agree=lambda one, other: abs(one - other) <= within,
             describe=lambda value: f"{value:.1f} V",
         )  # fmt: skip
 
@@ -71,8 +71,8 @@ def test_three_of_which_no_two_are_alike_are_no_reading() -> None:
 
 
 def test_what_the_instrument_still_has_is_not_taken_anew() -> None:
-    assert confirmed(1.0, repeat=told(1.0)) == (1.0, [])
-    assert confirmed(1.0, repeat=told(9.0, 1.0))[0] == 1.0
+    assert confirmed(1.0, repeat=reported(1.0)) == (1.0, [])
+    assert confirmed(1.0, repeat=reported(9.0, 1.0))[0] == 1.0
 
 
 def test_a_take_without_an_answer_is_an_error() -> None:
@@ -82,7 +82,7 @@ def test_a_take_without_an_answer_is_an_error() -> None:
 
 def test_what_is_ordered_between_the_takes_explains_that_they_differ() -> None:
     double_read = DoubleRead("calibrator", lambda _text: None, checked=False)
-    told_then = told(1.0, 2.0, 3.0, 3.0, 3.0)
+    told_then = reported(1.0, 2.0, 3.0, 3.0, 3.0)
 
     async def take() -> float:
         value = await told_then()

@@ -173,7 +173,7 @@ def test_an_answer_later_than_the_drain_is_not_taken_for_the_proof() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "error", "received"),
+    ("message", "error", "received"),
     [
         pytest.param(b"5007\n5007\n", BadAnswer, r"'5007' then '5007\n'", id="a duplicate at once"),
         pytest.param(b"5007\nready\n", BadAnswer, r"'5007' then 'ready\n'", id="an extra line"),
@@ -189,7 +189,7 @@ def test_an_answer_later_than_the_drain_is_not_taken_for_the_proof() -> None:
     ],
 )
 def test_what_is_not_one_whole_answer_is_an_error_and_the_next_value_is_right(
-    said: bytes, error: type[DriverError], received: str
+    message: bytes, error: type[DriverError], received: str
 ) -> None:
     async def use(line: LineExchange, oracle: Oracle) -> None:
         with pytest.raises(error, match="sent '5'") as caught:
@@ -198,7 +198,7 @@ def test_what_is_not_one_whole_answer_is_an_error_and_the_next_value_is_right(
         assert await value(line, 6) == 6007
         assert WHO in oracle.heard
 
-    talk(use, once(b"5", lambda oracle, _answer: oracle.say(said)))
+    talk(use, once(b"5", lambda oracle, _answer: oracle.say(message)))
 
 
 def test_a_duplicate_within_the_gap_is_an_error_before_anything_is_sent() -> None:

@@ -81,14 +81,14 @@ def test_a_refused_write_names_every_error_and_leaves_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("known", "asked", "told"),
+    ("known", "asked", "reported"),
     [
         (("STATus:ERRor?",), b":STAT:ERR?", '-222,"Data out of range"'),
         ((), b"*ESR?", '-200,"Execution error, *ESR? is 16"'),
     ],
 )
 def test_an_instrument_that_does_not_know_the_usual_question_for_errors_is_asked_another(
-    known: tuple[str, ...], asked: bytes, told: str
+    known: tuple[str, ...], asked: bytes, reported: str
 ) -> None:
     notes: list[str] = []
 
@@ -97,7 +97,7 @@ def test_an_instrument_that_does_not_know_the_usual_question_for_errors_is_asked
         assert notes[-1] == f"it does not answer :SYST:ERR?; its errors are queried by {asked.decode()}"
         assert all(note.startswith("asked again: ") for note in notes[:-1])
         await link.write("VOLT 5")  # the questions that it did not know are forgotten
-        with pytest.raises(Refused, match=re.escape(f"received {told}.")):
+        with pytest.raises(Refused, match=re.escape(f"received {reported}.")):
             await link.write("VOLT 20")
         wire.drop()
         await asyncio.sleep(1.0)

@@ -170,8 +170,8 @@ def test_it_makes_no_difference_in_which_portions_readings_come(course, cuts):
         one.take(UNIT, [Valid(*reading, 1) for reading in course[begin:end]])
     for reading in course:
         other.take(UNIT, [Valid(*reading, 1)])
-    told, expected = (sorted(watch.evaluate(1e6), key=str) for watch in (one, other))
-    assert told == expected
+    reported, expected = (sorted(watch.evaluate(1e6), key=str) for watch in (one, other))
+    assert reported == expected
 
 
 # A rate
@@ -287,7 +287,7 @@ def test_a_reading_that_comes_late_is_as_old_as_it_is():
 
 
 @pytest.mark.parametrize(
-    ("entry", "readings", "source", "said"),
+    ("entry", "readings", "source", "message"),
     [
         (
             {**HOT, "then": "stop", "good_for": None}, [(0, 85.5), (6, 86.25)], UNIT,
@@ -316,9 +316,9 @@ def test_a_reading_that_comes_late_is_as_old_as_it_is():
         ),
     ],
 )  # fmt: skip
-def test_it_is_told_what_was_found_what_is_allowed_what_happens_and_what_to_do(entry, readings, source, said):
+def test_it_is_told_what_was_found_what_is_allowed_what_happens_and_what_to_do(entry, readings, source, message):
     entry = {key: value for key, value in entry.items() if value is not None}
-    assert texts(made(x=entry), readings, source) == [said]
+    assert texts(made(x=entry), readings, source) == [message]
 
 
 def test_of_a_difference_both_readings_are_named():
@@ -366,12 +366,12 @@ class Scripted:
 
 def watched(folder, interlocks, duration_s, **devices):
     """What a monitor tells of its interlocks in so much virtual time, and the journal of it."""
-    told = []
+    reported = []
     writer = RunWriter(folder)
 
     async def main():
         monitor = Monitor(Rig(devices), BENCH, interlocks, Journal(writer), lambda name, reading: None)
-        monitor.on_interlock = lambda change: told.append((asyncio.get_running_loop().time(), change))
+        monitor.on_interlock = lambda change: reported.append((asyncio.get_running_loop().time(), change))
         monitor.start()
         await asyncio.sleep(duration_s)
         await monitor.stop()
@@ -382,16 +382,16 @@ def watched(folder, interlocks, duration_s, **devices):
     finally:
         writer.close()
     with RunReader(folder) as reader:
-        return told, [(event.at_s, event.data) for event in reader.events("interlock")]
+        return reported, [(event.at_s, event.data) for event in reader.events("interlock")]
 
 
 def test_a_monitor_gives_its_readings_to_the_interlocks_and_tells_and_records_what_changes(tmp_path):
     polls = [{"Temperatures.Unit": [Reading(at_s, 86.0 if 1 <= at_s <= 7 else 84.0)]} for at_s in range(12)]
-    told, journal = watched(tmp_path, made(hot=HOT), 11.5, counter=Scripted(*polls))
-    assert [(at_s, change.tripped) for at_s, change in told] == [(6.0, True), (11.0, False)]
+    reported, journal = watched(tmp_path, made(hot=HOT), 11.5, counter=Scripted(*polls))
+    assert [(at_s, change.tripped) for at_s, change in reported] == [(6.0, True), (11.0, False)]
     (tripped_s, tripped), (_, good) = journal
     assert (tripped_s, tripped["name"], tripped["action"], tripped["since_s"]) == (6.0, "hot", "pause", 1)
-    assert tripped["text"] == told[0][1].text
+    assert tripped["text"] == reported[0][1].text
     assert (tripped["tripped"], good["tripped"]) == (True, False)
 
 
@@ -403,13 +403,13 @@ def test_no_interlock_trips_on_a_reading_that_is_not_believed(tmp_path):
 
 
 def test_a_monitor_looks_at_ages_while_no_reading_comes(tmp_path):
-    told, _ = watched(tmp_path, made(silent=SILENT), 40.0, counter=Scripted())
-    assert [(at_s, change.name) for at_s, change in told] == [(31.0, "silent")]
+    reported, _ = watched(tmp_path, made(silent=SILENT), 40.0, counter=Scripted())
+    assert [(at_s, change.name) for at_s, change in reported] == [(31.0, "silent")]
 
 
 def test_the_poll_of_any_device_is_a_look(tmp_path):
-    told, _ = watched(tmp_path, made(silent=SILENT), 45.0, source=Scripted())
-    assert [at_s for at_s, _ in told] == [40.0], "the source is asked every 10 s"
+    reported, _ = watched(tmp_path, made(silent=SILENT), 45.0, source=Scripted())
+    assert [at_s for at_s, _ in reported] == [40.0], "the source is asked every 10 s"
 
 
 def test_a_reading_grows_no_older_while_nobody_could_look() -> None:

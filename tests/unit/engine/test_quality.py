@@ -223,8 +223,8 @@ def test_a_difference_to_what_is_not_known_is_not_judged(cause) -> None:
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_an_age_is_that_of_the_newest_valid_reading(tmp_path, wrong) -> None:
-    told = interlocked(tmp_path, {"silent": SILENT}, WRONG[wrong][0], UNNAMED)
-    assert told == [(40.0, "silent", True)]
+    reported = interlocked(tmp_path, {"silent": SILENT}, WRONG[wrong][0], UNNAMED)
+    assert reported == [(40.0, "silent", True)]
 
 
 @pytest.mark.parametrize("wrong", WRONG)
@@ -238,7 +238,7 @@ def test_no_interlock_trips_on_what_is_wrong(tmp_path, wrong) -> None:
 
 def interlocked(folder: Path, entries: Mapping[str, Any], course: Course, name: str) -> list[tuple[float, str, bool]]:
     """Which interlocks change, and when, while a sensor does as its course."""
-    told: list[tuple[float, str, bool]] = []
+    reported: list[tuple[float, str, bool]] = []
     entries = {key: {k: name if v == NAMED else v for k, v in entry.items()} for key, entry in entries.items()}
     writer = RunWriter(folder)
 
@@ -248,7 +248,7 @@ def interlocked(folder: Path, entries: Mapping[str, Any], course: Course, name: 
             Rig(cast("Any", {"counter": device})), BENCH, made(**entries), Journal(writer), lambda *_: None
         )
         loop = asyncio.get_running_loop()
-        monitor.on_interlock = lambda change: told.append((loop.time(), change.name, change.tripped))
+        monitor.on_interlock = lambda change: reported.append((loop.time(), change.name, change.tripped))
         monitor.start()
         await asyncio.sleep(60.5)
         await monitor.stop()
@@ -258,7 +258,7 @@ def interlocked(folder: Path, entries: Mapping[str, Any], course: Course, name: 
         run(main(), AS_FAST_AS_POSSIBLE)
     finally:
         writer.close()
-    return told
+    return reported
 
 
 # The window of a supply
@@ -441,9 +441,9 @@ def test_mypy_finds_every_use_of_what_is_not_known_to_be_valid(tmp_path) -> None
 
     (tmp_path / "misuse.py").write_text(MISUSE)
     options = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(tmp_path / "cache")]
-    found, said, _ = api.run([*options, str(tmp_path / "misuse.py")])
+    found, message, _ = api.run([*options, str(tmp_path / "misuse.py")])
     wrong = {int(line.split(":")[1]) for line in found.splitlines() if ": error: " in line and "misuse.py" in line}
-    assert wrong == set(range(10, 20)), found + said
+    assert wrong == set(range(10, 20)), found + message
 
 
 def test_the_age_of_a_named_reading_is_that_of_the_bench_file(tmp_path) -> None:

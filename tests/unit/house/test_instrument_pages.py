@@ -65,6 +65,6 @@ def messages() -> str:
 def test_every_quoted_error_is_one_of_the_drivers(page: Path) -> None:
     (section,) = ERRORS.findall(page.read_text("utf-8"))
     quoted = [each for row in re.findall(r"^\| (.*?) \|", section, re.MULTILINE) for each in re.findall("`(.+?)`", row)]
-    assert quoted
     parts = [part.strip(" '°,:") for each in quoted for part in re.split(r"…|\d+ ", each)]
+    assert parts
     assert [part for part in parts if len(part) > 3 and part not in messages()] == []

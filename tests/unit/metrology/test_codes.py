@@ -256,8 +256,8 @@ def test_steps_change_a_swing_by_what_is_told(size, sd):
         errors.append(2 * np.mean(samples * np.cos(phase)) - amplitude)
         scatters.append(np.std(samples - exact))
     by_noise = np.sqrt(2 / len(phase)) * np.mean(scatters)
-    (told,) = hidden_from_a_swing(np.array([size]), float(np.mean(scatters)), 1.0)
-    assert 0.6 < np.std(errors) / np.hypot(told, by_noise) < 1.5
+    (reported,) = hidden_from_a_swing(np.array([size]), float(np.mean(scatters)), 1.0)
+    assert 0.6 < np.std(errors) / np.hypot(reported, by_noise) < 1.5
 
 
 def test_thirty_codes_are_enough_and_noise_hides_the_steps():

@@ -32,9 +32,9 @@ FREE = BENCH.model_copy(
 )  # fmt: skip
 
 
-def angles(folder, *lines, bench=FREE, **wishes):
+def angles(folder, *lines, bench=FREE, **options):
     """The angle before each step, and at the end."""
-    plan = plan_of(folder, steps(*lines, "{move: head, by: 0°}"), bench=bench, **wishes)
+    plan = plan_of(folder, steps(*lines, "{move: head, by: 0°}"), bench=bench, **options)
     return [
         round(from_deg, 9) for planned, from_deg in angles_before(plan) if planned.id.rpartition("/")[2] != "measure"
     ]

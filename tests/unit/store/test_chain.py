@@ -222,7 +222,7 @@ def folder_of_the_name(path):
 
 
 @pytest.mark.parametrize(
-    ("change", "name", "told"),
+    ("change", "name", "reported"),
     [
         (Path.unlink, "run.db", "run.db: there is no such file"),
         (Path.unlink, "manifest.json", "manifest.json: there is no such file"),
@@ -233,12 +233,12 @@ def folder_of_the_name(path):
         (folder_of_the_name, "manifest.json", "manifest.json: is a folder"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_said_as_it_is(sealed, change, name, told):
+def test_what_is_wrong_with_a_file_is_said_as_it_is(sealed, change, name, reported):
     change(sealed / name)
-    said = "\n".join(examined(sealed).damage)
-    assert told in said
+    message = "\n".join(examined(sealed).damage)
+    assert reported in message
     for untrue in ("is missing", "is not the one with which the run started", "did not get as far", "before it began"):
-        assert untrue not in said
+        assert untrue not in message
     assert summary(sealed).state == "damaged"
     with pytest.raises(StoreError, match=name), open_run(sealed):
         pass

@@ -160,8 +160,10 @@ def test_what_moved_beyond_its_limit_makes_every_verdict_marginal(bias_g, tilt_r
 
 
 def test_it_is_told_in_words():
-    told = flag_in_words(Flag("moved", of="level/closure"))
-    assert told == "level/closure: it changed over the run by more than the settings allow: every verdict is marginal."
+    reported = flag_in_words(Flag("moved", of="level/closure"))
+    assert (
+        reported == "level/closure: it changed over the run by more than the settings allow: every verdict is marginal."
+    )
 
 
 def test_a_run_that_ended_before_any_accelerometer_was_calibrated_tells_nothing():
