@@ -162,17 +162,6 @@ class Ammeter(Meter, Protocol):
     """A meter of DC current, in series with the source."""
 
 
-CAPABILITIES: Mapping[str, type] = {
-    "positioner": Positioner,
-    "rate_table": RateTable,
-    "thermal_chamber": ThermalChamber,
-    "power_supply": Source,
-    "current_source": Source,
-    "pulse_counter": PulseCounter,
-    "voltmeter": Voltmeter,
-    "ammeter": Ammeter,
-    "telemetry": Telemetry,
-}
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
 READING = "reading"  # a named reading of any device, in any unit
 OUTPUT = "output"  # of the units: pulse counters, voltmeters or telemetry, as given by the places of the bench

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from typing import Any
 
-from bench.app.byhand_frames import decoded_frames
 from bench.app.byhand_lines import LineProtocol, Unsendable, line_protocol_of
 from bench.app.faults import laboratory_of
 from bench.app.laboratory import BenchWires
@@ -15,7 +16,9 @@ from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import device_of
 from bench.runner.held import address_lock
-from drivers.can.options import FRAME_SCHEMES
+from drivers.can.dbc import Message, dbc_in
+from drivers.can.frame_block import EXTENDED, FrameBlock
+from drivers.can.options import FRAME_SCHEMES, DbcOptions
 from drivers.capabilities import Device, FrameSource, Positioner, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
 from drivers.schema.suggest import did_you_mean
@@ -177,3 +180,39 @@ class Console:
 def _fields(state: ChamberState | SourceReading | Identity) -> str:
     """Return the fields of a state that have a value, as text."""
     return ", ".join(f"{name} {value}" for name, value in state._asdict().items() if value not in ("", None))
+
+
+async def decoded_frames(device: FrameSource, options: Any, for_s: float) -> AsyncIterator[str]:
+    """Yield a line for each frame received within `for_s` (s), with the time since the beginning.
+
+    Without a DBC in the options a line has the bytes only.
+    """
+    by_id = None
+    if isinstance(options, DbcOptions):
+        by_id = {message.id: message for message in dbc_in(options.dbc).messages.values()}
+    loop = asyncio.get_running_loop()
+    async with device.acquire(block_s=0.1) as blocks:
+        began_s = loop.time()
+        async for block in blocks:
+            for number in range(len(block)):
+                line = _line(block, number, began_s)
+                yield line if by_id is None else f"{line} {_decoded(block, number, by_id)}"
+            if loop.time() >= began_s + for_s:
+                break
+
+
+def _line(block: FrameBlock, number: int, began_s: float) -> str:
+    frame, dlc = int(block.ids[number]), int(block.dlc[number])
+    name = f"{frame & ~EXTENDED:08X}" if frame & EXTENDED else f"{frame:03X}"
+    return f"{block.at_s[number] - began_s:10.3f} {name}#{block.data[number, :dlc].tobytes().hex().upper()}"
+
+
+def _decoded(block: FrameBlock, number: int, by_id: Mapping[int, Message]) -> str:
+    data, message = block.data[number].tobytes(), by_id.get(int(block.ids[number]))
+    if message is None or message.length != int(block.dlc[number]):
+        return "not in the DBC"
+    values = (
+        f"{signal.name} {signal.raw_of(data) * signal.scale + signal.offset:g} {signal.unit}".rstrip()
+        for signal in message.signals.values()
+    )
+    return f"{message.name}: {', '.join(values)}"

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench.app.beginning import create_directory, instant, keep_inputs, write_beginning, write_manifest
+from bench.app.beginning import Register, instant, keep_inputs, write_beginning, write_manifest
 from bench.app.clock_record import ClockRecord
 from bench.app.credited import credit_of
 from bench.app.devices import open_devices
@@ -19,7 +19,6 @@ from bench.app.faults import Faults
 from bench.app.finish import Finish
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.rebuild import rebuild
-from bench.app.register import Register
 from bench.app.relay import RunObserver
 from bench.app.request import PreparedRun
 from bench.app.resume import Resumption
@@ -105,7 +104,8 @@ def _execute(
     units = unit_files(bench, prepared.request.uut_model, prepared.serials) if bench.needs_simulators else {}
     now = wall_utc()
     if resumption is None:
-        directory, started = create_directory(prepared, now), now
+        serials = "+".join(prepared.serials.values())
+        directory, started = RunDirectory.create(prepared.request.runs, now, prepared.plan.name, serials), now
     else:
         directory = RunDirectory.reopen(resumption.path)
         started = datetime.fromisoformat(resumption.manifest["started"])

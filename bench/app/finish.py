@@ -17,12 +17,11 @@ from bench.errors import StoreError, error_message
 from bench.offline.calibration_file import calibration_files
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
-from bench.runner import manifest
 from bench.runner.signals import Dropped, Signals
 from bench.store.chain import Link, beginning
 from bench.store.reader import RunReader, digest_of
 from bench.store.runs import MANIFEST, RunDirectory
-from bench.store.seal import close_record
+from bench.store.seal import close_record, file_hash
 from bench.store.verify import changed_files, examine
 
 RESULTS, TRUTH = "results.json", "truth.json"
@@ -105,7 +104,7 @@ class Finish:
             if (self._directory.path / name).exists():
                 self._set_aside(name)
             self._directory.write_json(name, content)
-            self._record["hashes"][name] = manifest.file_hash(self._directory.path / name)
+            self._record["hashes"][name] = file_hash(self._directory.path / name)
 
     def _close(self, begun: bytes, end: Link) -> None:
         """Write the final manifest and the seal; a failure is added to the outcome."""

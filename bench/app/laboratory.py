@@ -165,7 +165,6 @@ def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: in
 
 
 def _line_fault(instruments: Mapping[str, Instrument], role: str, _number: int) -> LineFault | None:
-    """Return the present line fault of the instrument, if any."""
     return instruments[role].faults.on_the_line()
 
 

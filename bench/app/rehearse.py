@@ -11,7 +11,7 @@ from bench.app.faults import BEGINS, as_journalled
 from bench.app.relay import Relay, RunObserver
 from bench.app.request import PreparedRun
 from bench.config.simulation import FaultSimulation
-from bench.report.verify import verify
+from bench.report.revision import verify
 from bench.runner.signals import Signals
 from bench.sequence.document.model import PHASES
 from bench.sequence.estimate.estimate import Estimate

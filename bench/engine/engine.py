@@ -7,14 +7,13 @@ from collections.abc import Collection
 from typing import Any, Literal, Protocol
 
 from bench.config.models import BenchFile
-from bench.engine.context import Bench
+from bench.engine.context import Bench, Numbered
 from bench.engine.control import OPERATOR, Control
 from bench.engine.ending import OPERATOR as BY_OPERATOR
 from bench.engine.ending import EndRequest, Outcome
 from bench.engine.interlocks import Change
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
-from bench.engine.numbered import Numbered
 from bench.engine.past import Past
 from bench.engine.questions import PromptQueue, Question
 from bench.engine.safety import finish

@@ -255,7 +255,6 @@ class _Age(_Interlock):
 
 
 def _made(name: str, entry: AnyInterlock, channels: Mapping[str, Channel]) -> _Interlock:
-    """Return the interlock of an entry for the channels of the bench."""
     sources = tuple(channels[reading].source for reading in entry.names)
     unit, named = channels[entry.names[0]].unit, " and ".join(entry.names)
     stale_s = max(channels[reading].stale_after_s for reading in entry.names)

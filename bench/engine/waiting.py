@@ -38,7 +38,7 @@ async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
         waiting = [name for name in windows if name not in values]
         if not waiting:
             value = values.get(step.reading, values)
-            return {"reading": step.reading, "value": value, "unit": unit, **_waited(began_s)}
+            return {"reading": step.reading, "value": value, "unit": unit, "waited_s": loop.time() - began_s}
         if loop.time() - began_s >= step.give_up_after_s:
             text = "; ".join(f"{name} {_newest(windows[name], unit)}" for name in waiting)
             text += (
@@ -64,10 +64,6 @@ def _covers(window: Window, hold_s: float) -> bool:
 
 def _newest(window: Window | Absent, unit: str) -> str:
     return f"is {window.values[-1]:.2f} {unit}" if isinstance(window, Window) else window.why
-
-
-def _waited(began_s: float) -> dict[str, float]:
-    return {"waited_s": asyncio.get_running_loop().time() - began_s}
 
 
 def _condition(step: WaitUntil) -> str:

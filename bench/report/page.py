@@ -337,7 +337,6 @@ def _record(record: Record) -> str:
 
 
 def _released(found: Mapping[str, Any]) -> str:
-    """Released calibration of a unit."""
     low_c, high_c = found["valid_c"]
     return tr(
         "{file}, of run {run}, known from {low} °C to {high} °C",

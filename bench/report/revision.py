@@ -28,6 +28,7 @@ from bench.store.kept_json import TEXT, WHOLE, list_of, named, object_of, one_of
 from bench.store.manifest_form import instant
 from bench.store.runs import SEAL, json_text
 from bench.store.seal import file_hash
+from bench.store.verify import Record, examine
 from drivers.schema.bounded import UnfitFileError, expect_bounded
 
 REVISIONS = "report_revisions.json"
@@ -166,3 +167,14 @@ def _keep(folder: Path, reports: _Reports) -> None:
 def _hash_of(content: object) -> str:
     text = json.dumps(content, ensure_ascii=False, sort_keys=True)
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def examined(folder: Path) -> Record:
+    """Full examination of a run directory; reads every row and every file."""
+    record = examine(folder)
+    return replace(record, damage=(*record.damage, *changed_reports(folder)))
+
+
+def verify(folder: Path) -> list[str]:
+    """Problems of a run's files; empty if there are none."""
+    return list(examined(folder).damage)

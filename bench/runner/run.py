@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from bench.config.models import BenchFile
 from bench.engine.ending import Outcome
@@ -27,6 +26,7 @@ from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
 from bench.runner.found_on import NOTHING, Found, LeftOn, found_energised
 from bench.runner.held import energising_addresses, is_locked_out
+from bench.runner.manifest import facts
 from bench.runner.power import Hold
 from bench.runner.signals import EndSignal, Signals
 from bench.runner.terminal import answers_from_terminal
@@ -131,7 +131,7 @@ async def _open(rig: Rig, used: Collection[str], signals: Signals) -> None:
 
 def _report_identities(rig: Rig, journal: Journal, observer: Observer) -> None:
     for role, identity in rig.identities.items():
-        journal.write("identified", device=role, **_facts(identity))
+        journal.write("identified", device=role, **facts(identity))
     for role, why in rig.not_reached.items():
         journal.try_to_write("not_reached", device=role, text=why, used=False)
         observer.notice(
@@ -217,17 +217,6 @@ async def _close(rig: Rig, outcome: Outcome) -> None:
         await rig.close()
     except Exception as problem:  # noqa: BLE001  the outcome of the run must not be lost
         outcome.failed(error_message(problem))
-
-
-def _facts(identity: Identity) -> dict[str, Any]:
-    return {
-        "maker": identity.maker,
-        "model": identity.model,
-        "serial": identity.serial,
-        "firmware": identity.firmware,
-        "serial_verified": identity.verified,
-        "fingerprint": identity.fingerprint,
-    }
 
 
 def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[EndSignal], None]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any
 
 from bench.config.document import Document, Problem, parse_document, read_document
 from bench.config.load import load
@@ -29,12 +28,6 @@ def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
     """Load a sequence file without evaluating expressions; InputError lists every problem with its place."""
     document = read_document(path)
     return document, load(document, SequenceFile, **CONTEXT, files_needed=False)
-
-
-def load_plan(path: Path, bench: BenchFile | None, **wishes: Any) -> Plan:
-    """Plan of a file, checked against a bench as by `load_judged_plan`, without its warnings."""
-    plan, _ = load_judged_plan(path, bench, **wishes)
-    return plan
 
 
 def load_judged_plan(

@@ -115,11 +115,7 @@ def _free_part(content: bytes) -> tuple[int, int]:
 def _sum(total: Sum, data: bytes, order: str) -> Sum:
     """Return SQLite's checksum of `data`, continued from `total`."""
     first, second = total
-    for even, odd in _pairs(data, order):
+    for even, odd in struct.iter_unpack(f"{order}2I", data):
         first = (first + even + second) & 0xFFFFFFFF
         second = (second + odd + first) & 0xFFFFFFFF
     return first, second
-
-
-def _pairs(data: bytes, order: str) -> Iterator[tuple[int, int]]:
-    return struct.iter_unpack(f"{order}2I", data)

@@ -30,11 +30,11 @@ from bench.errors import BenchError
 from bench.loop import REAL_TIME
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
-from bench.report.verify import examined
-from bench.runner.manifest import file_hash
+from bench.report.revision import examined
 from bench.runner.quiet import Quiet
 from bench.store.database import TABLES
 from bench.store.runs import list_runs
+from bench.store.seal import file_hash
 from bench.store.verify import Record
 from bench.store.writer import RunWriter
 from campaigns.trials.rows import Row

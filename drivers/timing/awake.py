@@ -23,6 +23,11 @@ def succeeded_within(wait: Callable[[float], bool], limit_s: float) -> bool:
     return any(wait(SLICE_S) for _ in range(math.ceil(limit_s / SLICE_S)))
 
 
+def now_s() -> float:
+    """Present time on the clock of the running loop."""
+    return asyncio.get_running_loop().time()
+
+
 def stalled_s(since_s: float) -> float:
     """Time for which the running loop was suspended since an instant on its clock."""
     stalled_since: Callable[[float], float] | None = getattr(asyncio.get_running_loop(), "stalled_since", None)
@@ -31,7 +36,7 @@ def stalled_s(since_s: float) -> float:
 
 def awake_s(since_s: float) -> float:
     """Time for which the running loop was not suspended since an instant on its clock."""
-    return asyncio.get_running_loop().time() - since_s - stalled_s(since_s)
+    return now_s() - since_s - stalled_s(since_s)
 
 
 class Deadline:

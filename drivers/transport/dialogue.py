@@ -188,6 +188,24 @@ class Dialogue:
         )
 
 
+class OverDialogue:
+    """Common part of what speaks with one instrument over a Dialogue."""
+
+    _dialogue: Dialogue
+
+    async def open(self) -> None:
+        """Connect and identify; raises CannotConnect, or WrongIdentity for another instrument."""
+        await self._dialogue.open()
+
+    async def reopen(self) -> None:
+        """Connect and identify again if the wire was lost; else nothing."""
+        await self._dialogue.reopen()
+
+    def close(self) -> None:
+        """Close the wire; closing twice is harmless."""
+        self._dialogue.close()
+
+
 @asynccontextmanager
 async def safe_in_time(device: str, within_s: float = DIALOGUE_S) -> AsyncIterator[None]:
     """Limit the time of making an instrument safe: NoAnswer after `within_s`."""

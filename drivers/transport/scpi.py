@@ -9,7 +9,7 @@ from drivers.description import Setup
 from drivers.errors import NoAnswer, Refused
 from drivers.protocols import scpi
 from drivers.recognised import Recognised
-from drivers.transport.dialogue import Dialogue
+from drivers.transport.dialogue import Dialogue, OverDialogue
 from drivers.transport.exchange import SyncQuery
 from drivers.values import Identity
 
@@ -25,7 +25,7 @@ ERROR_QUERIES: Mapping[bytes, ReadError] = {
 MAX_ERRORS = 32
 
 
-class ScpiLink:
+class ScpiLink(OverDialogue):
     """The line to one SCPI instrument.
 
     Its errors are read by the first of `error_queries` that it answers; `setup.note` receives which, unless it is the
@@ -47,18 +47,6 @@ class ScpiLink:
             setup.name, setup.wires, setup.address, sync_query, end=end, on_connect=self._forget_errors, note=setup.note
         )
         self.double_read = self._dialogue.double_read
-
-    async def open(self) -> None:
-        """Connect, identifies, and empties the error queue; raises CannotConnect or WrongIdentity."""
-        await self._dialogue.open()
-
-    async def reopen(self) -> None:
-        """Connect and identify again if the wire was lost; else nothing."""
-        await self._dialogue.reopen()
-
-    def close(self) -> None:
-        """Close the wire; closing twice is harmless."""
-        self._dialogue.close()
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""

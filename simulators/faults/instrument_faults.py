@@ -47,6 +47,13 @@ class FaultEffect:
     end: Callable[[Any], object] = nothing
 
 
+def sets(attribute: str, during: object, after: object) -> FaultEffect:
+    """Fault that gives an attribute of the instrument one value, and another one at its end."""
+    return FaultEffect(
+        lambda victim: setattr(victim, attribute, during), lambda victim: setattr(victim, attribute, after)
+    )
+
+
 PASSIVE_FAULT = FaultEffect()
 COMMAND_FAULTS: Mapping[FaultKind, FaultEffect] = {"stuck": PASSIVE_FAULT, "lag": PASSIVE_FAULT}
 MEASUREMENT_AND_COMMAND_FAULTS: Mapping[FaultKind, FaultEffect] = {"frozen": PASSIVE_FAULT, **COMMAND_FAULTS}

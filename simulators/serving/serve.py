@@ -28,6 +28,16 @@ class PatientSession(Session, Protocol):
         """Set, before anything else, the callback for later answers."""
 
 
+class DelayedAnswers:
+    """Common part of sessions with delayed answers; without a callback they are never sent."""
+
+    _later: Later = staticmethod(lambda _delay_s, _answer: None)
+
+    def answer_by(self, later: Later) -> None:
+        """Set the callback for later answers."""
+        self._later = later
+
+
 class Instrument(Protocol):
     """A simulated instrument: model and responder. It never waits, and reads the world on request."""
 

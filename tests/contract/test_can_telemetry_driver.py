@@ -12,12 +12,13 @@ import pytest
 from bench.metrology.sampled_codes import has_restarted
 from drivers.can.frame_block import FrameBlock
 from drivers.can.options import IDLE_BLOCK_S
-from drivers.capabilities import CAPABILITIES, Telemetry
+from drivers.capabilities import Telemetry
 from drivers.dialects.can_telemetry.decoder import TelemetryDecoder
 from drivers.dialects.can_telemetry.description import DESCRIPTION, TelemetryOptions
 from drivers.dialects.can_telemetry.driver import CanTelemetry
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
 from simulators.faults.instrument_faults import FaultKind
+from tests.support.capabilities import CAPABILITIES
 from tests.support.telemetry import CHANNELS, CODES_PER_G, Bench, options, with_bench, with_driver
 
 HALF_G = CODES_PER_G / 2

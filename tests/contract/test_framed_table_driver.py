@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
+from drivers.capabilities import Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
 from drivers.dialects.framed.description import HEAD, TABLE
 from drivers.dialects.framed.profile import ControllerLimits, FrameProfile
@@ -23,6 +23,7 @@ from drivers.errors import (
     WrongIdentity,
 )
 from drivers.schema.fields import DocumentFile
+from tests.support.capabilities import CAPABILITIES
 from tests.support.framed import FICTIONAL, PLAIN, PLAIN_FILE, Framed, with_driver, with_framed
 from tests.support.table import now_s
 

@@ -8,7 +8,7 @@ import shutil
 
 import pytest
 
-from bench.app.new_driver import kinds, write_driver
+from bench.app.new_package import kinds, write_driver
 from tests.support.how_to import FOLDER, blocks, commands, follow
 from tests.support.runs import ROOT
 

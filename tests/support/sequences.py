@@ -10,7 +10,7 @@ import pytest
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.sequence.load import load_plan
+from bench.sequence.load import load_judged_plan
 from bench.sequence.plan.plan import Plan
 
 ROOT = Path(__file__).parents[2]
@@ -32,6 +32,11 @@ needs:
 def steps(*lines: str) -> str:
     """Steps in flow style, the first of them in line 2, column 5."""
     return "steps:\n" + "".join(f"  - {line}\n" for line in lines)
+
+
+def load_plan(path: Path, bench: BenchFile | None, **options: Any) -> Plan:
+    """The plan of a file, without its warnings."""
+    return load_judged_plan(path, bench, **options)[0]
 
 
 def plan_of(folder: Path, body: str, *, tail: str = TAIL, bench: BenchFile | None = BENCH, **options: Any) -> Plan:

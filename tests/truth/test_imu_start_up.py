@@ -11,8 +11,8 @@ from bench.app.request import RunRequest
 from bench.methods.imu.start_up.readings import PowerOn
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
+from bench.report.revision import verify
 from bench.report.terminal import results_text
-from bench.report.verify import verify
 from campaigns.truth import judge
 from campaigns.truth.campaign import campaign, full_bench, results_of, run_one
 from campaigns.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up

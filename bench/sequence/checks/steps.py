@@ -13,8 +13,8 @@ from pydantic import ValidationError
 
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
+from bench.sequence.checks.acquired import steady_problems, without_nominal
 from bench.sequence.checks.motion import resolution_problems
-from bench.sequence.checks.outputs import steady_problems, without_nominal
 from bench.sequence.language.readings import (
     is_pulse_rate,
     measured_place,

@@ -128,7 +128,6 @@ def _loop(
 
 
 def _values(variable: str, raw: Any, key: str, scope: Scope) -> tuple[Value, ...]:
-    """Values of a loop variable."""
     if variable in scope.names or variable in scope.measured:
         raise Wrong("for_each", f"the name '{variable}' is taken; choose another for this loop")
     if scope.waits(raw):

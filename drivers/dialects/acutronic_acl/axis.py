@@ -12,12 +12,13 @@ from drivers.dialects.acutronic_acl import wire
 from drivers.dialects.acutronic_acl.description import AclOptions
 from drivers.dialects.acutronic_acl.wire import Dynamics, Interlock, Reply
 from drivers.errors import InstrumentFault, Refused
-from drivers.kinds.table.axis import READ_BACK, Drive, Mode, State
+from drivers.kinds.table.axis import Drive, Mode, State
 from drivers.kinds.table.description import TableLimits
 from drivers.kinds.table.driver import Table
 from drivers.kinds.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
 from drivers.recognised import Recognised
-from drivers.transport.dialogue import Dialogue
+from drivers.timing.readback import read_back
+from drivers.transport.dialogue import Dialogue, OverDialogue
 from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity
 
@@ -35,7 +36,7 @@ _MODES = {
 _OWN_MODES = {mode: own for own, mode in _MODES.items()}
 
 
-class AclAxis:
+class AclAxis(OverDialogue):
     """One axis of a controller; a TableAxis.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
@@ -54,18 +55,6 @@ class AclAxis:
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, sync_query, framing=framing, pace=Pace(ANSWER_S), note=setup.note
         )  # fmt: skip
-
-    async def open(self) -> None:
-        """Connect and identify; raises CannotConnect or WrongIdentity."""
-        await self._dialogue.open()
-
-    async def reopen(self) -> None:
-        """Connect and identify again if the wire was lost; else nothing."""
-        await self._dialogue.reopen()
-
-    def close(self) -> None:
-        """Close the wire; closing twice is harmless."""
-        self._dialogue.close()
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""
@@ -101,7 +90,7 @@ class AclAxis:
             for command in (wire.enter(wire.Mode.OFF, self._number), wire.energise(self._number)):
                 await self._send_command(command)
                 await asyncio.sleep(INTERLOCK_STEP_S)
-        state = await READ_BACK.until(self.read_state, lambda state: state.drive is not Drive.OFF and state.in_control)
+        state = await read_back(self.read_state, lambda state: state.drive is not Drive.OFF and state.in_control)
         await self.check_fault(state)
         if state.drive is not Drive.ON:
             raise Refused(

@@ -11,10 +11,11 @@ from drivers.dialects.aerotech_ensemble import wire
 from drivers.dialects.aerotech_ensemble.description import EnsembleOptions
 from drivers.dialects.aerotech_ensemble.wire import AxisStatus, Outcome, Reply
 from drivers.errors import InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
+from drivers.kinds.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
 from drivers.kinds.head.driver import Head
-from drivers.transport.dialogue import Dialogue
+from drivers.timing.readback import read_back
+from drivers.transport.dialogue import Dialogue, OverDialogue
 from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity, Reading
 
@@ -23,7 +24,7 @@ T = TypeVar("T")
 NOT_REPORTED = "not reported"
 
 
-class EnsembleAxis:
+class EnsembleAxis(OverDialogue):
     """One axis of a controller.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
@@ -45,18 +46,6 @@ class EnsembleAxis:
             note=setup.note,
         )
         self.double_read = self._dialogue.double_read
-
-    async def open(self) -> None:
-        """Connect and read the fingerprint; raises CannotConnect, or WrongIdentity if it is not the first one."""
-        await self._dialogue.open()
-
-    async def reopen(self) -> None:
-        """Connect again if the wire was lost; else nothing."""
-        await self._dialogue.reopen()
-
-    def close(self) -> None:
-        """Close the wire; closing twice is harmless."""
-        self._dialogue.close()
 
     async def identify(self) -> Identity:
         """Names stated in the bench file, because the controller has none, and the fingerprint that it reports.
@@ -99,7 +88,7 @@ class EnsembleAxis:
         """Energise the motor; raises Refused unless the status confirms it."""
         command = wire.enable(self._name)
         await self._send_command(command)
-        if not (await READ_BACK.until(self.state, lambda state: state.enabled)).enabled:
+        if not (await read_back(self.state, lambda state: state.enabled)).enabled:
             raise Refused(
                 self._device, f"axis {self._name} stays disabled", sent=command,
                 remedy="Check the emergency stop and the amplifier, then run again.",

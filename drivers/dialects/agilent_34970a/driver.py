@@ -10,12 +10,11 @@ from drivers.description import Nothing, Setup
 from drivers.dialects.agilent_34970a import wire
 from drivers.dialects.agilent_34970a.description import ScannerOptions
 from drivers.errors import InstrumentFault, Refused
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import retry_once
 from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity, Reading
 
-READ_BACK = ReadBack()
 _SCAN_S, _CHANNEL_S = 3.0, 0.6  # time limit of a scan: its answer, and each sensor with its relay
 
 
@@ -93,7 +92,7 @@ class Agilent34970A:
         for message in [wire.REMOTE, *messages] if self._on_serial_line else messages:
             await self._link.write(message)
         wanted = wire.state_when(self._sensors)
-        state = await READ_BACK.until(self._state, lambda state: state == wanted)
+        state = await read_back(self._state, lambda state: state == wanted)
         if state != wanted:
             raise Refused(
                 self.name, "a setting was not executed", sent=messages[-1], received=_state_text(state),

@@ -24,8 +24,9 @@ from drivers.kinds.chamber.controller import Connected, Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
-from drivers.kinds.chamber.registers import READ_BACK, VerifiedRegisters, hexadecimal
+from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
+from drivers.timing.readback import read_back
 from drivers.values import Identity
 
 
@@ -178,7 +179,7 @@ class Mb2(_Controller):
 
     async def _followed(self, target_c: float) -> float:
         """Active set point, which becomes the manual one after some time if nothing else controls."""
-        return await READ_BACK.until(
+        return await read_back(
             lambda: self._temperature(self._at.set_point_in_force),
             lambda in_force_c: abs(in_force_c - target_c) <= ARRIVED_WITHIN_C,
         )

@@ -14,7 +14,7 @@ from drivers.can.frame_block import FrameBlock
 from drivers.can.sequence_numbers import Integers
 from drivers.description import Nothing, Setup, check_identity
 from drivers.dialects.can_telemetry import wire
-from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.decoder import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.kinds.frame_source.intake import (

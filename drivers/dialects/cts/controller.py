@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,13 +19,12 @@ from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import VerifiedLine
 from drivers.kinds.chamber.ramp import OwnRamp
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
+from drivers.timing.awake import now_s
+from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, SyncQuery, lines_ending
 from drivers.values import Identity
 
 T = TypeVar("T")
-
-READ_BACK = ReadBack()
 
 
 class CtsController(Connected):
@@ -68,11 +66,9 @@ class CtsController(Connected):
         start_c = process_value_c if control is Control.IDLE else set_point_c
         rate_c_per_min = (ramp.up_c_per_min if target_c > start_c else ramp.down_c_per_min) if ramp.active else math.inf
         command = wire.set_point(target_c)
-        self._ramp = OwnRamp(start_c, target_c, rate_c_per_min / 60, _now_s())
+        self._ramp = OwnRamp(start_c, target_c, rate_c_per_min / 60, now_s())
         await self._send_command(command)
-        stored_c = (await READ_BACK.until(self._temperatures, lambda reported: reported[2].target_c == target_c))[
-            2
-        ].target_c
+        stored_c = (await read_back(self._temperatures, lambda reported: reported[2].target_c == target_c))[2].target_c
         if stored_c != target_c:
             raise Refused(
                 self._device, "the chamber did not take a new set point", sent=command,
@@ -98,7 +94,7 @@ class CtsController(Connected):
         def agrees(ramp: Ramp) -> bool:
             return ramp.active and {ramp.up_c_per_min, ramp.down_c_per_min} == rates
 
-        ramp = await READ_BACK.until(self._query_ramp, agrees)
+        ramp = await read_back(self._query_ramp, agrees)
         if not agrees(ramp):
             raise Refused(
                 self._device, "the chamber did not take a new rate", sent=" and ".join(commands),
@@ -118,14 +114,14 @@ class CtsController(Connected):
             await self._send_command(wire.RESUME)
         else:
             await self._send_command(wire.START)
-        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
+        control, why = await read_back(self._control, lambda found: found[0] is Control.SET_POINT)
         if control is not Control.SET_POINT:
             raise Refused(
                 self._device, "the chamber did not start", sent=wire.RESUME if status.running else wire.START,
                 received=why, remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it was paused until now
+            self._ramp = replace(self._ramp, began_s=now_s())  # it was paused until now
             await self.command(self._ramp.target_c)
 
     async def _control(self) -> tuple[Control, str]:
@@ -144,7 +140,7 @@ class CtsController(Connected):
             return temperatures.process_value_c, reported_c, Ramp(False, math.inf, math.inf, reported_c)
         own = self._ramp
         by_the_clock = own is not None and reported_c == ramp.target_c == own.target_c
-        set_point_c = own.set_point_c(_now_s()) if own is not None and by_the_clock else reported_c
+        set_point_c = own.set_point_c(now_s()) if own is not None and by_the_clock else reported_c
         return temperatures.process_value_c, set_point_c, ramp
 
     async def _identify(self) -> None:
@@ -179,10 +175,6 @@ def _control(status: Status) -> tuple[Control, str]:
     if not status.running:
         return Control.IDLE, "the chamber is off"
     return (Control.FOREIGN, "the chamber is paused") if status.paused else (Control.SET_POINT, "")
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()
 
 
 class Cts(Chamber):

@@ -16,13 +16,12 @@ from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import VerifiedLine
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()
 SAME_WITHIN_C = 1.0  # possible change of the air temperature in the second between two queries
 QUERY_GAP_S, SETTING_GAP_S = 0.3, 1.0  # pauses of third-party drivers after a query and after a setting
 _CONTROL: Mapping[str, Control] = {
@@ -83,7 +82,7 @@ class P300(Connected):
         try:
             await self._send_command(command)
             stored_c = wire.as_stored(temperature_c)
-            reported = await READ_BACK.until(self._temperatures, lambda reported: reported.set_point_c == stored_c)
+            reported = await read_back(self._temperatures, lambda reported: reported.set_point_c == stored_c)
             if (set_point_c := reported.set_point_c) != stored_c:
                 raise Refused(
                     self._device, "the controller did not take a new set point", sent=command,
@@ -114,9 +113,9 @@ class P300(Connected):
             )  # fmt: skip
         if monitor.mode == wire.OFF:
             await self._send_command(wire.POWER_ON)
-            await READ_BACK.until(self._monitor, lambda reported: reported.mode != wire.OFF)
+            await read_back(self._monitor, lambda reported: reported.mode != wire.OFF)
         await self._send_command(wire.CONSTANT_MODE)
-        monitor = await READ_BACK.until(self._monitor, lambda reported: reported.mode == wire.CONSTANT)
+        monitor = await read_back(self._monitor, lambda reported: reported.mode == wire.CONSTANT)
         if monitor.mode != wire.CONSTANT:
             raise Refused(
                 self._device, "the chamber did not go to constant operation", sent=wire.CONSTANT_MODE,

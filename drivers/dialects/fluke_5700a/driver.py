@@ -15,13 +15,12 @@ from drivers.dialects.fluke_5700a.wire import OFF, Event, Setting, State, Status
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, NotSettled, Refused
 from drivers.kinds.latest import Latest, Order
 from drivers.kinds.ranges import SourceLimits
-from drivers.timing.awake import Deadline
-from drivers.timing.readback import ReadBack
+from drivers.timing.awake import Deadline, now_s
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading, SourceReading
 
 SETTLE_LOOK_S = 1.0  # interval of polls until a setting has settled, and delay of the first one
-READ_BACK = ReadBack()  # relays delay the status after a command
 MINUTE_S = 60.0
 _DISTORTING = {
     Status.BOOST: "an amplifier is on",
@@ -70,7 +69,7 @@ class Fluke5700A:
         if self._latest.result is not None:
             await self._check_still(state, self._latest.result)
         on_time_s = await self._on_time_s(state)
-        at_s = _now_s()
+        at_s = now_s()
         values = {"current": state.flowing_a, "settled": float(state.settled), "on_time": on_time_s}
         return {channel: [Reading(at_s, value)] for channel, value in values.items()}
 
@@ -147,7 +146,7 @@ class Fluke5700A:
 
         At once if there is nothing to wait for.
         """
-        return await READ_BACK.until(
+        return await read_back(
             self._state, lambda state: order.ended or wire.next_step(state, wanted, self._band_a) != step
         )
 
@@ -250,7 +249,3 @@ class Fluke5700A:
 
 def _within_a_minute(one_min: int, other_min: int) -> bool:
     return abs(one_min - other_min) <= 1
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()

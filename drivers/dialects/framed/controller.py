@@ -13,10 +13,8 @@ from drivers.dialects.framed.status import Status
 from drivers.dialects.framed.wire import NumberFormat, Raw
 from drivers.errors import BeyondLimit, CannotConnect, InstrumentFault, Refused
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.values import Identity
-
-READ_BACK = ReadBack()
 
 
 class FramedController:
@@ -66,7 +64,7 @@ class FramedController:
         """Energise the motor, if there is a command for it; Refused unless the status confirms it."""
         if self.profile.commands.enable is not None:
             await self.line.send_command("enable")
-        status = await READ_BACK.until(self.read_state, lambda status: status.enabled or status.faults)
+        status = await read_back(self.read_state, lambda status: status.enabled or status.faults)
         self.check_faults(status, "enable")
         if not status.enabled:
             raise Refused(

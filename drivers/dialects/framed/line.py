@@ -18,7 +18,7 @@ from drivers.dialects.framed.status import Status, StatusReader
 from drivers.dialects.framed.stream import StatusStream
 from drivers.dialects.framed.wire import NumberFormat, Raw
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
-from drivers.timing.awake import fair_timeout
+from drivers.timing.awake import fair_timeout, now_s
 from drivers.transport.address import Address
 from drivers.transport.dialogue import ReconnectBackoff, retry_once
 from drivers.transport.exchange import printable_hex
@@ -139,7 +139,7 @@ class FramedLine:
     async def _read_status(self, stream: StatusStream) -> Status:
         """Read the next status, requested if the controller needs a request."""
         await self._drain_if_out_of_sync(stream)
-        while (early_s := self._sent_at_s + self._profile.reaction - _now_s()) > 0:  # noqa: ASYNC110 - preempt moves it
+        while (early_s := self._sent_at_s + self._profile.reaction - now_s()) > 0:  # noqa: ASYNC110 - preempt moves it
             await asyncio.sleep(early_s)
         frame = b""
         if self._profile.request is not None:
@@ -181,7 +181,7 @@ class FramedLine:
         """Drain a line that answers requests, if a late answer is possible."""
         if self._profile.cyclic is not None or not (self._out_of_sync or stream.unsolicited):
             return
-        deadline_s = _now_s() + DRAIN_LIMIT_S
+        deadline_s = now_s() + DRAIN_LIMIT_S
         while True:
             stream.forget()
             try:
@@ -192,21 +192,21 @@ class FramedLine:
                 return
             except ConnectionError as problem:
                 raise LinkLost(self._device, str(problem)) from problem
-            if _now_s() > deadline_s:
+            if now_s() > deadline_s:
                 raise BadAnswer(
                     self._device, f"is not silent within {DRAIN_LIMIT_S:g} s",
                     remedy="Check whether it sends its status by itself: its profile then says cyclic, not request.",
                 )  # fmt: skip
 
     async def _leave_gap(self) -> None:
-        early_s = self._sent_at_s + self._profile.gap - _now_s()
+        early_s = self._sent_at_s + self._profile.gap - now_s()
         if early_s > 0:
             await asyncio.sleep(early_s)
 
     def _send(self, stream: StatusStream, name: str, frame: bytes) -> None:
         """Send a command, after which a status may still be an old one."""
         self._write(stream, name, frame)
-        self._sent_at_s = _now_s()
+        self._sent_at_s = now_s()
 
     def _write(self, stream: StatusStream, name: str, frame: bytes) -> None:
         try:
@@ -224,7 +224,7 @@ class FramedLine:
         try:
             self._stream = await self._wires.stream(self._device, self._address, self._new_stream)
             self._out_of_sync, self._timeouts, self._reported = self._address.is_serial_line, 0, (0, 0)
-            self._sent_at_s = _now_s()  # a serial server may hold earlier data
+            self._sent_at_s = now_s()  # a serial server may hold earlier data
             self._check(await self._read_status(self._stream))
         except BaseException:
             if self._stream is not None:
@@ -268,8 +268,8 @@ class FramedLine:
         """Note lost frames, if there are more and the last note is old enough."""
         missing = stream.missing if self._profile.cyclic is not None else 0
         found = (stream.dropped, missing)
-        if found != self._reported and _now_s() >= self._reported_at_s + REPORT_INTERVAL_S:
-            self._reported, self._reported_at_s = found, _now_s()
+        if found != self._reported and now_s() >= self._reported_at_s + REPORT_INTERVAL_S:
+            self._reported, self._reported_at_s = found, now_s()
             self._note(
                 f"since the connection {stream.dropped} bytes belonged to no frame"
                 + (f", the last {printable_hex(stream.last_dropped)}" if stream.dropped else "")
@@ -279,7 +279,3 @@ class FramedLine:
 
 def _spelled(name: str, frame: bytes) -> str:
     return f"{name} {printable_hex(frame)}"
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()

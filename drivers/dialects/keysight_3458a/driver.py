@@ -13,14 +13,13 @@ from drivers.dialects.keysight_3458a.description import MeterOptions
 from drivers.dialects.keysight_3458a.wire import Setting
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import Dialogue, retry_once
 from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity, Reading
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()
 MAX_ERRORS = 32  # more than the bits of its two registers
 MAX_READINGS = 10_000  # so that readings nobody polls do not accumulate
 _SLOWEST_LINE_HZ = 45.0
@@ -125,7 +124,7 @@ class Keysight3458A:
         message = wire.set_up(setting)
         await self._dialogue.send_command(message, wire.read_numbers)
         problem = "; ".join(await retry_once(self._errors, self._note))
-        if problem := problem or await READ_BACK.until(lambda: self._misfit(setting), lambda misfit: not misfit):
+        if problem := problem or await read_back(lambda: self._misfit(setting), lambda misfit: not misfit):
             raise Refused(
                 self.name, "a setting was not executed", sent=message.decode(), received=problem,
                 remedy="Look at its display, and check range and nplc in the bench file.",

@@ -16,10 +16,11 @@ from drivers.dialects.newport_xps import wire
 from drivers.dialects.newport_xps.description import XpsOptions
 from drivers.dialects.newport_xps.wire import GroupState, Profile, Reply
 from drivers.errors import InstrumentFault, Refused
-from drivers.kinds.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
+from drivers.kinds.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
 from drivers.kinds.head.driver import Head
 from drivers.recognised import Recognised
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import Dialogue
 from drivers.transport.exchange import Pace, SyncQuery, lines_ending
 from drivers.values import Identity, Reading
@@ -131,7 +132,7 @@ class XpsAxis:
         call = wire.enable(self._group)
         await self._moving.reopen()
         await self._send_command(self._moving, call)
-        state = await READ_BACK.until(self.state, lambda state: state.enabled)
+        state = await read_back(self.state, lambda state: state.enabled)
         if not state.enabled:
             raise Refused(
                 self._device, f"group {self._group} stays disabled", sent=call, received=state.words,
@@ -147,7 +148,7 @@ class XpsAxis:
             return
         call = wire.set_profile(self._positioner, wanted)
         await self._send_command(self._moving, call)
-        found = await READ_BACK.until(self._profile, lambda found: _alike(found, wanted))
+        found = await read_back(self._profile, lambda found: _alike(found, wanted))
         if not _alike(found, wanted):
             raise Refused(
                 self._device, f"{self._positioner} would move at {found.rate_dps:g} °/s and "

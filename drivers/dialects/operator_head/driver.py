@@ -9,7 +9,6 @@ from typing import Self
 
 from drivers.certificates.corrections import TURN_DEG
 from drivers.description import Nothing, Setup
-from drivers.dialects.operator_head import wording
 from drivers.dialects.operator_head.description import OperatorHeadLimits, OperatorHeadOptions
 from drivers.errors import BeyondLimit, Refused
 from drivers.kinds.head.bounds import check_angle
@@ -18,6 +17,9 @@ from drivers.person import OperatorAnswer, OperatorRequest, Turn
 from drivers.values import Approach, Identity, Reading
 
 MAX_ANSWERS = 5  # maximum answers to one move: after that, operator and sequence disagree
+_COMING: dict[Approach, str] = {
+    "direct": "", "from_below": ", coming to it from below", "from_above": ", coming to it from above",
+}  # fmt: skip
 
 
 class OperatorHead:
@@ -61,7 +63,7 @@ class OperatorHead:
         present_deg = self._latest.result
         if present_deg is None:
             order = self._new_order()
-            present_deg = await self._plausible_answer(order, self._request(wording.angle_prompt(self.name)))
+            present_deg = await self._plausible_answer(order, self._request(angle_prompt(self.name)))
             self._latest.done(order, present_deg)
         return self._reading(present_deg)
 
@@ -75,7 +77,7 @@ class OperatorHead:
         order, present_deg = self._latest.order, self._latest.result
         if present_deg is None or approach != "direct" or abs(present_deg - angle_deg) > self._options.tolerance:
             order = self._new_order()
-            text = wording.move_prompt(self.name, present_deg, angle_deg, approach)
+            text = move_prompt(self.name, present_deg, angle_deg, approach)
             present_deg = await self._plausible_answer(order, self._request(text, Turn(angle_deg, approach)))
             self._latest.done(order, present_deg)
         await asyncio.sleep(settle_s)
@@ -112,10 +114,10 @@ class OperatorHead:
             why = self._implausible(present_deg, requested_deg)
             if not why:
                 return present_deg
-            request = request._replace(text=wording.rejected(answer.value, requested_deg, why, prompt), again=True)
+            request = request._replace(text=rejected(answer.value, requested_deg, why, prompt), again=True)
         raise Refused(
             self.name, f"{MAX_ANSWERS} answers in a row are impossible; {why}", sent=prompt,
-            received=wording.spelled(answer.value),
+            received=spelled(answer.value),
             remedy="Look at the head together with the sequence: its zero and dial, and options.index_step and "
             "options.tolerance in the bench file.",
         )  # fmt: skip
@@ -158,3 +160,33 @@ class OperatorHead:
 
     def _reading(self, angle_deg: float) -> Reading:
         return Reading(asyncio.get_running_loop().time(), angle_deg)
+
+
+def spelled(angle_deg: float) -> str:
+    """Format an angle as read off a dial; the last digit is 0.000001°."""
+    return f"{round(angle_deg, 6) + 0.0:.12g}°"
+
+
+def move_prompt(device: str, from_deg: float | None, to_deg: float, approach: Approach) -> str:
+    """Prompt for a turn: target, start, direction, and final approach."""
+    if from_deg is None:
+        way = ""
+    elif from_deg == to_deg:
+        way = ", where it stands now" if approach == "direct" else ", where it stands now: away from it and back"
+    else:
+        way = f", from {spelled(from_deg)} {'up' if to_deg > from_deg else 'down'} by {spelled(abs(to_deg - from_deg))}"
+    return (
+        f"Turn {device} by hand to {spelled(to_deg)}{way}{_COMING[approach]}. When it is there and "
+        "locked, type the angle that it shows, in ° or deg."
+    )
+
+
+def angle_prompt(device: str) -> str:
+    """Prompt for the angle of a head whose angle is unknown."""
+    return f"Leave {device} as it is, and type the angle that it shows, in ° or deg."
+
+
+def rejected(typed_deg: float, requested_deg: float | None, why: str, prompt: str) -> str:
+    """Repeat a prompt after an implausible answer."""
+    asked = f", {spelled(requested_deg)} was asked for" if requested_deg is not None else ""
+    return f"{spelled(typed_deg)} was typed{asked}: {why}. {prompt}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,13 +19,13 @@ from drivers.kinds.chamber.lines import VerifiedLine
 from drivers.kinds.chamber.ramp import OwnRamp
 from drivers.kinds.chamber.refusal import Refusal
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
+from drivers.timing.awake import now_s
+from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, SyncQuery, lines_ending
 from drivers.values import Identity
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()  # a controller may acknowledge a setting before it reports it
 MAX_MESSAGES = 40  # messages searched for the text of an error
 _SERIAL_QUERY = message(Function.INFO, Info.SERIAL)
 _GRADIENTS = (
@@ -106,14 +105,14 @@ class Simpac(Connected):
             await self._send_command(message(Function.STOP_PROGRAM))
         start = message(Function.SWITCH, wire.START, 1)
         await self._send_command(start)
-        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
+        control, why = await read_back(self._control, lambda found: found[0] is Control.SET_POINT)
         if control is not Control.SET_POINT:
             raise Refused(
                 self._device, "the chamber did not start", sent=start, received=why,
                 remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it was stopped until now
+            self._ramp = replace(self._ramp, began_s=now_s())  # it was stopped until now
             await self.command(self._ramp.target_c)
 
     async def _send(self, ramp: OwnRamp) -> None:
@@ -137,7 +136,7 @@ class Simpac(Connected):
 
     def _may_be_on(self, ramp: OwnRamp, reported_c: float) -> bool:
         """Return whether a set point that is not the end of the ramp may be its present value."""
-        return not self._reports_target and ramp.is_at(reported_c, _now_s())
+        return not self._reports_target and ramp.is_at(reported_c, now_s())
 
     async def _ramp_to(self, target_c: float) -> OwnRamp:
         """Ramp started by a new set point: from the active one, or from the air temperature if the chamber is off."""
@@ -147,7 +146,7 @@ class Simpac(Connected):
         else:
             start_c, _ = self._where(await self._variable(Function.SET_POINT), None)
         rate_c_per_min = await self._variable(Function.GRADIENT_UP if target_c > start_c else Function.GRADIENT_DOWN)
-        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, _now_s())  # gradient 0 means no ramp
+        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, now_s())  # gradient 0 means no ramp
 
     def _where(self, reported_c: float, commanded_c: float | None) -> tuple[float, float]:
         """Active set point and last commanded set point, °C."""
@@ -155,8 +154,8 @@ class Simpac(Connected):
         if ramp is None:
             return reported_c, reported_c
         if self._reports_target:
-            return (ramp.set_point_c(_now_s()) if reported_c == ramp.target_c else reported_c), reported_c
-        on_its_way = commanded_c == ramp.target_c and ramp.is_at(reported_c, _now_s())
+            return (ramp.set_point_c(now_s()) if reported_c == ramp.target_c else reported_c), reported_c
+        on_its_way = commanded_c == ramp.target_c and ramp.is_at(reported_c, now_s())
         return reported_c, (ramp.target_c if on_its_way else reported_c)
 
     async def _control(self) -> tuple[Control, str]:
@@ -219,7 +218,7 @@ class Simpac(Connected):
 
     async def _read_back(self, function: Function, agrees: Callable[[float], object]) -> float:
         """Value read back after a setting, once it agrees, or at the time limit."""
-        return await READ_BACK.until(lambda: self._variable(function), agrees)
+        return await read_back(lambda: self._variable(function), agrees)
 
     async def _variable(self, function: Function) -> float:
         return await self._query(message(function, wire.TEMPERATURE), wire.number)
@@ -233,10 +232,6 @@ class Simpac(Connected):
     async def _send_command(self, command: str) -> bool:
         """Send a command once; return whether it was acknowledged."""
         return await self._line.send_command(command, wire.unless_refused(lambda _: True)) is not None
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()
 
 
 class Simserv(Chamber):

@@ -24,8 +24,9 @@ from drivers.errors import InstrumentFault, LinkLost, NoAnswer, WrongIdentity
 from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.registers import READ_BACK, VerifiedRegisters, hexadecimal
+from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
+from drivers.timing.readback import read_back
 from drivers.values import Identity
 
 TERMINATING_S = 0.5  # pause that the controller needs after the end of a profile
@@ -115,7 +116,7 @@ class F4Channel(Connected):
         with suppress(NoAnswer, LinkLost):
             await self._link.write(Register.TERMINATE, (1,))
         await asyncio.sleep(TERMINATING_S)
-        (status,) = await READ_BACK.until(
+        (status,) = await read_back(
             lambda: self._registers.read(Register.STATUS, 1), lambda words: words[0] not in _PROFILE
         )
         if status in _PROFILE:

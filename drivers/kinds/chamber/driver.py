@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Mapping, Sequence
 from typing import Self
 
@@ -11,11 +12,12 @@ from drivers.kinds.chamber.controller import Control, Controller, ControllerStat
 from drivers.kinds.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe, SteppedRampOptions, safe_state
 from drivers.kinds.chamber.following import FollowWatch
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C, RampProfile
-from drivers.kinds.chamber.standstill import STANDSTILL_S, StandstillWatch
 from drivers.timing.awake import Deadline, fair_timeout
 from drivers.values import ChamberState, Identity, Reading
 
 RAMP_LONGER_BY, RAMP_LATER_S = 1.1, 120.0  # allowance for a ramp beyond distance / rate
+STANDSTILL_S = 600.0
+SET_POINT_STANDS_S = 60.0  # a set point unchanged for so long is at rest
 
 
 class Chamber:
@@ -239,3 +241,23 @@ class Chamber:
             received=f"active set point {state.set_point_c:g} °C, process value {state.process_value_c:g} °C",
             remedy="Check at the controller whether a profile runs or the ramp is paused.",
         )  # fmt: skip
+
+
+class StandstillWatch:
+    """Monitors a process value and the set point that it should follow, at any polling intervals.
+
+    A constant value is no fault while the set point is constant too, or while it is not polled.
+    """
+
+    def __init__(self) -> None:
+        self._process_value = self._set_point = math.nan
+        self._same_since_s = self._moved_at_s = -math.inf
+
+    def frozen(self, at_s: float, process_value: float, set_point: float) -> bool:
+        """Evaluate one poll at the loop time `at_s`; return whether the process value is frozen."""
+        if process_value != self._process_value or at_s - self._moved_at_s > SET_POINT_STANDS_S:
+            self._same_since_s = at_s
+        if set_point != self._set_point:
+            self._moved_at_s = at_s
+        self._process_value, self._set_point = process_value, set_point
+        return at_s - self._same_since_s >= STANDSTILL_S

@@ -9,11 +9,10 @@ from drivers.description import Setup
 from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
 from drivers.kinds.chamber.words import Words
 from drivers.protocols.modbus_frames import ReadFunction
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import retry_once
 from drivers.transport.modbus import GAP_S, ModbusLink
 
-READ_BACK = ReadBack()
 Spelled = Callable[[Words], str]
 """Formats registers as numbers for a message."""
 
@@ -93,7 +92,7 @@ class VerifiedRegisters:
             unanswered = problem
             stored = await self.read(address, count, function=function)  # immediately: the timeout has already passed
         else:
-            stored = await READ_BACK.until(
+            stored = await read_back(
                 lambda: self.read(address, count, function=function), lambda stored: stored == words
             )
         if stored == words:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.timing.readback import ReadBack
 from drivers.transport.double_read import DoubleRead
 from drivers.values import Identity, Reading
 
 ANSWER_S = 2.0
-READ_BACK = ReadBack()
 
 
 @dataclass(frozen=True, slots=True)

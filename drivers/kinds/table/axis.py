@@ -5,10 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple, Protocol
 
-from drivers.timing.readback import ReadBack
 from drivers.values import Identity
-
-READ_BACK = ReadBack()  # time from a command to the status that reflects it
 
 
 class Mode(Enum):

@@ -12,10 +12,11 @@ from drivers.capabilities import Approach
 from drivers.errors import DriverError, InstrumentFault, NotSettled
 from drivers.kinds.approach import ARCSEC_PER_DEG, DEVIATION_BANDS, Hold, begin_of, legs, pause_s
 from drivers.kinds.latest import Latest, Order
-from drivers.kinds.table.axis import READ_BACK, Drive, Mode, State, TableAxis
+from drivers.kinds.table.axis import Drive, Mode, State, TableAxis
 from drivers.kinds.table.bounds import Bounds
 from drivers.kinds.table.description import TableLimits, TableOptions, safe_state
-from drivers.timing.awake import Deadline
+from drivers.timing.awake import Deadline, now_s
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
 
@@ -179,7 +180,7 @@ class Table:
         """Make the servo follow the demand of a mode; return the state with that mode, or the one at the time limit."""
         order.check()
         await self._axis.enter(mode)
-        await READ_BACK.until(self._axis.read_state, lambda state: order.ended or state.mode is mode or state.stale)
+        await read_back(self._axis.read_state, lambda state: order.ended or state.mode is mode or state.stale)
         return await self._watch(order, mode)
 
     async def _go(self, order: Order, target_deg: float, *, hold_s: float) -> None:
@@ -200,7 +201,7 @@ class Table:
 
         def fulfilled(state: State) -> bool:
             near = abs(state.angle_deg - target_deg) <= self._band_deg
-            return hold.is_over(_now_s(), fulfilled=near and abs(state.rate_dps) <= self._options.rate_band)
+            return hold.is_over(now_s(), fulfilled=near and abs(state.rate_dps) <= self._options.rate_band)
 
         order.check()
         await self._axis.go(target_deg)
@@ -212,12 +213,12 @@ class Table:
         hold_s: float = 0.0,
     ) -> None:  # fmt: skip
         """Return when the axis has arrived and held; NotSettled `give_up` after the expected time."""
-        near_s = _now_s() + expected_s
+        near_s = now_s() + expected_s
         deadline = Deadline(expected_s + hold_s + self._options.settle.give_up)
         while not arrived(state := await self._watch(order, mode)):
             if deadline.passed:
                 raise self._not_settled(problem, state)
-            await asyncio.sleep(pause_s(self._options.poll, near_s - _now_s()))
+            await asyncio.sleep(pause_s(self._options.poll, near_s - now_s()))
 
     async def _watch(self, order: Order, mode: Mode) -> State:
         """Poll a motion; raises Refused if it has been superseded, InstrumentFault if it cannot continue."""
@@ -263,10 +264,10 @@ class Table:
         return ""
 
     def _angle(self, state: State) -> Reading:
-        return Reading(_now_s(), state.angle_deg)
+        return Reading(now_s(), state.angle_deg)
 
     def _rate(self, state: State) -> Reading:
-        return Reading(_now_s(), state.rate_dps)
+        return Reading(now_s(), state.rate_dps)
 
     def _rate_band_dps(self, rate_dps: float) -> float:
         return self._options.rate_band + RATE_RIPPLE * abs(rate_dps)
@@ -285,7 +286,3 @@ def _lost_control(state: State, mode: Mode) -> str:
     if state.mode is not mode:
         return f"the table is in mode {state.mode.value}, commanded was {mode.value}"
     return "" if state.in_control else "another master has taken control of the table"
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()

@@ -321,13 +321,11 @@ class SimulatedAcutrol:
     # Readings
 
     def _angle_deg(self) -> float:
-        """Reported angle."""
         if not self.faults.active("frozen"):
             self._seen_deg = math.remainder(self._driven.encoder_deg(self._world.now()), TURN_DEG)
         return self._seen_deg
 
     def _rate_dps(self) -> float:
-        """Reported rate."""
         if not self.faults.active("frozen"):
             self._seen_dps = self._driven.rate_dps(self._world.now())
         return self._seen_dps

@@ -14,7 +14,7 @@ from drivers.dialects.aerotech_ensemble import wire
 from drivers.dialects.aerotech_ensemble.wire import AxisFault, AxisStatus, Outcome, Reply
 from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
-from simulators.serving.serve import Later
+from simulators.serving.serve import DelayedAnswers
 from simulators.world import World
 
 DEFAULT_RATE_DPS = 10.0
@@ -248,19 +248,14 @@ class SimulatedEnsemble:
     }
 
 
-class EnsembleSession:
+class EnsembleSession(DelayedAnswers):
     """One connection: lines end with LF, and those after a HOME wait until it is finished."""
 
     def __init__(self, controller: SimulatedEnsemble) -> None:
         self._controller = controller
-        self._later: Later = lambda _delay_s, _answer: None
         self._rest = b""
         self._lines: deque[bytes] = deque()
         self._homes = False
-
-    def answer_by(self, later: Later) -> None:
-        """Set the callback that reports the end of a HOME; without it, it is never reported."""
-        self._later = later
 
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the answers to completed lines."""

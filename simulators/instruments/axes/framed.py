@@ -129,7 +129,6 @@ class SimulatedFrames:
         return self.profile.format("status").build([*numbers, *self._bytes_of_bits()])
 
     def _bytes_of_bits(self) -> list[tuple[NumberFormat, Raw]]:
-        """Bytes of state and fault bits."""
         now = self._world.now()
         states = self.profile.status.states
         moving, swings = self._axis.moving(now), self.mode == "sine"

@@ -9,7 +9,7 @@ from drivers.dialects.newport_xps import wire
 from drivers.dialects.newport_xps.wire import GroupState, Profile, Reply
 from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
-from simulators.serving.serve import Later
+from simulators.serving.serve import DelayedAnswers
 from simulators.world import World
 
 FIRMWARE = "XPS-C8 Firmware V2.6.1"
@@ -262,19 +262,14 @@ class SimulatedXps:
     }
 
 
-class XpsSession:
+class XpsSession(DelayedAnswers):
     """One connection: a call ends with its parenthesis; during one call, the next is refused."""
 
     def __init__(self, controller: SimulatedXps) -> None:
         self._controller = controller
         self._rest = b""
-        self._later: Later = lambda _delay_s, _answer: None
         self._under_way = ""
         self._motions = 0
-
-    def answer_by(self, later: Later) -> None:
-        """Set the callback that answers a move when it ends; without it, there is no answer."""
-        self._later = later
 
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the immediate answers."""

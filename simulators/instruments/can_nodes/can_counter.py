@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from drivers.can.dbc import Dbc, Field, dbc_in, encode_frames
 from drivers.can.frame_block import FrameBlock
 from drivers.certificates.corrections import ARCSEC_PER_DEG
-from drivers.dialects.can_counter.binding import format_of
+from drivers.dialects.can_counter.decoder import format_of
 from drivers.dialects.can_counter.options import CounterOptions
 from drivers.dialects.can_counter.wire import CounterFormat
 from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan

@@ -14,7 +14,7 @@ from drivers.can.dbc import Dbc, Field, dbc_in, encode_frames
 from drivers.can.encoder_frames import PositionFormat
 from drivers.can.frame_block import FrameBlock
 from drivers.certificates.corrections import ARCSEC_PER_DEG
-from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.decoder import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.dialects.can_telemetry.wire import SampleFormat
 from simulators.faults.instrument_faults import FaultPlan

@@ -43,13 +43,9 @@ class SimulatedChamber:
             self._air_c = self._world.thermal.air_c
         return self._air_c
 
-    def open_door(self) -> None:
-        """Open the door."""
-        self._world.door(is_open=True)
-
-    def close_door(self) -> None:
-        """Close the door."""
-        self._world.door(is_open=False)
+    def move_door(self, *, is_open: bool) -> None:
+        """Open or close the door."""
+        self._world.door(is_open=is_open)
 
     def break_down(self, failure: Failure | None) -> None:
         """Break a part of the chamber, independent of its controller; None repairs it."""
@@ -62,7 +58,9 @@ def _breaks(failure: Failure) -> FaultEffect:
 
 CHAMBER_FAULT_EFFECTS: Mapping[FaultKind, FaultEffect] = {
     **MEASUREMENT_AND_COMMAND_FAULTS,
-    "door_open": FaultEffect(lambda chamber: chamber.open_door(), lambda chamber: chamber.close_door()),
+    "door_open": FaultEffect(
+        lambda chamber: chamber.move_door(is_open=True), lambda chamber: chamber.move_door(is_open=False)
+    ),
     "open_sensor": PASSIVE_FAULT,
     **{failure: _breaks(failure) for failure in get_args(Failure)},
 }

@@ -13,7 +13,7 @@ from typing import ClassVar, Self
 
 from drivers.dialects.espec_p300 import wire
 from drivers.dialects.espec_p300.wire import CONSTANT, OFF, STANDBY, TENTHS
-from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan, sets
 from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.scpi import LineSession
 from simulators.instruments.setup import InstrumentSetup
@@ -112,14 +112,6 @@ class SimulatedP300(SimulatedChamber):
         if self.mode == RUN:
             self._enter(CONSTANT)
 
-    def protect(self) -> None:
-        """Protect the settings at the front panel."""
-        self.protected = True
-
-    def unprotect(self) -> None:
-        """Release the settings at the front panel."""
-        self.protected = False
-
     def _protect_keys(self, match: re.Match[str]) -> None:
         self.protected = match[1].upper() == "ON"
 
@@ -183,5 +175,5 @@ class SimulatedP300(SimulatedChamber):
         "restart": FaultEffect(restart),
         "program": FaultEffect(start_program, end_program),
         "alarm": FaultEffect(lambda chamber: chamber.alarm(1), lambda chamber: chamber.alarms.clear()),
-        "front_panel": FaultEffect(protect, unprotect),
+        "front_panel": sets("protected", True, False),
     }

@@ -116,15 +116,13 @@ class SimulatedSimserv(SimulatedChamber):
         self.active.add(index)
         self.outputs[wire.START] = False
 
-    def open_door(self) -> None:
-        """Open the door; its contact stops the chamber, with a message."""
-        super().open_door()
-        self.error(1)
-
-    def close_door(self) -> None:
-        """Clear the door message; the chamber stays off."""
-        super().close_door()
-        self.active.discard(1)
+    def move_door(self, *, is_open: bool) -> None:
+        """Open the door, whose contact stops the chamber with a message, or close it; the chamber stays off."""
+        super().move_door(is_open=is_open)
+        if is_open:
+            self.error(1)
+        else:
+            self.active.discard(1)
 
     def start_program(self) -> None:
         """Start a program at the front panel, if the chamber allows it."""

@@ -19,7 +19,7 @@ from drivers.dialects.watlow_f4.wire import (
     TemperatureFormat,
     event_output,
 )
-from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan, sets
 from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.instruments.setup import InstrumentSetup
@@ -161,18 +161,6 @@ class SimulatedF4(SimulatedChamber):
                 self._settings[address] = word
                 self._follow_set_point()
 
-    def raise_alarm(self) -> None:
-        """Raise an alarm."""
-        self.alarm = 1
-
-    def open_sensor(self) -> None:
-        """Open the sensor circuit."""
-        self.sensor_error = 1
-
-    def clear(self) -> None:
-        """Clear alarm and sensor fault."""
-        self.alarm = self.sensor_error = 0
-
     def start_profile(self) -> None:
         """Start a program at the front panel."""
         self._status = Status.PROFILE_RUNS
@@ -206,6 +194,6 @@ class SimulatedF4(SimulatedChamber):
         **CHAMBER_FAULT_EFFECTS,
         "restart": PASSIVE_FAULT,
         "program": FaultEffect(start_profile, _end_profile),
-        "alarm": FaultEffect(raise_alarm, clear),
-        "open_sensor": FaultEffect(open_sensor, clear),
+        "alarm": sets("alarm", 1, 0),
+        "open_sensor": sets("sensor_error", 1, 0),
     }

@@ -62,7 +62,7 @@ class SimulatedScanner:
         self.faults = faults
         self.open: set[int] = set()
         self.answer_end = answer_end
-        self._world, self._names = world, names
+        self._world, self.names = world, names
         self._slots = {channel // 100 * 100 for channel in names}
         self._last: dict[int, float] = {}
         self._scans = Scans(world, self._reading_c)
@@ -92,14 +92,6 @@ class SimulatedScanner:
     def joined(self, answers: list[str]) -> str:
         """Join the answers to one line."""
         return self._interpreter.joined(answers)
-
-    def open_sensors(self) -> None:
-        """Disconnect all sensors."""
-        self.open.update(self._names)
-
-    def close_sensors(self) -> None:
-        """Reconnect all sensors."""
-        self.open.clear()
 
     def restart(self) -> None:
         """Short power failure: scanning stops."""
@@ -177,7 +169,7 @@ class SimulatedScanner:
         """Reading of a sensor at a true time, None if it is open."""
         if channel in self.volts:
             return 0.0  # no voltage source there
-        name = self._names.get(channel, "")
+        name = self.names.get(channel, "")
         unit = self._world.counted.get(name)
         if channel in self.open or (unit is not None and unit.faults.active("open_thermometer")):
             return None
@@ -341,7 +333,9 @@ class SimulatedScanner:
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **MEASUREMENT_AND_COMMAND_FAULTS,
         "restart": FaultEffect(restart),
-        "open_sensor": FaultEffect(open_sensors, close_sensors),
+        "open_sensor": FaultEffect(
+            lambda scanner: scanner.open.update(scanner.names), lambda scanner: scanner.open.clear()
+        ),
     }
 
 

@@ -14,7 +14,7 @@ from drivers.dialects.keysight_3458a import wire
 from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.meters.meter_inputs import MeterInput
 from simulators.instruments.prologix import Gateway
-from simulators.serving.serve import Later
+from simulators.serving.serve import DelayedAnswers
 from simulators.units.unit_file import stream
 from simulators.world import World
 
@@ -270,7 +270,7 @@ class _Aperture:
     input: float = 0.0
 
 
-class VoltmeterSession:
+class VoltmeterSession(DelayedAnswers):
     """A connection to the gateway: commands are queued, and only a reading takes time.
 
     Lines that begin with `++` are for the gateway; with `++auto 0` answers stay in the instrument until `++read`.
@@ -278,15 +278,10 @@ class VoltmeterSession:
 
     def __init__(self, meter: Simulated3458A) -> None:
         self._meter = meter
-        self._later: Later = lambda _delay_s, _answer: None
         self._rest = b""
         self._commands: deque[str] = deque()
         self._gateway = Gateway()
         self._unread: deque[bytes] = deque()
-
-    def answer_by(self, later: Later) -> None:
-        """Set the callback that sends a reading when it is ready; without it, none is sent."""
-        self._later = later
 
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the immediate answers."""

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from drivers.protocols import scpi
 from drivers.protocols.scpi import Command
-from simulators.serving.serve import Later
+from simulators.serving.serve import DelayedAnswers
 
 _WAITING = ("*OPC?", "*WAI")
 _FETCH = ("FETCH?", "FETC?")
@@ -41,7 +41,7 @@ class Scanner(Protocol):
         """Readings of the finished scan, "" without one."""
 
 
-class ScannerSession:
+class ScannerSession(DelayedAnswers):
     """A connection: a command that waits for a scan delays all later ones. Lines end with LF or CR LF.
 
     READ?, MEAS:TEMP?, FETC?, *OPC? and *WAI wait; all others are executed during a scan.
@@ -49,14 +49,9 @@ class ScannerSession:
 
     def __init__(self, scanner: Scanner) -> None:
         self._scanner = scanner
-        self._later: Later = lambda _delay_s, _answer: None
         self._rest = b""
         self._lines: deque[_Line] = deque()
         self._waits = False
-
-    def answer_by(self, later: Later) -> None:
-        """Set the callback for delayed answers; without it, they are never sent."""
-        self._later = later
 
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the immediate answers."""

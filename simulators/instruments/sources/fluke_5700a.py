@@ -11,9 +11,9 @@ from typing import ClassVar, Self
 
 from drivers.dialects.fluke_5700a import wire
 from drivers.dialects.fluke_5700a.wire import Event, Status, Terminator
+from drivers.protocols.scpi import number
 from simulators.faults.instrument_faults import COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
-from simulators.instruments.sources.fluke_units import quantity
 from simulators.world import World
 
 # Only the first is documented; the manual's list of the others could not be had, so these numbers are made up.
@@ -32,6 +32,10 @@ _NO_EFFECT = {  # commands without effect here: their arguments
 _AMPLITUDES = ("V", "A", "OHM")
 _OUTPUTS = ("OUT", "OPER", "STBY", "RANGELCK", "*RST")
 _EITHER_END = bytes.maketrans(b"\r", b"\n")
+_QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?)\s*([A-Z]+)", re.ASCII)
+_UNITS = ("HZ", "V", "A", "OHM", "DB", "DBM", "PCT", "PPM")
+_MULTIPLIERS = {"": 1.0, "K": 1e3, "M": 1e-3, "U": 1e-6, "MA": 1e6}
+_MEGA = {"MOHM": "OHM", "MHZ": "HZ"}
 
 
 class SimulatedFluke:
@@ -269,3 +273,17 @@ class FlukeSession:
         for line in lines:
             said += b"".join(answer.encode() + source.end for answer in source.execute(line.decode("latin-1")))
         return said
+
+
+def quantity(text: str) -> tuple[float, str]:
+    """Parse a value in a unit with multiplier, from capitals like `10V`, `1.2 MA` or `1KHZ`; ValueError."""
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise ValueError(f"'{text}' is not a number with a unit")
+    value, word = number(match[1]), match[2]
+    if word in _MEGA:
+        return 1e6 * value, _MEGA[word]
+    for multiplier, factor in _MULTIPLIERS.items():
+        if word.startswith(multiplier) and word[len(multiplier) :] in _UNITS:
+            return factor * value, word[len(multiplier) :]
+    raise ValueError(f"'{word}' is no unit")

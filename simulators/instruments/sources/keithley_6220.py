@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 from drivers.dialects.keithley_6220 import wire
 from drivers.dialects.keithley_6220.wire import Condition, Terminator
-from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan, sets
 from simulators.instruments.scpi import (
     OUT_OF_RANGE,
     SETTINGS_CONFLICT,
@@ -89,7 +89,7 @@ class SimulatedKeithley(LoadedSource):
 
     @property
     def interlock_closed(self) -> bool:
-        """True if the rear contact is closed."""
+        """True if the rear contact is closed; opening it switches the output off."""
         return self._interlock_closed
 
     @interlock_closed.setter
@@ -97,14 +97,6 @@ class SimulatedKeithley(LoadedSource):
         self._interlock_closed = closed
         if not closed:
             self.put_output(False)
-
-    def open_interlock(self) -> None:
-        """Open the rear contact, which switches the output off."""
-        self.interlock_closed = False
-
-    def close_interlock(self) -> None:
-        """Close the rear contact; the output stays off."""
-        self.interlock_closed = True
 
     def restart(self) -> None:
         """Short power failure: all settings are as at power-on."""
@@ -202,10 +194,9 @@ class SimulatedKeithley(LoadedSource):
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **LoadedSource.FAULT_EFFECTS,
         "restart": FaultEffect(restart),
-        "interlock": FaultEffect(open_interlock, close_interlock),
+        "interlock": sets("interlock_closed", False, True),
     }
 
 
 def _range_for(level_a: float) -> float:
-    """Smallest range for a level."""
     return next(range_a for range_a in wire.RANGES_A if abs(level_a) <= wire.OVER_RANGE * range_a)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.report.verify import verify
+from bench.report.revision import verify
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 

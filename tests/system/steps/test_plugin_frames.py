@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bench.app.execute import RunResult
-from bench.app.new_driver import write_driver
+from bench.app.new_package import write_driver
 from bench.config.bench import load_bench
 from bench.errors import InputError
 from bench.reduce.reduced_again import reduced_again

@@ -13,7 +13,7 @@ from bench.errors import StoreError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.reduce.stored_run import open_run
-from bench.report.verify import examined, verify
+from bench.report.revision import examined, verify
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet
 from bench.store import database

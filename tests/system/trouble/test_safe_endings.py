@@ -18,7 +18,7 @@ from bench.app.request import RunRequest, prepare
 from bench.cli.exits import of_run
 from bench.config.bench import load_bench
 from bench.engine import stepper
-from bench.report.verify import examined
+from bench.report.revision import examined
 from bench.rig import OPEN_S
 from bench.runner import run as runner
 from bench.runner.quiet import Quiet

@@ -37,7 +37,7 @@ AS_ANOTHER = """
 import os, sys
 from datetime import UTC, datetime
 from pathlib import Path
-from bench.app.register import Register
+from bench.app.beginning import Register
 from bench.config.bench import load_bench
 from bench.store.energised import energised, note_energised, note_safe, record_made_safe
 from bench.store.lockout import lift, lock_out, locked_out, lockouts

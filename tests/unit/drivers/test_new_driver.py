@@ -8,9 +8,10 @@ import sys
 
 import pytest
 
-from bench.app.new_driver import kinds, write_driver
+from bench.app.new_package import kinds, write_driver
 from bench.errors import InputError
-from drivers.capabilities import CAPABILITIES, THERMOMETER
+from drivers.capabilities import THERMOMETER
+from tests.support.capabilities import CAPABILITIES
 from tests.support.runs import ROOT
 
 LINES = {"wire.py": 120, "driver.py": 150, "simulator.py": 120}

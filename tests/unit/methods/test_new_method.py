@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from bench.app.new_method import write_method
+from bench.app.new_package import write_method
 from bench.errors import InputError
 
 LINES = {"method.py": 60, "reduction.py": 130, "rules.py": 70, "shown.py": 80, "offline.py": 80, "truth.py": 50}

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from bench.errors import InputError
 from bench.sequence.language.values import in_words
-from bench.sequence.load import load_plan, load_sequence
+from bench.sequence.load import load_sequence
 from bench.sequence.method import known_methods
 from bench.sequence.plan import expand
 from bench.sequence.plan.plan import Plan
 from drivers.schema.suggest import did_you_mean
-from tests.support.sequences import BENCH, ROOT, TAIL, plan_of, problems_of, steps
+from tests.support.sequences import BENCH, ROOT, TAIL, load_plan, plan_of, problems_of, steps
 
 NAME = "expected a name: at most 32 lower-case letters, digits and _, a letter first"
 KINDS = (

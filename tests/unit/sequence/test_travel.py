@@ -5,11 +5,10 @@ from __future__ import annotations
 import pytest
 
 from bench.config.bench import load_bench
-from bench.sequence.load import load_plan
 from bench.sequence.plan.poses import PASSES_LOOKED_AT, angles_before, poses_before
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Move
-from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
+from tests.support.sequences import BENCH, ROOT, load_plan, plan_of, problems_of, steps
 
 TABLE = load_bench(ROOT / "config/rate_table.yaml").bench
 TABLE_TAIL = """\

@@ -12,12 +12,12 @@ from bench.methods.tumble.reduction.solution import Tumble, solve_tumble
 from bench.metrology.acquisition import Counts
 from bench.metrology.pulse_counts import mean_rate
 from drivers.dialects.can_counter.wire import decode_counts
-from simulators.physics.attitude import planar
 from simulators.physics.motion import AxisErrors
 from simulators.truth.constants import DwellAsMeasured, Orientation, channel_constants, truth_record
 from simulators.units.accelerometer import draw_unit
 from simulators.units.unit_file import UnitFile
 from tests.support.laboratory import ARCSEC_DEG, Laboratory, counter_form, place, unit
+from tests.support.planar import planar
 
 FOUR_DEG = (0.0, 90.0, 180.0, 270.0)
 TILTED_DEG = (1.0, 91.0, 181.0, 271.0)

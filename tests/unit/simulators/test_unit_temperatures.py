@@ -9,9 +9,8 @@ from bench.config.load import load_file
 from simulators.physics.source_errors import CurrentErrors, Feed
 from simulators.physics.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.units.accelerometer import Decoding, draw_unit
-from simulators.units.thermostat import Thermostat
 from simulators.units.unit_file import ThermostatModel, UnitFile
-from simulators.units.unit_temperatures import Board, UnitTemperatures
+from simulators.units.unit_temperatures import Board, Thermostat, UnitTemperatures
 from tests.support.sequences import ROOT
 
 MODEL = ThermostatModel.model_validate(

@@ -17,7 +17,7 @@ from bench.quality import Valid
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
 from bench.report import write
-from bench.report.verify import examined
+from bench.report.revision import examined
 from bench.report.write import write_report
 from bench.store.ledger import LEDGER, entries_of
 from bench.store.reader import RunReader

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.bias_at_rest import RestReading, fit_rest
-from bench.methods.rate_table.reduction.converter_hysteresis import without_hysteresis
 from bench.methods.rate_table.reduction.intake import table_samples
+from bench.methods.rate_table.reduction.response import without_hysteresis
 from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
 from bench.methods.rate_table.reduction.sine_fit import fit_sine
 from bench.metrology.acquisition import Motion
