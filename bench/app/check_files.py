@@ -14,7 +14,7 @@ from bench.config.load import find, load_file
 from bench.errors import InputError
 from bench.sequence.checks.check import unmet_needs
 from bench.sequence.checks.output import INPUT_RULE, Shown
-from bench.sequence.load import load_plan
+from bench.sequence.load import load_judged_plan
 
 Check = Callable[[Path], object]
 Benches = Mapping[str | None, LoadedBench | None]  # by name; None for one that cannot be loaded
@@ -84,7 +84,7 @@ def _on(bench: str | None, shown: Shown) -> Shown:
 
 def _suitable(wish: RunRequest, benches: Benches) -> list[str | None]:
     """Return the benches that meet the needs of a sequence. Raises InputError if none does."""
-    plan = load_plan(
+    plan, _ = load_judged_plan(
         find(wish.sequence, "sequences"), None, preset=wish.preset, parameters=wish.parameters, settings=wish.settings
     )
     unmet = {name: list(unmet_needs(plan, loaded.bench)) if loaded else [] for name, loaded in benches.items()}
