@@ -73,6 +73,7 @@ benchmark: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.step_overhead
 	$(BIN)/python -m benchmarks.long_acquisition
 	$(BIN)/python -m benchmarks.night_reduction
+	$(BIN)/python -m benchmarks.check_many
 
 # Programs that other people wrote, for the tests that let them talk to ours.
 peers: $(VENV)/.dev

@@ -104,6 +104,12 @@ def _unit_file(path: Path, *, is_inertial: bool) -> AnyUnitFile:
     return load(document, GyroFile) if has_gyro else load(document, UnitFile)
 
 
+def check_unit_file(path: Path) -> None:
+    """Read the truth of a simulated unit. Raises InputError."""
+    content = read_document(path).value
+    _unit_file(path, is_inertial=isinstance(content, dict) and "gyros" in content)
+
+
 def _without_power(settings: WorldSettings, places: Collection[str]) -> WorldSettings:
     """Return the settings with only the units in `places` connected to their supplies."""
     return replace(

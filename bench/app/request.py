@@ -109,14 +109,16 @@ def load_bench_named(name: str | None, *, simulate: bool = False) -> LoadedBench
     return loaded._replace(bench=loaded.bench.all_simulated()) if simulate else loaded
 
 
-def load_checked(request: RunRequest) -> CheckedRun:
-    """Load and check plan and bench of a request. Raises InputError with the problems of both files."""
+def load_checked(request: RunRequest, loaded: LoadedBench | None = None) -> CheckedRun:
+    """Load and check plan and bench of a request. Raises InputError with the problems of both files.
+
+    `loaded` is its bench if that has been loaded before.
+    """
     found: list[str] = []
-    loaded: LoadedBench | None = None
     judged: tuple[Plan, tuple[Remark, ...]] | None = None
     serials: dict[str, str] = {}
     try:
-        loaded = load_bench_named(request.bench, simulate=request.simulate)
+        loaded = loaded or load_bench_named(request.bench, simulate=request.simulate)
         serials = _named_units(request.units, loaded.bench)
     except InputError as error:
         found += error.problems

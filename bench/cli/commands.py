@@ -47,7 +47,8 @@ class Argument(NamedTuple):
     def value(self, found: Any) -> Any:
         """Return the value for the function. Raises InputError if an option is given twice."""
         if found is None or found == []:
-            return os.environ.get(self.variable) or self.default
+            from_outside = os.environ.get(self.variable)
+            return ((from_outside,) if self.default == () else from_outside) if from_outside else self.default
         if not self.once:
             return tuple(found) if isinstance(found, list) else found
         if len(found) > 1:
@@ -84,10 +85,10 @@ def option(
     return Argument(to or _parameter(name), words, help_, settings, default, variable, is_required, once=True)
 
 
-def options(words: str, help_: str, *, to: str, read: Callable[[str], Any] = str) -> Argument:
-    """Return a repeatable option, whose values form a tuple."""
+def options(words: str, help_: str, *, to: str, read: Callable[[str], Any] = str, variable: str = "") -> Argument:
+    """Return a repeatable option, whose values form a tuple; `variable` names an environment variable with one."""
     settings = {"action": "append", "type": read, "metavar": words.partition(" ")[2]}
-    return Argument(to, words, help_, settings, ())
+    return Argument(to, words, help_, settings, (), variable)
 
 
 def flag(name: str, help_: str, *, to: str = "") -> Argument:

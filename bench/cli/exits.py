@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
@@ -29,6 +30,7 @@ MEANINGS = {
     "arrive at its safe set point; takes precedence over all other codes",
     INCOMPLETE: "INCOMPLETE: a step was skipped, or a result could not be determined",
 }
+WORST_FIRST = (NOT_SAFE, BENCH_ERROR, ABORTED, INPUT_ERROR, FAIL, INCOMPLETE, NOT_JUDGED, PASS)
 OF_VERDICT = {
     "PASS": PASS,
     "FAIL": FAIL,
@@ -48,3 +50,8 @@ def of_run(result: RunResult) -> int:
     code = OF_VERDICT[result.results.verdict]
     is_complete = result.report is not None or result.no_report
     return code if is_complete or code in (FAIL, ABORTED) else BENCH_ERROR
+
+
+def worst(codes: Iterable[int]) -> int:
+    """Return the exit code of several runs."""
+    return min(codes, key=WORST_FIRST.index, default=PASS)

@@ -1,17 +1,23 @@
-"""rehearse: run a sequence on simulators of a bench, and compare it with its plan."""
+"""rehearse: run sequences on simulators of a bench, and compare them with their plans."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from bench.cli.commands import Command, option
-from bench.cli.exits import BENCH_ERROR, NOT_SAFE, of_run
-from bench.cli.running import ANSWERS, NEW_RUNS, OF_A_PLAN, SCENARIO, SEED, UUT_MODEL, warn
+from bench.cli.checking import BENCHES, FILES
+from bench.cli.commands import Command, flag, option, whole_number
+from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR, NOT_SAFE, of_run
+from bench.cli.running import ANSWERS, NEW_RUNS, SCENARIO, SEED, UUT_MODEL, WISHES, warn
+from bench.errors import BenchError, InputError
+from drivers.errors import DriverError
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
+    from bench.app.files_to_check import FileToCheck
     from bench.app.rehearse import Compared, Rehearsal
+    from bench.app.request import RunRequest
+    from bench.cli.rehearsals import Outcome
 
 ENDED = {
     "completed": "completed",
@@ -22,34 +28,114 @@ ENDED = {
 STEPS_SHOWN = 8
 
 
-def rehearse(*, faults: int | None, **wishes: Any) -> int:
-    """Run a sequence on simulators of a bench's instruments, with all limits in force, and compare it with its plan.
+def rehearse(
+    *,
+    files: Sequence[str],
+    benches: Sequence[str],
+    faults: int | None,
+    jobs: int,
+    form: str,
+    as_json: bool,
+    **wishes: Any,
+) -> int:
+    """Run sequences on simulators of a bench's instruments, with all limits in force, and compare each with its plan.
 
-    The exit code is that of the run.
+    In folders, all sequences are rehearsed that no other one there calls. The exit code is that of the run; of several
+    rehearsals that of the worst, in the order 6, 3, 4, 2, 1, 7, 5, 0.
     """
+    from bench.app.files_to_check import SEQUENCE, find_files
+    from bench.app.request import RunRequest
+
+    form = "json" if as_json else form
+    given, _ = find_files(files, (SEQUENCE,))
+    names: Sequence[str | None] = benches or (None,)
+    if len(given) > 1 or len(names) > 1 or form == "junit":
+        return _several(given, names, jobs, form, {"faults": faults, **wishes})
+    request = RunRequest(str(given[0].path), names[0], operator="rehearsal", past_due="mark", **wishes)
+    return _in_text(request, faults) if form == "text" else _in_json(request, faults)
+
+
+def _several(
+    files: Sequence[FileToCheck], benches: Sequence[str | None], jobs: int, form: str, wishes: dict[str, Any]
+) -> int:
+    from bench.app.check_files import check_files
+    from bench.app.request import RunRequest
+    from bench.cli.rehearsals import Children, as_words, show
+    from bench.runner.signals import Dropped, Signals
+
+    request = RunRequest("", **{name: value for name, value in wishes.items() if name in RunRequest._fields})
+    checks = check_files([file for file in files if not file.is_called], request, benches, {})
+    children = Children(tuple(as_words(OF_A_REHEARSAL, wishes)))
+    try:
+        with Signals() as signals, signals.dropping(0):
+            return show(children.outcomes(checks, jobs), form)
+    except Dropped:
+        return ABORTED
+
+
+def _in_json(request: RunRequest, faults: int | None) -> int:
+    from bench.cli.rehearsals import Outcome, show
+
+    bench = request.bench or ""
+    try:
+        rehearsal, bench = _rehearsed(request, faults)
+    except InputError as problem:
+        return show([Outcome(request.sequence, bench, INPUT_ERROR, problems=problem.problems)], "json")
+    except (BenchError, DriverError) as problem:
+        return show([Outcome(request.sequence, bench, BENCH_ERROR, problems=[str(problem)])], "json")
+    return show([_outcome(rehearsal, request.sequence, bench)], "json")
+
+
+def _outcome(rehearsal: Rehearsal, file: str, bench: str) -> Outcome:
+    from bench.cli.rehearsals import Outcome
+
+    result = rehearsal.result
+    return Outcome(
+        file=file,
+        bench=bench,
+        exit_code=_exit_code(rehearsal),
+        verdict=result.results.verdict if result.results else None,
+        ended=result.outcome.how,
+        planned_s=round(rehearsal.expected.total_s, 3),
+        bench_s=round(result.bench_s, 3),
+        wall_s=round(result.wall_s, 3),
+        problems=result.problems,
+        unsafe=sorted(rehearsal.unsafe),
+        lost=rehearsal.lost,
+        run=str(result.path),
+        report=str(result.report) if result.report else None,
+    )
+
+
+def _in_text(request: RunRequest, faults: int | None) -> int:
+    rehearsal, _ = _rehearsed(request, faults, shown=True)
+    return _exit_code(rehearsal)
+
+
+def _rehearsed(request: RunRequest, faults: int | None, *, shown: bool = False) -> tuple[Rehearsal, str]:
+    """Rehearse, on request with the result as text on stdout; return the rehearsal and the bench file."""
     from bench.app.preflight import rehearsal_key
     from bench.app.rehearse import rehearse as rehearsed
-    from bench.app.request import RunRequest, load_checked, prepare
+    from bench.app.request import load_checked, prepare
     from bench.runner.output import tolerant_output
     from bench.runner.progress import TerminalProgress
     from bench.runner.signals import Signals
     from bench.store.tried import note_tried
 
-    as_it_is = RunRequest(operator="rehearsal", past_due="mark", **wishes)
     with tolerant_output():
-        checked = load_checked(as_it_is)
+        checked = load_checked(request)
         warn(checked.plan, checked.warnings)
         units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())
-        prepared = prepare(as_it_is._replace(simulate=True, not_after=None, units=units))
+        prepared = prepare(request._replace(simulate=True, not_after=None, units=units))
         with Signals() as signals:
             with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
                 rehearsal = rehearsed(prepared, progress, faults, signals)
             with signals.not_waiting():
-                for line in _summary(rehearsal):
+                for line in _summary(rehearsal) if shown else ():
                     sys.stdout.write(line + "\n")
         if rehearsal.result.outcome.how == "completed" and not rehearsal.unsafe and not rehearsal.lost:
             note_tried("rehearsal", rehearsal_key(prepared))
-    return _exit_code(rehearsal)
+    return rehearsal, str(prepared.loaded.document.path)
 
 
 def _exit_code(rehearsal: Rehearsal) -> int:
@@ -124,14 +210,25 @@ def _time(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds < 600 else duration(seconds)
 
 
+OF_A_REHEARSAL = (
+    *WISHES,
+    ANSWERS,
+    UUT_MODEL,
+    SEED,
+    option("--faults SEED", "Break one to three instruments, drawn by this seed.", read=int),
+    SCENARIO,
+    NEW_RUNS,
+)
 COMMANDS = (
     Command("rehearse", rehearse, (
-        *OF_A_PLAN,
-        ANSWERS,
-        UUT_MODEL,
-        SEED,
-        option("--faults SEED", "Break one to three instruments, drawn by this seed.", read=int),
-        SCENARIO,
-        NEW_RUNS,
+        FILES,
+        BENCHES,
+        *OF_A_REHEARSAL,
+        option("--jobs N", "Rehearsals at a time, if there are several.", read=whole_number(1), default=1),
+        option(
+            "--format text|json|junit", "json, junit: only that format on stdout.",
+            to="form", choices=("text", "json", "junit"), default="text",
+        ),
+        flag("--json", "The same as --format json.", to="as_json"),
     )),
 )  # fmt: skip

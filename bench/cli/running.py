@@ -1,12 +1,10 @@
-"""check, plan, run: commands for a sequence."""
+"""plan, run: commands for a sequence."""
 
 from __future__ import annotations
 
-import gc
 import json
 import sys
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +23,7 @@ if TYPE_CHECKING:  # keeps imports out of `bench --help`
 BENCH = option(
     "--bench FILE", "The bench file; default: $BENCH_FILE, or the shipped simulated bench.", variable="BENCH_FILE"
 )
-OF_A_PLAN = (
-    argument("SEQUENCE", "A sequence file, or the name of a shipped one such as smoke."),
-    BENCH,
+WISHES = (
     option("--preset PRESET", "A preset of the sequence."),
     option("--params FILE", "A YAML file of parameters, one NAME: VALUE on each line.", read=Path, to="parameters"),
     options("--set NAME=VALUE", "A parameter of the sequence; repeatable.", to="settings"),
@@ -38,6 +34,7 @@ OF_A_PLAN = (
         to="calibrations",
     ),
 )
+OF_A_PLAN = (argument("SEQUENCE", "A sequence file, or the name of a shipped one such as smoke."), BENCH, *WISHES)
 SCENARIO = option("--scenario FILE", "Faults of the simulated instruments, and when they happen.", read=Path)
 SIMULATE = flag("--simulate", "Replace every instrument by its simulator.")
 UUT_MODEL = option("--uut-model FILE", "Truth of the simulated unit.", read=Path)
@@ -46,53 +43,6 @@ ANSWERS = option("--answers FILE", "Scripted answers to prompts, on a simulated 
 UUTS = options("--uut [PLACE=]SERIAL", "Serial number of the unit under test; one for each place.", to="units")
 NEW_RUNS = option("--runs DIR", "Directory in which run directories are created.", read=Path, default=Path("runs"))
 ONLY_RESULTS = flag("--json", "Print only the results, as JSON, on stdout.", to="as_json")
-
-
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Disable garbage collection in the block; it would take a fifth of the time of a short command."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()  # exclude these objects from later collections, at the latest that at exit
-        gc.enable()
-
-
-@_uncollected()
-def check(*, strict: bool, form: str, **wishes: Any) -> int:
-    """Check a sequence against a bench; nothing is opened."""
-    from bench.app.request import RunRequest, load_checked
-    from bench.sequence.checks.output import RENDERERS, Shown
-
-    try:
-        checked = load_checked(RunRequest(**wishes))
-        document, warnings = checked.plan.document, checked.warnings
-        if strict and warnings:
-            own = [warning for warning in warnings if warning.elsewhere is None]
-            others = [each for each in warnings if each.elsewhere is not None]
-            raise InputError(
-                *(f"{each.document(document).where(each.place)}: {each.text}" for each in others),
-                *document.located((warning.place, warning.text) for warning in own),
-            )
-    except InputError as error:
-        if form == "text":
-            raise
-        sys.stdout.write(RENDERERS[form]([Shown.of_error(problem) for problem in error.problems]) + "\n")
-        return INPUT_ERROR
-    if form != "text":
-        found = RENDERERS[form]([Shown.of_remark(warning, document) for warning in warnings])
-        sys.stdout.write(f"{found}\n" if found else "")
-        return PASS
-    warn(checked.plan, warnings)
-    outcome = _counted(len(warnings), "warning") if warnings else "no problem"
-    steps = _counted(len(checked.plan), "step")
-    sys.stdout.write(f"{document.path}: {steps}, {outcome} on {checked.loaded.document.path}\n")
-    return PASS
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
@@ -278,14 +228,6 @@ def _show(result: RunResult, shown: Collection[str], *, as_json: bool) -> None:
 
 
 COMMANDS = (
-    Command("check", check, (
-        *OF_A_PLAN,
-        flag("--strict", "Treat warnings as errors."),
-        option(
-            "--format text|json|sarif|github", "text: warnings on stderr; other formats: only that format on stdout.",
-            to="form", choices=("text", "json", "sarif", "github"), default="text",
-        ),
-    )),
     Command("plan", plan, (
         *OF_A_PLAN,
         option("--picture FILE", "Draw the plan against time, as FILE.svg or FILE.html.", read=Path),

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from bench.cli import authoring, control, devices, offline, rehearsing, running, station, stored
+from bench.cli import authoring, checking, control, devices, offline, rehearsing, running, station, stored
 from bench.cli.commands import Command, argument, option
 
 
@@ -26,7 +26,7 @@ REFERENCE = Command("reference", reference, (
     option("--out DIR", "Write all pages there instead of printing one.", read=Path),
 ))  # fmt: skip
 ALL = (
-    *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
+    *checking.COMMANDS, *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
     *authoring.COMMANDS, REFERENCE, *control.COMMANDS, *station.COMMANDS,
 )  # fmt: skip
 COMMANDS: Mapping[str, Command] = {command.words: command for command in ALL}

@@ -47,9 +47,14 @@ def table_profile_schema() -> Schema:
 
 def _schema_of_file_beside(driver: str) -> Schema:
     """Return the schema of the file that the options of a driver refer to."""
+    return schema_of(model_beside(driver), ())[0]
+
+
+def model_beside(driver: str) -> type[BaseModel]:
+    """Return the model of the file that the options of a driver refer to."""
     fields = known_drivers()[driver].options.model_fields.values()
     (model,) = (each.model for field in fields for each in field.metadata if isinstance(each, ModelBeside))
-    return schema_of(model, ())[0]
+    return model
 
 
 def scenario_schema() -> Schema:

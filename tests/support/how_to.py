@@ -23,6 +23,7 @@ FOLLOWED = {
     "add_a_driver",
     "add_a_method",
     "add_a_step",
+    "continuous_integration",
 }  # whose every command is run by a test of their own
 _OF_A_BENCH = ("alert:", "devices:", "places:", "power:", "readings:")
 _KEYS = re.compile(r"^(\w+):", re.MULTILINE)

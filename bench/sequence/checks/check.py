@@ -28,13 +28,14 @@ from drivers.schema.suggest import did_you_mean
 def check(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
     """Problems of a plan by itself and, if a bench is given, on that bench."""
     if bench is not None:
-        yield from _needs(plan, bench)
+        yield from unmet_needs(plan, bench)
         yield from interlocks(plan, bench)
     yield from _steps(plan, bench)
     yield from _results(plan, bench)
 
 
-def _needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
+def unmet_needs(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
+    """Yield the needs of a plan that a bench does not meet."""
     for role, kind in plan.sequence.needs.items():
         place = declared_at(plan.document, "needs", role)
         if kind in (THERMOMETER, READING):

@@ -1,4 +1,4 @@
-"""Findings of a check as text, JSON, SARIF and GitHub annotations.
+"""Findings of a check as text, SARIF and GitHub annotations.
 
 The line for people, `file:line:column: problem [rule]`, is the standard form of problems; the other formats are derived
 from it.
@@ -19,9 +19,8 @@ from bench.sequence.checks.rules import every_rule
 
 INPUT_RULE = "input"  # rule of problems of a file itself
 SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
-_LINE = re.compile(
-    r"(?:(?P<file>.+?):(?P<line>\d+):(?P<column>\d+): )?(?P<text>.*?)(?: \[(?P<rule>[a-z]+(-[a-z]+)+)\])?"
-)
+# compiled for the first error
+_LINE = r"(?:(?P<file>.+?):(?P<line>\d+):(?P<column>\d+): )?(?P<text>.*?)(?: \[(?P<rule>[a-z]+(-[a-z]+)+)\])?"
 
 
 class Shown(NamedTuple):
@@ -37,7 +36,7 @@ class Shown(NamedTuple):
     @classmethod
     def of_error(cls, problem: str) -> Self:
         """Return the finding of one problem of an InputError."""
-        found = _LINE.fullmatch(problem)
+        found = re.fullmatch(_LINE, problem)
         if found is None or found["file"] is None:
             return cls("error", INPUT_RULE, None, 1, 1, problem)
         rule = found["rule"] or INPUT_RULE
@@ -51,15 +50,17 @@ class Shown(NamedTuple):
         text = f"{remark.problem}. {remark.advice}"
         return cls(remark.severity, remark.rule, str(document.path), mark.line, mark.column, text)
 
+    @property
+    def in_words(self) -> str:
+        """Line for people: `file:line:column: problem [rule]`."""
+        place = "" if self.file is None else f"{self.file}:{self.line}:{self.column}: "
+        severity = "warning: " if self.severity == "warning" else ""
+        return f"{place}{severity}{self.text}{'' if self.rule == INPUT_RULE else f' [{self.rule}]'}"
+
 
 def warning_line(remark: Remark, document: Document) -> str:
     """Return a warning as a line for people."""
     return f"{remark.document(document).where(remark.place)}: warning: {remark.text}"
-
-
-def as_json(found: Sequence[Shown]) -> str:
-    """Return the findings as a JSON object in one line."""
-    return json.dumps({"found": [shown._asdict() for shown in found]}, ensure_ascii=False)
 
 
 def as_sarif(found: Sequence[Shown]) -> str:
@@ -109,5 +110,5 @@ def _escaped(text: str) -> str:
 
 
 RENDERERS: Mapping[str, Callable[[Sequence[Shown]], str]] = {
-    "json": as_json, "sarif": as_sarif, "github": as_github,
+    "sarif": as_sarif, "github": as_github,
 }  # fmt: skip

@@ -91,6 +91,22 @@ def test_a_rehearsal_ends_with_the_exit_code_that_the_run_would_have(tmp_path, b
     assert "Verdict on the simulated units: FAIL" in done.stdout
 
 
+def test_several_at_a_time_have_the_exit_code_of_the_worst_and_a_verdict_each(tmp_path, bench_here):
+    text = (ROOT / "sequences/smoke.yaml").read_text("utf-8")
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab/good.yaml").write_text(text, "utf-8")
+    (tmp_path / "lab/strict.yaml").write_text(text.replace("min: -5 mg, max: 5 mg", "max: 5 µg"), "utf-8")
+    runs = tmp_path / "runs"
+    done = bench_here("rehearse", tmp_path / "lab", "--bench", WIRES, "--jobs", "2", "--json", "--runs", runs)
+    assert (done.returncode, done.stderr) == (1, "")
+    found = {each["file"].rpartition("/")[2]: each for each in json.loads(done.stdout)["rehearsals"]}
+    assert {name: (each["verdict"], each["exit_code"]) for name, each in found.items()} == {
+        "good.yaml": ("PASS", 0), "strict.yaml": ("FAIL", 1),
+    }  # fmt: skip
+    assert all((runs / each["run"] / "manifest.json").is_file() for each in found.values())
+    assert found["good.yaml"]["bench_s"] == pytest.approx(found["good.yaml"]["planned_s"], rel=0.04)
+
+
 def test_with_a_fault_it_says_what_was_broken_when_and_how_it_ended(tmp_path, bench_here):
     done = bench_here("rehearse", "smoke", "--bench", WIRES, "--runs", tmp_path, "--faults", "5")
     assert done.returncode == 6

@@ -132,7 +132,7 @@ def test_every_command_is_told():
     assert "| `SEQUENCE` | required |" in page
     assert "| `--bench FILE` |  | The bench file; default: $BENCH_FILE, or the shipped simulated bench. |" in page
     assert "| `--strict` |  |" in page
-    assert r"| `--format text\|json\|sarif\|github` | `text` |" in page
+    assert r"| `--format text\|json\|sarif\|github\|junit` | `text` |" in page
 
 
 def test_a_fresh_process_tells_every_command_that_a_module_has():

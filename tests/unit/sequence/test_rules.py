@@ -265,6 +265,4 @@ def test_a_workflow_command_escapes_what_has_a_meaning_in_it():
 
 
 def test_every_form_tells_nothing_of_nothing():
-    assert {name: render([]) for name, render in RENDERERS.items() if name != "sarif"} == {
-        "json": '{"found": []}', "github": "",
-    }  # fmt: skip
+    assert {name: render([]) for name, render in RENDERERS.items() if name != "sarif"} == {"github": ""}
