@@ -8,6 +8,8 @@ from contextlib import asynccontextmanager
 from datetime import datetime
 
 from bench.clock import wall_utc
+from bench.config.laboratory import LaboratoryFile
+from bench.config.load import load_file
 from bench.errors import InputError
 from bench.station.attempts import Launcher, as_subprocess
 from bench.station.catalogue import Catalogue
@@ -19,6 +21,7 @@ from bench.station.queue import Queue
 from bench.station.schedule import Expected, expected
 from bench.station.scheduler import Scheduler
 from bench.station.settings import Settings
+from bench.station.signoff import SignOff
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
 
@@ -32,6 +35,8 @@ class Daemon:
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running)
+        laboratory = load_file(settings.laboratory, LaboratoryFile) if settings.laboratory is not None else None
+        self.sign_off = SignOff(database, settings.report_prefix, laboratory)
         self.parts: dict[str, Part] = {
             "queue": self.scheduler,
             "live view": self.live,
