@@ -42,6 +42,9 @@ class StationFile(StrictModel):
     report_prefix: str = Field(
         "", pattern=r"^[A-Za-z0-9-]{0,20}$", description="first part of report numbers, another one at each station"
     )
+    released_only: bool = Field(
+        False, description="operators start only sequences and bench files that an engineer has released"
+    )
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
 
 
@@ -59,6 +62,7 @@ class Settings(NamedTuple):
     sequences: Path | None = None
     laboratory: Path | None = None
     report_prefix: str = "R"
+    released_only: bool = False
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -105,6 +109,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         sequences=(beside / found.sequences) if found.sequences else None,
         laboratory=(beside / found.laboratory) if found.laboratory else None,
         report_prefix=found.report_prefix or _own_prefix(),
+        released_only=found.released_only,
     )
 
 
