@@ -7,14 +7,10 @@ from bench.station.database import Database
 from bench.station.releases import Releases
 
 INPUTS = {
-    "sequence.yaml": "gate: 5 s
-",
-    "called/soak.yaml": "soak
-",
-    "bench.yaml": "limits
-",
-    "counter.dbc": "BO_
-",
+    "sequence.yaml": "gate: 5 s\n",
+    "called/soak.yaml": "soak\n",
+    "bench.yaml": "limits\n",
+    "counter.dbc": "BO_\n",
 }
 
 
