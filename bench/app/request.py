@@ -64,6 +64,7 @@ class RunRequest(NamedTuple):
     fault_seed: int | None = None
     no_report: bool = False
     ticket: str = ""
+    inputs: str = ""
 
 
 class CheckedRun(NamedTuple):

@@ -83,6 +83,7 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
 
 def run(*, as_json: bool, **wishes: Any) -> int:
     """Run a sequence on a bench."""
+    from bench.app.inputs import expect_inputs
     from bench.app.request import RunRequest, prepare
     from bench.runner.output import tolerant_output
 
@@ -90,6 +91,7 @@ def run(*, as_json: bool, **wishes: Any) -> int:
         if wishes["bench"] is None:
             sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
         prepared = prepare(RunRequest(**wishes))
+        expect_inputs(prepared)
         warn(prepared.plan, prepared.warnings)
         if prepared.request.unattended:
             from bench.app.preflight import lines_of, preflight
@@ -244,6 +246,7 @@ COMMANDS = (
         option("--order TEXT", "The order that the run is for; shown in the report.", default=""),
         option("--procedure TEXT", "The test procedure and its revision; shown in the report.", default=""),
         option("--ticket TEXT", "Identification of the request for this run; kept in its manifest.", default=""),
+        option("--inputs DIGEST", "Refuse to run if the digest of the input files is another one.", default=""),
         NEW_RUNS,
         flag("--unattended", "Nobody stays with the bench: run only if every line of the preflight is good."),
         ANSWERS,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -23,6 +24,7 @@ from bench.reduce.journal import JournalRecords, Measurement
 from bench.reduce.stored_run import BENCH_COPY, StoredRun
 from bench.report import gaps, page, tables
 from bench.report.afterwards import Afterwards, lines
+from bench.report.approval import certificate
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells, budgets_of_points
 from bench.report.course import course_of, course_plot
 from bench.report.flag_words import flag_in_words
@@ -53,7 +55,14 @@ class UnitSection:
     budgets_of_dwells: tuple[BudgetsOfDwells, ...]
 
 
-def render(run: StoredRun, results: Results | None, not_evaluated: str, revision: Revision, after: Afterwards) -> str:
+def render(
+    run: StoredRun,
+    results: Results | None,
+    not_evaluated: str,
+    revision: Revision,
+    after: Afterwards,
+    approval: Mapping[str, Any] | None = None,
+) -> str:
     """Render the whole page; without results `not_evaluated` gives the reason.
 
     Equal runs give equal pages, except for wall-clock times.
@@ -74,6 +83,8 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
         number=tr("{run}, revision {number}", run=run.manifest["run"], number=revision.number),
+        certificate=list(certificate(approval)) if approval is not None else [],
+        approved=(approval["by"], instant(approval["at"], run.bench.site.time_zone)) if approval else ("", ""),
         head=head(run, revision, journal_records.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
         within_u=of_those_within_u(results.within_u) if results is not None and results.within_u else "",

@@ -47,7 +47,7 @@ class Revision:
 
 def revision_of(
     folder: Path, manifest: Mapping[str, Any], results: Results | None, not_evaluated: str,
-    after: Afterwards = NOTHING_AFTER,
+    after: Afterwards = NOTHING_AFTER, approval: Mapping[str, Any] | None = None,
 ) -> Revision:  # fmt: skip
     """Revision of a report with this content, stored in the run directory with the hashes of earlier ones.
 
@@ -63,6 +63,8 @@ def revision_of(
     }
     if after != NOTHING_AFTER:
         content["after"] = after._asdict()
+    if approval is not None:
+        content["approval"] = approval
     content_hash = _hash_of(content)
     known = _known(folder / REVISIONS)
     if not known.revisions or known.revisions[-1]["content"] != content_hash:

@@ -17,6 +17,7 @@ from bench.metrology.results.coverage import COVERAGE
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
 from bench.report.afterwards import afterwards
+from bench.report.approval import approval_of
 from bench.report.export.csv_cells import harmless
 from bench.report.html import render
 from bench.report.optional import imported
@@ -62,8 +63,9 @@ def _page(run: StoredRun) -> str:
     except BenchError as problem:
         not_evaluated = str(problem)
     after = afterwards(run.folder, run.bench.with_capability("thermal_chamber"))
-    revision = revision_of(run.folder, run.manifest, results, not_evaluated, after)
-    return render(run, results, not_evaluated, revision, after)
+    approval = approval_of(run.folder)
+    revision = revision_of(run.folder, run.manifest, results, not_evaluated, after, approval)
+    return render(run, results, not_evaluated, revision, after, approval)
 
 
 def _json(run: StoredRun) -> bytes:

@@ -7,7 +7,10 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import datetime
 
+from bench.app.inputs import digest_of
 from bench.clock import wall_utc
+from bench.config.laboratory import LaboratoryFile
+from bench.config.load import load_file
 from bench.errors import InputError
 from bench.station.attempts import Launcher, as_subprocess
 from bench.station.catalogue import Catalogue
@@ -16,9 +19,11 @@ from bench.station.items import Item, Submission
 from bench.station.live import Live, Timelines
 from bench.station.part import Part
 from bench.station.queue import Queue
+from bench.station.releases import Releases
 from bench.station.schedule import Expected, expected
 from bench.station.scheduler import Scheduler
 from bench.station.settings import Settings
+from bench.station.signoff import SignOff
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
 
@@ -32,6 +37,9 @@ class Daemon:
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running)
+        laboratory = load_file(settings.laboratory, LaboratoryFile) if settings.laboratory is not None else None
+        self.releases = Releases(database)
+        self.sign_off = SignOff(database, settings.report_prefix, laboratory)
         self.parts: dict[str, Part] = {
             "queue": self.scheduler,
             "live view": self.live,
@@ -55,14 +63,28 @@ class Daemon:
         )
         return await self.workers.call(check, request)
 
-    async def submit(self, submission: Submission, by: str, *, key: str = "", held: bool = False) -> Item:
-        """Check a submission and append it to the queue. Raises InputError with all problems."""
+    async def submit(
+        self, submission: Submission, by: str, *, key: str = "", held: bool = False, may_be_new: bool = True
+    ) -> Item:
+        """Check a submission and append it to the queue. Raises InputError with all problems.
+
+        At a station that runs only what is released, `may_be_new` admits other files.
+        """
         if not submission.operator:
             submission = submission.model_copy(update={"operator": by})
         found = await self.checked(submission)
         if found.problems:
             raise InputError(*found.problems)
-        return self.queue.submit(submission, by, expected_s=found.expected_s, key=key, held=held)
+        if self.settings.released_only and not may_be_new:
+            self.releases.expect_released(submission.sequence, submission.bench, found.inputs)
+        return self.queue.submit(
+            submission, by, expected_s=found.expected_s, inputs=digest_of(found.inputs), key=key, held=held
+        )
+
+    async def clone(self, id_: str, by: str, *, may_be_new: bool = True) -> Item:
+        """Submit again what an item in any state was submitted for, without its earliest instant."""
+        again = self.queue.item(id_).submission.model_copy(update={"not_before": None})
+        return await self.submit(again, by, may_be_new=may_be_new)
 
     def expected(self) -> dict[str, Expected]:
         """Return the estimated begin and end of all items that run or wait, by id."""

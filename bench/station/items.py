@@ -115,6 +115,7 @@ class Item(BaseModel):
     submission: Submission
     submitted_by: str
     submitted_at: Moment
+    inputs: str = Field("", description="digest of the input files that were checked; a run with others is refused")
     expected_s: float = Field(0.0, description="estimated duration in s of bench time")
     attempts: int = Field(0, description="number of times that a run was begun")
     run: str = Field("", description="name of the run directory")

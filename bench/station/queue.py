@@ -57,7 +57,14 @@ class Queue:
         return _item(rows[0])
 
     def submit(
-        self, submission: Submission, by: str, *, expected_s: float = 0.0, key: str = "", held: bool = False
+        self,
+        submission: Submission,
+        by: str,
+        *,
+        expected_s: float = 0.0,
+        inputs: str = "",
+        key: str = "",
+        held: bool = False,
     ) -> Item:
         """Append an item; with the key of an earlier submission, return its item instead.
 
@@ -76,7 +83,8 @@ class Queue:
             item = Item(
                 id=uuid.uuid4().hex, number=number, state=ItemState.HELD if held else ItemState.QUEUED,
                 priority=submission.priority, place=_last_place(database) + 1.0, submission=submission,
-                submitted_by=by, submitted_at=now, expected_s=expected_s, reason=f"held by {by}" if held else "",
+                submitted_by=by, submitted_at=now, expected_s=expected_s, inputs=inputs,
+                reason=f"held by {by}" if held else "",
             )  # fmt: skip
             _insert(database, item)
             if key:
@@ -98,13 +106,6 @@ class Queue:
         return self.change(
             id_, WAITING, version, state=ItemState.CANCELLED, reason=f"cancelled by {by}", ended_at=wall_utc()
         )
-
-    def clone(self, id_: str, by: str) -> Item:
-        """Append a new item with the submission of another one, in any state, without its earliest instant."""
-        return self.submit(
-            (found := self.item(id_)).submission.model_copy(update={"not_before": None}), by,
-            expected_s=found.expected_s,
-        )  # fmt: skip
 
     def move(self, id_: str, before: str | None, version: int | None = None) -> Item:
         """Move a waiting item before another one, with its priority; to the end for None. Raises StaleError."""

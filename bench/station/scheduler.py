@@ -121,6 +121,8 @@ class Scheduler(Part):
         """Return the words of `bench run` for an item, with all paths absolute."""
         wanted, settings = item.submission, self._settings
         files = {"--bench": settings.bench_file(wanted.bench), "--runs": settings.runs, "--ticket": item.id}
+        if item.inputs:
+            files["--inputs"] = item.inputs
         options = [f"{name}={value}" for name, value in files.items()]
         return ["run", str(settings.sequence_file(wanted.sequence)), *options, *wanted.options()]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,6 +38,13 @@ class StationFile(StrictModel):
     title: Text = Field("Bench station", description="name of the station on pages and in messages")
     benches: Annotated[Mapping[Name, BenchEntry], NOT_EMPTY] = Field(description="benches by name")
     runs: str = Field("runs", description="folder of run directories, relative to this file")
+    laboratory: str = Field("", description="file lab.yaml of the laboratory, relative to this file, for certificates")
+    report_prefix: str = Field(
+        "", pattern=r"^[A-Za-z0-9-]{0,20}$", description="first part of report numbers, another one at each station"
+    )
+    released_only: bool = Field(
+        False, description="operators start only sequences and bench files that an engineer has released"
+    )
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
 
 
@@ -52,6 +60,9 @@ class Settings(NamedTuple):
     benches: Mapping[str, Path]
     titles: Mapping[str, str]
     sequences: Path | None = None
+    laboratory: Path | None = None
+    report_prefix: str = "R"
+    released_only: bool = False
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -90,8 +101,21 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
     return Settings(
-        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None
-    )  # fmt: skip
+        found.title,
+        folder,
+        runs,
+        benches,
+        titles,
+        sequences=(beside / found.sequences) if found.sequences else None,
+        laboratory=(beside / found.laboratory) if found.laboratory else None,
+        report_prefix=found.report_prefix or _own_prefix(),
+        released_only=found.released_only,
+    )
+
+
+def _own_prefix() -> str:
+    """Return a prefix made from the name of this computer, so that two stations number their reports differently."""
+    return re.sub(r"[^A-Za-z0-9]+", "-", platform.node()).strip("-")[:20] or "R"
 
 
 def bench_name(file: str) -> str:

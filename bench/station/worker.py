@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process
@@ -21,15 +21,20 @@ T = TypeVar("T")
 
 
 class Checked(NamedTuple):
-    """Result of a check: expected duration in s of bench time, warnings, and the problems that forbid a run."""
+    """Result of a check: expected duration in s of bench time, warnings, and the problems that forbid a run.
+
+    `inputs` are the texts of the input files by the names of their copies.
+    """
 
     expected_s: float = 0.0
     warnings: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
+    inputs: Mapping[str, str] = {}
 
 
 def check(request: RunRequest) -> Checked:
     """Check a request as `bench check` does."""
+    from bench.app.inputs import inputs_of
     from bench.app.request import prepare
     from bench.sequence.checks.output import warning_line
 
@@ -38,7 +43,7 @@ def check(request: RunRequest) -> Checked:
     except InputError as problem:
         return Checked(problems=problem.problems)
     lines = tuple(warning_line(each, prepared.plan.document) for each in prepared.warnings)
-    return Checked(prepared.expected.total_s, lines)
+    return Checked(prepared.expected.total_s, lines, inputs=inputs_of(prepared))
 
 
 def _end_with_parent() -> None:

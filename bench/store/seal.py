@@ -21,7 +21,7 @@ from bench.store.ledger import note
 from bench.store.manifest_form import SEAL_FORM, SEAL_SCHEMA
 from bench.store.runs import LOCK, MANIFEST, RESERVE, RUNNER, SEAL, RunDirectory, json_text
 
-DERIVED = ("report.", "report_revisions.json")  # name prefixes of files that may be written again
+DERIVED = ("report.", "report_revisions.json", "approval.json")  # name prefixes of files that may be written again
 _PASSING = (LOCK, RESERVE, RUNNER, "run.db-wal", "run.db-shm", SEAL)
 
 

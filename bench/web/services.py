@@ -18,6 +18,7 @@ class Services(NamedTuple):
     identity: Identity
     audit: Audit
     banner: str = ""  # permanent warning on all pages
+    report_form: str = "pdf"  # of approved reports
 
 
 def _services(request: Request) -> Services:

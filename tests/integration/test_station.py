@@ -108,3 +108,16 @@ def test_the_code_of_the_first_login_is_good_once(tmp_path):
         assert "SameSite=strict" in cookie
         again = station.client.post("/api/v1/login/code", json={"code": station.code}, headers=own)
         assert again.status_code == 422
+
+
+def test_a_run_whose_files_have_changed_since_its_submission_is_refused(tmp_path):
+    (tmp_path / "own").mkdir()
+    sequence = shutil.copy(ROOT / "sequences/smoke.yaml", tmp_path / "own/mine.yaml")
+    (tmp_path / "station.yaml").write_text(STATION)
+    with serving(tmp_path, "station.yaml") as station:
+        item = station.post("queue?held=true", {"sequence": "mine", "bench": "a", "speed": "max"})
+        sequence.write_text(sequence.read_text() + "# a note\n")
+        station.post(f"queue/{item['id']}/release")
+        assert "has changed since this run was submitted" in station.ended(item)["reason"]
+        again = station.ended(station.post(f"queue/{item['id']}/clone"))
+        assert again["verdict"] == "PASS"

@@ -17,7 +17,7 @@ PAGES = sorted(FOLDER.glob("*.md"))
 _FENCE = re.compile(r"^```\w+\n.*?^```$", re.DOTALL | re.MULTILINE)
 _BLOCK = re.compile(r"^```yaml\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _ANSWERS = "schema: itb-answers/1\n"
-STATION = "schema: itb-station/1\n"
+STATION, LABORATORY = "schema: itb-station/1\n", "schema: itb-laboratory/1\n"
 FOLLOWED = {
     "rehearse_a_bad_night",
     "add_a_driver",
@@ -117,7 +117,7 @@ def examples() -> list[Example]:
     return [
         Example(page, line, yaml)
         for page in (ROOT / "README.md", *PAGES) if page.stem not in FOLLOWED for line, yaml in blocks(page)
-        if not yaml.startswith((_ANSWERS, STATION, *_OF_A_BENCH))
+        if not yaml.startswith((_ANSWERS, STATION, LABORATORY, *_OF_A_BENCH))
     ]  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 from bench.station.items import Item, Submission
 from bench.station.view import ItemView, item_views
 from bench.station.worker import Checked
-from bench.web.access import Engineer, Operator, Reader
+from bench.web.access import Engineer, Operator, Reader, Scope
 from bench.web.services import Station
 
 router = APIRouter(prefix="/api/v1", tags=["queue"])
@@ -66,7 +66,8 @@ async def submit(
     station: Station, person: Operator, submission: Submission, key: Key = "", *, held: bool = False
 ) -> Item:
     """Check a submission and append it to the queue; a repeated request with the same key returns the same item."""
-    submitted = await station.daemon.submit(submission, person.name, key=key, held=held)
+    may_be_new = Scope.ENGINEER in person.scopes
+    submitted = await station.daemon.submit(submission, person.name, key=key, held=held, may_be_new=may_be_new)
     station.audit.note(person, "submit", submitted.id, sequence=submission.sequence, bench=submission.bench)
     return submitted
 
@@ -102,7 +103,7 @@ async def move(station: Station, person: Operator, id_: str, change: Move) -> It
 @router.post("/queue/{id_}/clone", status_code=status.HTTP_201_CREATED)
 async def clone(station: Station, person: Operator, id_: str) -> Item:
     """Append an item with the submission of another one."""
-    cloned = station.daemon.queue.clone(id_, person.name)
+    cloned = await station.daemon.clone(id_, person.name, may_be_new=Scope.ENGINEER in person.scopes)
     station.audit.note(person, "clone", id_, item=cloned.id)
     return cloned
 

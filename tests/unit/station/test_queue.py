@@ -96,14 +96,6 @@ def test_an_item_that_has_begun_cannot_be_cancelled_or_moved(queue):
             change()
 
 
-def test_a_clone_waits_for_no_instant(queue):
-    item = queue.submit(wanted(not_before=NOW, settings={"gate": "5 s"}), "anna")
-    queue.cancel(item.id, "anna")
-    cloned = queue.clone(item.id, "boris")
-    assert (cloned.submission.not_before, cloned.submission.settings) == (None, {"gate": "5 s"})
-    assert cloned.submitted_by == "boris"
-
-
 @pytest.mark.parametrize("text", ["../smoke", "smoke/../x", "a b", "", "-x", "smoke\n", "ａ"])
 def test_a_name_that_could_be_a_path_or_an_option_is_refused(text):
     with pytest.raises(ValidationError):
