@@ -56,7 +56,9 @@ def announced(folder: Path) -> Address | None:
             return None
         token = (folder / TOKEN).read_text("ascii").strip()
         certificate, runs = str(found.get("certificate", "")), str(found.get("runs", ""))
-        return Address(str(found["url"]), token, Path(certificate) if certificate else None, Path(runs) if runs else None)
+        return Address(
+            str(found["url"]), token, Path(certificate) if certificate else None, Path(runs) if runs else None
+        )
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as problem:

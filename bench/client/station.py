@@ -78,7 +78,9 @@ class Station:
         headers = {"idempotency-key": key or uuid.uuid4().hex}
         content = {"sequence": sequence, "bench": bench, **more}
         return self._until_answered(
-            lambda: self._call("POST", "queue", content, query={"held": held}, headers=headers, limit_s=CHECKED_WITHIN_S)
+            lambda: self._call(
+                "POST", "queue", content, query={"held": held}, headers=headers, limit_s=CHECKED_WITHIN_S
+            )
         )
 
     def check(self, sequence: str, bench: str, **more: Any) -> Json:
@@ -241,9 +243,7 @@ class Station:
         self, method: str, path: str, content: Any = None, *, query: Mapping[str, Any] | None = None,
         headers: Mapping[str, str] | None = None, limit_s: float | None = None,
     ) -> Any:  # fmt: skip
-        return self._http.call(
-            method, path, content, limit_s=limit_s or self.limit_s, query=query, headers=headers
-        )
+        return self._http.call(method, path, content, limit_s=limit_s or self.limit_s, query=query, headers=headers)
 
 
 def _part(name: str) -> str:
