@@ -2,7 +2,7 @@
 
 Three actors submit, hold, release, move, cancel and clone items while runs go on, and `bench serve` is killed with
 SIGKILL at random moments. Afterwards each item that was answered must be there once, in the state that was answered or
-a later one; each that was not cancelled must have exactly one run, which is undamaged and has ended with PASS; and there
+a later one. Each that was not cancelled must have exactly one run, which is undamaged and has ended with PASS. There
 must be no other item and no other run.
 
 Each round has a folder and a line in build/station/results.tsv. A campaign that was stopped continues: rounds of today
@@ -140,14 +140,13 @@ class Actor(threading.Thread):
 class Round:
     """Station in a folder of its own, killed again and again while actors use it."""
 
-    def __init__(self, folder: Path, seed: int, kills: int) -> None:
+    def __init__(self, folder: Path, seed: int, kills: int, items: int = ITEMS) -> None:
         self.folder, self._kills, self._draw, self._port = folder, kills, random.Random(seed), _free_port()
         self.answered, self.killed = Answered(), 0
         self.items: list[dict[str, Any]] = []
         self.runs: list[RunSummary] = []
-        self._actors = [
-            Actor(folder / "station", seed * 100 + n, self.answered, ITEMS // ACTORS) for n in range(ACTORS)
-        ]
+        seeds = range(seed * 100, seed * 100 + ACTORS)
+        self._actors = [Actor(folder / "station", each, self.answered, items // ACTORS) for each in seeds]
 
     def play(self) -> list[str]:
         """Play the round; return its faults."""

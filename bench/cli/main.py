@@ -8,7 +8,19 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 
-from bench.cli import authoring, control, devices, offline, rehearsing, running, station, stored
+from bench.cli import (
+    authoring,
+    control,
+    devices,
+    offline,
+    people,
+    queueing,
+    rehearsing,
+    running,
+    station,
+    stored,
+    watching,
+)
 from bench.cli.commands import COMMANDS, Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.cli.interrupts import end_at_once
@@ -19,12 +31,16 @@ from drivers.errors import DriverError
 PURPOSE = "Runs inertial-sensor test benches: sequences in, calibrated models with uncertainties out."
 ALL = (
     *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
-    *authoring.COMMANDS, *control.COMMANDS, *station.COMMANDS,
+    *authoring.COMMANDS, *control.COMMANDS, *station.COMMANDS, *queueing.COMMANDS,
+    *watching.COMMANDS, *people.COMMANDS,
 )  # fmt: skip
 COMMANDS.update({command.words: command for command in ALL})
 GROUPS = {
     "runs": "List or verify runs.",
     "devices": "List the instruments of a bench, or find new ones.",
+    "queue": "List or change the queue of the station.",
+    "users": "List or change the users of the station.",
+    "tokens": "List, make or revoke tokens of programs.",
     "schema": "Print the JSON Schema of a kind of file.",
     "new": "Write a starter file.",
 }

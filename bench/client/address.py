@@ -39,9 +39,8 @@ def announcement(url: str, runs: Path, certificate: Path | None) -> bytes:
     """Return the content of `station.json`, for a station in this process."""
     for every, this in _THIS_COMPUTER.items():
         url = url.replace(every, this)
-    return json.dumps({
-        "url": url, "pid": os.getpid(), "runs": str(runs), "certificate": str(certificate.absolute()) if certificate else "",
-    }).encode()  # fmt: skip
+    only = str(certificate.absolute()) if certificate else ""
+    return json.dumps({"url": url, "pid": os.getpid(), "runs": str(runs), "certificate": only}).encode()
 
 
 def announced(folder: Path) -> Address | None:
@@ -55,10 +54,7 @@ def announced(folder: Path) -> Address | None:
         if Path(f"/proc/{int(found['pid'])}").stat().st_uid != (folder / WHERE).stat().st_uid:
             return None
         token = (folder / TOKEN).read_text("ascii").strip()
-        certificate, runs = str(found.get("certificate", "")), str(found.get("runs", ""))
-        return Address(
-            str(found["url"]), token, Path(certificate) if certificate else None, Path(runs) if runs else None
-        )
+        return Address(str(found["url"]), token, _path(found.get("certificate")), _path(found.get("runs")))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as problem:
@@ -71,5 +67,13 @@ def from_environment(variables: Mapping[str, str] = os.environ) -> Address | Non
         return None
     if not (token := variables.get(TOKEN_VARIABLE, "")):
         raise InputError(f"${URL_VARIABLE} is set and ${TOKEN_VARIABLE} is not; 'bench tokens new LABEL' makes a token")
-    certificate = variables.get(CERTIFICATE_VARIABLE, "")
-    return Address(url, token, Path(certificate) if certificate else None)
+    return Address(url, token, _path(variables.get(CERTIFICATE_VARIABLE)))
+
+
+def found_address(folder: Path | None = None) -> Address | None:
+    """Return the address of $BENCH_STATION, else that of the station in a folder, or None. Raises InputError."""
+    return (from_environment() if folder is None else None) or announced(folder or default_folder())
+
+
+def _path(text: object) -> Path | None:
+    return Path(str(text)) if text else None

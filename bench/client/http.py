@@ -56,7 +56,9 @@ class Http:
         body = None if content is None else json.dumps(content).encode()
         more = {"content-type": "application/json"} if body is not None else {}
         with self.opened(method, _target(path, query), body, {**more, **(headers or {})}, limit_s) as (answer, limit):
-            if (answer.length or 0) > ANSWER_LIMIT_BYTES:
+            if answer.length is None:  # http.client takes a head that was cut off for a complete one
+                raise NoReply(f"{self.url}: the answer of the station was cut off")
+            if answer.length > ANSWER_LIMIT_BYTES:
                 raise BenchError(f"{self.url}: its answer has more than {ANSWER_LIMIT_BYTES} bytes")
             with limit:
                 data = answer.read()
@@ -88,7 +90,7 @@ class Http:
                         raise _error(answer.status, _detail(answer.read(ANSWER_LIMIT_BYTES)), self.url)
                 yield answer, limit
             except (OSError, HTTPException) as problem:
-                raise NoReply(f"{self.url}: the station has not answered ({problem or 'it has hung up'})") from problem
+                raise NoReply(f"{self.url}: the station has not answered ({problem})") from problem
         finally:
             connection.close()
 

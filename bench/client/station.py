@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import quote
 
-from bench.client.address import Address, announced, default_folder, from_environment
+from bench.client.address import Address, found_address
 from bench.client.http import Http, NoReply, NoStation
 from bench.client.sse import LINE_LIMIT_BYTES, server_events
 from bench.clock import Stopwatch
-from bench.errors import InputError
+from bench.errors import BenchError, InputError
 
 LIMIT_S = 30.0
 CHECKED_WITHIN_S = 90.0  # a station ends a check after 60 s
@@ -36,16 +36,18 @@ class Station:
     """
 
     def __init__(
-        self, url: str, token: str, *, certificate: Path | None = None, runs: Path | None = None, limit_s: float = LIMIT_S
+        self, url: str, token: str, *, certificate: Path | None = None, runs: Path | None = None,
+        limit_s: float = LIMIT_S,
     ) -> None:  # fmt: skip
         self._http, self.runs_folder, self.limit_s = Http(Address(url, token, certificate)), runs, limit_s
 
     @classmethod
     def found(cls, folder: Path | None = None, *, limit_s: float = LIMIT_S) -> Self:
-        """Return the station of $BENCH_STATION, else that of a folder. Raises NoStation if none runs, and InputError."""
-        address = from_environment() if folder is None else None
-        address = address or announced(folder or default_folder())
-        if address is None:
+        """Return the station of $BENCH_STATION, else that of a folder, by default this user's.
+
+        Raises NoStation if none runs, and InputError.
+        """
+        if (address := found_address(folder)) is None:
             raise NoStation(HOW_TO_START)
         return cls(address.url, address.token, certificate=address.certificate, runs=address.runs, limit_s=limit_s)
 
@@ -64,7 +66,7 @@ class Station:
 
     def queue(self, *, past: bool = False) -> list[Json]:
         """Return the items that run or wait, in order, with estimated begin and end; with `past` all items."""
-        return self._get("queue", all_=past)
+        return self._list("queue", all_=past)
 
     def item(self, item: str) -> Json:
         """Return an item by its id."""
@@ -78,14 +80,12 @@ class Station:
         headers = {"idempotency-key": key or uuid.uuid4().hex}
         content = {"sequence": sequence, "bench": bench, **more}
         return self._until_answered(
-            lambda: self._call(
-                "POST", "queue", content, query={"held": held}, headers=headers, limit_s=CHECKED_WITHIN_S
-            )
+            lambda: self._post("queue", content, query={"held": held}, headers=headers, limit_s=CHECKED_WITHIN_S)
         )
 
     def check(self, sequence: str, bench: str, **more: Any) -> Json:
         """Check a submission without queueing it; return warnings and the problems that forbid a run."""
-        return self._call("POST", "check", {"sequence": sequence, "bench": bench, **more}, limit_s=CHECKED_WITHIN_S)
+        return self._post("check", {"sequence": sequence, "bench": bench, **more}, limit_s=CHECKED_WITHIN_S)
 
     def hold(self, item: str, version: int | None = None) -> Json:
         """Hold a waiting item. `version` is that of the item which the caller has seen; None for any."""
@@ -105,7 +105,7 @@ class Station:
 
     def clone(self, item: str) -> Json:
         """Append an item with the submission of another one, and return it."""
-        return self._call("POST", f"queue/{_part(item)}/clone")
+        return self._post(f"queue/{_part(item)}/clone")
 
     def go_on(self, bench: str) -> None:
         """Let items begin at a bench again that has stopped."""
@@ -128,7 +128,7 @@ class Station:
 
     def runs(self, text: str = "", *, state: str = "", limit: int = 100, before: str = "") -> list[Json]:
         """Return runs, newest first; `text` is searched in names, titles, units and operators."""
-        return self._get("runs", text=text, state=state, limit=limit, before=before)
+        return self._list("runs", text=text, state=state, limit=limit, before=before)
 
     def run(self, run: str) -> Json:
         """Return a run by the name of its directory."""
@@ -190,7 +190,7 @@ class Station:
 
     def users(self) -> list[Json]:
         """Return all users with their roles."""
-        return self._get("users")
+        return self._list("users")
 
     def set_user(self, name: str, role: str, password: str) -> None:
         """Create a user, or change role and password."""
@@ -202,7 +202,7 @@ class Station:
 
     def tokens(self) -> list[Json]:
         """Return all tokens without their secrets."""
-        return self._get("tokens")
+        return self._list("tokens")
 
     def new_token(self, label: str, scopes: list[str], days: int = 90) -> str:
         """Return the secret of a new token, which cannot be read again."""
@@ -213,7 +213,7 @@ class Station:
         self._call("DELETE", f"tokens/{_part(token)}")
 
     def _change(self, item: str, change: str, version: int | None, **more: Any) -> Json:
-        return self._call("POST", f"queue/{_part(item)}/{change}", {"version": version, **more})
+        return self._post(f"queue/{_part(item)}/{change}", {"version": version, **more})
 
     def _command(self, run: str, command: str, content: Any = None, **query: str) -> str:
         return str(self._call("POST", f"runs/{_part(run)}/{command}", content, query=query)["answer"])
@@ -223,7 +223,7 @@ class Station:
         with self._http.opened("GET", target, None, headers, SILENT_LIMIT_S) as (answer, _):
             yield OPENED, {}
             for event in server_events(iter(lambda: answer.readline(LINE_LIMIT_BYTES), b"")):
-                yield event.kind, json.loads(event.data)
+                yield event.kind, _entry(event.data)
 
     def _until_answered(self, call: Callable[[], Json]) -> Json:
         """Return the result of a call that may be repeated, once a station answers, within `limit_s`."""
@@ -236,14 +236,33 @@ class Station:
                     raise
             _pause(AGAIN_EVERY_S)
 
-    def _get(self, path: str, **query: Any) -> Any:
-        return self._call("GET", path, query=query)
+    def _get(self, path: str) -> Json:
+        found: Json = self._call("GET", path)
+        return found
+
+    def _list(self, path: str, **query: Any) -> list[Json]:
+        found: list[Json] = self._call("GET", path, query=query)
+        return found
+
+    def _post(self, path: str, content: Any = None, **more: Any) -> Json:
+        found: Json = self._call("POST", path, content, **more)
+        return found
 
     def _call(
         self, method: str, path: str, content: Any = None, *, query: Mapping[str, Any] | None = None,
         headers: Mapping[str, str] | None = None, limit_s: float | None = None,
     ) -> Any:  # fmt: skip
         return self._http.call(method, path, content, limit_s=limit_s or self.limit_s, query=query, headers=headers)
+
+
+def _entry(text: str) -> Json:
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise BenchError("the stream of events is not that of a station")
+    return found
 
 
 def _part(name: str) -> str:

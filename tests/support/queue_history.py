@@ -23,7 +23,7 @@ def faults_of_items(before: Mapping[str, Json], listed: Iterable[Json]) -> Itera
         if (now := found.get(id_)) is None:
             yield f"item {known['number']} was answered as {known['state']} and is gone"
         elif problem := _fault_of_item(known, now):
-            yield f"item {known['number']} was answered as {known['state']} in version {known['version']}, and {problem}"
+            yield f"item {known['number']} was {known['state']} in version {known['version']}, and {problem}"
 
 
 def _fault_of_item(known: Json, now: Json) -> str:
