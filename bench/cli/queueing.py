@@ -21,11 +21,11 @@ ITEM = argument("ITEM", "The number of an item, or the first characters of its i
 
 def submit(
     sequence: str, bench: str | None, settings: tuple[str, ...], units: tuple[str, ...], *, hold: bool, wait: bool,
-    as_json: bool, **wishes: Any,
+    as_json: bool, **submission: Any,
 ) -> int | None:  # fmt: skip
     """Submit a run to the queue of the station; it is checked first."""
     station = running_station()
-    given = {name: value for name, value in wishes.items() if value not in (None, "", False)}
+    given = {name: value for name, value in submission.items() if value not in (None, "", False)}
     item = station.submit(
         sequence, bench or _only_bench(station), held=hold, settings=_pairs(settings, "--set"),
         units=_pairs(units, "--uut", "a"), **given,
