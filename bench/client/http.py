@@ -37,11 +37,16 @@ class Http:
     """Sender of requests to one station. Each request has a connection of its own, so that threads can share it."""
 
     def __init__(self, address: Address) -> None:
-        parts = urlsplit(address.url)
-        if parts.scheme not in ("http", "https") or not parts.hostname or parts.username:
+        try:
+            parts = urlsplit(address.url)
+            self._host, self._port = parts.hostname or "", parts.port
+        except ValueError:
+            parts = urlsplit("")
+        if parts.scheme not in ("http", "https") or not self._host or parts.username:
             raise InputError(f"'{address.url}' is not the address of a station, such as http://127.0.0.1:8421/")
+        if not address.token.isascii() or not address.token.isprintable():
+            raise InputError(f"the token for {parts.netloc} has characters that no token has")
         self.url = f"{parts.scheme}://{parts.netloc}"
-        self._host, self._port = parts.hostname, parts.port
         self._tls = _trusting(address.certificate) if parts.scheme == "https" else None
         self._headers = {"authorization": f"Bearer {address.token}", "accept": "application/json"}
 
@@ -81,7 +86,7 @@ class Http:
                 connection.connect()
             except (OSError, ValueError) as problem:
                 raise NoStation(f"{self.url}: the station cannot be reached ({problem})") from problem
-            limit = Limit(connection.sock, max(0.0, limit_s - watch.elapsed_s()))
+            limit = Limit(connection.sock, limit_s, watch)
             try:
                 with limit:
                     connection.request(method, target, body, {**self._headers, **headers})
@@ -101,14 +106,14 @@ class Http:
 
 
 class Limit:
-    """Time limit of a block that uses a socket: at its end the socket is shut down, whatever has arrived so far."""
+    """Time limit of blocks that use a socket: when it is over the socket is shut down, whatever has arrived so far."""
 
-    def __init__(self, used: socket.socket, limit_s: float) -> None:
-        self._used, self._limit_s = used, limit_s
+    def __init__(self, used: socket.socket, limit_s: float, since: Stopwatch) -> None:
+        self._used, self._limit_s, self._since = used, limit_s, since
         self._timer = threading.Timer(0.0, str)
 
     def __enter__(self) -> None:
-        self._timer = threading.Timer(self._limit_s, self._shut)
+        self._timer = threading.Timer(max(0.0, self._limit_s - self._since.elapsed_s()), self._shut)
         self._timer.daemon = True
         self._timer.start()
 

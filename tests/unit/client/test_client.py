@@ -52,10 +52,15 @@ def test_the_environment_names_a_station_and_needs_a_token():
         from_environment({"BENCH_STATION": "https://a/"})
 
 
-@pytest.mark.parametrize("url", ["ftp://a/", "http:///", "127.0.0.1:8421", "http://user@a/"])
+@pytest.mark.parametrize("url", ["ftp://a/", "http:///", "127.0.0.1:8421", "http://user@a/", "http://a:x/", "http://[a/"])
 def test_an_address_that_is_none_is_refused(url):
     with pytest.raises(InputError, match="is not the address of a station"):
         Station(url, "t")
+
+
+def test_a_token_that_would_be_several_headers_is_refused():
+    with pytest.raises(InputError, match="characters that no token has"):
+        Station("http://a/", "t\r\nhost: b")
 
 
 @pytest.mark.parametrize(
