@@ -118,7 +118,7 @@ class Actor(threading.Thread):
 
     def _change(self, station: Station, item: dict[str, Any], other: dict[str, Any]) -> None:
         version = item["version"] if self._draw.random() < 0.7 else None
-        change = self._draw.choices(("hold", "release", "move", "cancel", "clone", "look"), (3, 3, 3, 0.2, 0.1, 2))[0]
+        change = self._draw.choices(("hold", "release", "move", "cancel", "clone", "look"), (3, 3, 3, 0.05, 0.1, 2))[0]
         if change == "move":
             self._answered.note(station.move(item["id"], None if other is item else other["id"], version))
         elif change == "clone" and self._left:
@@ -172,7 +172,7 @@ class Round:
         finally:
             process.send_signal(signal.SIGTERM)
             process.wait(30)
-        return self.answered.faults
+        return list(dict.fromkeys(self.answered.faults))
 
     def _end(self, process: subprocess.Popen[bytes]) -> None:
         station = self._look(process)
@@ -261,7 +261,7 @@ def note(round_: Round, seed: int) -> None:
     with file.open("a") as lines:
         if not lines.tell():
             lines.write("\t".join(HEADER) + "\n")
-        lines.write("\t".join(map(str, (*row, len(answered.faults)))) + "\n")
+        lines.write("\t".join(map(str, (*row, len(set(answered.faults))))) + "\n")
 
 
 def main() -> int:

@@ -45,7 +45,11 @@ def meant(run: str, runs: Path, limit_s: float = COMMAND_LIMIT_S) -> Meant:
     from bench.errors import InputError
     from bench.store.runs import find_run
 
-    station = station_here(limit_s)
+    try:
+        station = station_here(limit_s)
+    except InputError as problem:  # a run must be reached whatever is wrong with a station
+        sys.stderr.write(f"without the station: {problem}\n")
+        station = None
     there = station.runs_folder if station is not None else None
     for folder in (runs, *([there] if there is not None else [])):
         try:
