@@ -15,7 +15,7 @@ import uvicorn
 
 from bench.client.address import TOKEN, WHERE, announcement
 from bench.errors import BenchError, InputError
-from bench.files import write_whole
+from bench.files import write_atomically
 from bench.runner.notify import notify
 from bench.station.daemon import at_work
 from bench.station.settings import Settings
@@ -136,7 +136,7 @@ def _announce(settings: Settings, url: str, identity: Identity, certificate: Pat
         descriptor = os.open(token, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
         with os.fdopen(descriptor, "w") as file:
             file.write(identity.new_token(_user(), "commands of this user", EVERYTHING, DAYS))
-    write_whole(settings.folder / WHERE, announcement(url, settings.runs, certificate))
+    write_atomically(settings.folder / WHERE, announcement(url, settings.runs, certificate))
 
 
 def _user() -> str:

@@ -52,7 +52,9 @@ def test_the_environment_names_a_station_and_needs_a_token():
         from_environment({"BENCH_STATION": "https://a/"})
 
 
-@pytest.mark.parametrize("url", ["ftp://a/", "http:///", "127.0.0.1:8421", "http://user@a/", "http://a:x/", "http://[a/"])
+@pytest.mark.parametrize(
+    "url", ["ftp://a/", "http:///", "127.0.0.1:8421", "http://user@a/", "http://a:x/", "http://[a/"]
+)
 def test_an_address_that_is_none_is_refused(url):
     with pytest.raises(InputError, match="is not the address of a station"):
         Station(url, "t")
