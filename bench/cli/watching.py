@@ -134,16 +134,25 @@ def _entry_text(entry: Json) -> str:
     from bench.figures.times_and_sizes import duration
     from bench.store.machine_state import printable
 
-    facts = ", ".join(f"{name} {value}" for name, value in entry["data"].items() if not isinstance(value, dict | list))
+    facts = ", ".join(f"{name} {_fact(value)}" for name, value in entry["data"].items() if _is_shown(value))
     kind = str(entry["kind"]).replace("_", " ")
     return printable(f"{duration(entry['at_s']):>12}  {kind} {entry['step']}  {facts}".rstrip())
+
+
+def _is_shown(value: Any) -> bool:
+    return value not in ("", None) and not isinstance(value, dict | list)
+
+
+def _fact(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def state_text(state: Json) -> str:
     """Return the state of a run in progress in one line."""
     from bench.store.machine_state import printable
 
-    parts = [f"{state['done']} of {state['total'] or '?'} steps", *state["steps"]]
+    total = f" of {state['total']}" if state["total"] else ""
+    parts = [f"{state['done']}{total} steps done", *state["steps"]]
     parts += [f"held by {', '.join(state['held_by'])}"] if state["held_by"] else []
     parts += [f"ASKS: {each['text']} ({each['expected']})" for each in state["questions"]]
     readings = [each for each in state["readings"] if each["value"] is not None]
