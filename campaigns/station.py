@@ -30,13 +30,14 @@ from typing import Any
 from bench.client import Station
 from bench.client.http import NoReply, NoStation
 from bench.errors import BenchError, InputError, StaleError
+from bench.station.attempts import look
 from bench.store.runs import RunSummary, list_runs
 from bench.store.verify import examine
 from tests.support.queue_history import WAITING, faults_of_items
 
 ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "build" / "station"
-HEADER = ("date", "seed", "kills", "answers", "items", "runs", "faults")
+HEADER = ("date", "seed", "kills", "under way", "answers", "items", "runs", "faults")
 STATION = "schema: itb-station/1\nbenches:\n  a: {file: simulated}\n  b: {file: simulated}\n"
 BENCHES = ("a", "b")
 ACTORS, KILLS, ITEMS = 3, 20, 18  # of a round
@@ -113,7 +114,7 @@ class Actor(threading.Thread):
 
     def _submit(self, station: Station) -> None:
         self._left -= 1
-        more = {"speed": self._draw.choice(("20", "max")), "priority": self._draw.randint(-1, 1)}
+        more = {"speed": self._draw.choice(("4", "20", "max")), "priority": self._draw.randint(-1, 1)}
         self._answered.note(station.submit("smoke", self._draw.choice(BENCHES), held=self._draw.random() < 0.3, **more))
 
     def _change(self, station: Station, item: dict[str, Any], other: dict[str, Any]) -> None:
@@ -142,7 +143,7 @@ class Round:
 
     def __init__(self, folder: Path, seed: int, kills: int, items: int = ITEMS) -> None:
         self.folder, self._kills, self._draw, self._port = folder, kills, random.Random(seed), _free_port()
-        self.answered, self.killed = Answered(), 0
+        self.answered, self.killed, self.under_way = Answered(), 0, 0  # under way: runs at the moments of the deaths
         self.items: list[dict[str, Any]] = []
         self.runs: list[RunSummary] = []
         seeds = range(seed * 100, seed * 100 + ACTORS)
@@ -163,6 +164,7 @@ class Round:
             else:
                 self._look(process)
                 time.sleep(self._draw.uniform(0.0, UP_AT_MOST_S))
+            self.under_way += sum(look(claim.parent).lives for claim in self.folder.glob("station/items/*/*/claim"))
             process.kill()
             process.wait()
             self.killed += 1
@@ -257,7 +259,8 @@ def rounds_of_today() -> list[list[str]]:
 def note(round_: Round, seed: int) -> None:
     KEPT.mkdir(parents=True, exist_ok=True)
     file, answered = KEPT / "results.tsv", round_.answered
-    row = (f"{datetime.now(UTC):%Y-%m-%d}", seed, round_.killed, answered.answers, len(round_.items), len(round_.runs))
+    counts = (round_.killed, round_.under_way, answered.answers, len(round_.items), len(round_.runs))
+    row = (f"{datetime.now(UTC):%Y-%m-%d}", seed, *counts)
     with file.open("a") as lines:
         if not lines.tell():
             lines.write("\t".join(HEADER) + "\n")

@@ -61,6 +61,7 @@ def meant(run: str, runs: Path, limit_s: float = COMMAND_LIMIT_S) -> Meant:
     if station is None or there is not None:
         find_run(run, runs)  # raises
         raise InputError(f"{runs}: there is no run '{run}'")
+    station.limit_s = COMMAND_LIMIT_S  # there is no other way
     return Meant(_name_there(station, run), None, station)
 
 
