@@ -282,10 +282,8 @@ def main() -> int:
         round_ = Round(folder, seed, min(KILLS, options.kills - done))
         found = round_.play()
         note(round_, seed)
-        print(
-            f"round {seed}: {round_.killed} kills, {round_.answered.answers} answers, {len(round_.runs)} runs",
-            flush=True,
-        )
+        counts = f"{round_.killed} kills with {round_.under_way} runs under way, {len(round_.runs)} runs"
+        print(f"round {seed}: {counts}", flush=True)
         for sentence in found:
             print(f"    {sentence}", flush=True)
         faults += len(found)
