@@ -186,7 +186,7 @@ class Round:
             if item["item"]["state"] == "held":
                 station.release(item["item"]["id"])
         until = time.monotonic() + ENDS_WITHIN_S
-        while station.queue() and time.monotonic() < until:
+        while station.queue() and not self._has_stopped(station) and time.monotonic() < until:
             time.sleep(0.5)
         self.items = self._listed(station)
         self.runs = list(list_runs(self.folder / "runs"))
@@ -225,6 +225,10 @@ class Round:
             if process.poll() is not None or time.monotonic() > until:
                 raise RuntimeError(f"the station does not work: {self.folder / 'messages.txt'}")
             time.sleep(0.05)
+
+    @staticmethod
+    def _has_stopped(station: Station) -> bool:
+        return any(bench["stopped"] for bench in station.state()["benches"])
 
     @staticmethod
     def _listed(station: Station) -> list[dict[str, Any]]:
