@@ -35,6 +35,12 @@ class WindowError(BenchError):
     code = "window"
 
 
+class StaleError(BenchError):
+    """Change of something that has changed since it was read, or is in another state."""
+
+    code = "stale"
+
+
 class InUseError(BenchError):
     """Instrument that another program on this computer uses; nothing was sent to it."""
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench.cli.commands import Command, argument, flag, option
 from bench.cli.stored import RUN, RUNS
+from bench.cli.through import Meant, meant, tell
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.store.runs import RunSummary
@@ -16,13 +17,13 @@ if TYPE_CHECKING:  # keeps imports out of `bench --help`
 
 def pause(run: str, runs: Path) -> None:
     """Pause a run before its next step; its devices stay as they are."""
-    _send(run, runs, "pause")
+    tell(run, runs, "pause")
 
 
 def resume(run: str, runs: Path, *, interrupted: bool, pending: bool) -> int | None:
     """Continue a paused run, or an interrupted one from where it was."""
     from bench.errors import InputError
-    from bench.store.runs import find_run, summary
+    from bench.store.runs import summary
 
     if pending:
         if run:
@@ -32,9 +33,9 @@ def resume(run: str, runs: Path, *, interrupted: bool, pending: bool) -> int | N
         return resume_pending(runs)
     if not run:
         raise InputError("give the RUN to resume")
-    path = find_run(run, runs)
-    if summary(path).state != "interrupted":
-        _send(run, runs, "resume")
+    path = meant(run, runs).path
+    if path is None or summary(path).state != "interrupted":
+        tell(run, runs, "resume")
         return None
     from bench.cli.running import resume_interrupted
 
@@ -43,41 +44,60 @@ def resume(run: str, runs: Path, *, interrupted: bool, pending: bool) -> int | N
 
 def stop(run: str, runs: Path, *, after_step: bool) -> None:
     """Stop a run: the current step is interrupted, then the teardown runs."""
-    _send(run, runs, "stop_after_step" if after_step else "stop")
+    tell(run, runs, "stop_after_step" if after_step else "stop")
 
 
 def abort(run: str, runs: Path) -> None:
     """Abort a run at once: no teardown, all devices are made safe."""
-    _send(run, runs, "abort")
+    tell(run, runs, "abort")
 
 
 def skip(run: str, runs: Path) -> None:
     """Interrupt the current step, bring moving axes to rest, and continue with the next step."""
-    _send(run, runs, "skip")
+    tell(run, runs, "skip")
 
 
 def repeat(run: str, runs: Path) -> None:
     """Restart the current step or, while the run is paused, repeat the previous one."""
-    _send(run, runs, "repeat")
+    tell(run, runs, "repeat")
 
 
 def answer(run: str, runs: Path, text: str, step: str, by: str) -> None:
     """Answer the question that a run asks."""
-    _send(run, runs, "answer", answer=text, step=step, by=by)
+    tell(run, runs, "answer", answer=text, step=step, by=by)
 
 
 def status(run: str, runs: Path, *, as_json: bool) -> None:
     """Print what a run is doing and has measured or, if it has ended, how it ended."""
     from bench.report.status_text import status_lines
-    from bench.store.runs import find_run, summary
+    from bench.store.runs import summary
 
-    found = summary(find_run(run, runs))
+    at = meant(run, runs)
+    if at.path is None:
+        _status_there(at, as_json=as_json)
+        return
+    found = summary(at.path)
     state = _state_of(found)
     if as_json:
         sys.stdout.write(json.dumps(state, ensure_ascii=False) + "\n")
         return
     for line in status_lines(found, state):
         sys.stdout.write(line + "\n")
+
+
+def _status_there(at: Meant, *, as_json: bool) -> None:
+    """Print the status of a run on another computer, as its station knows it."""
+    from bench.cli.watching import state_text
+
+    assert at.station is not None  # noqa: S101  only a station knows it
+    run = at.station.run(at.name)
+    state = at.station.live(at.name) if run["state"] == "running" else None
+    if as_json:
+        sys.stdout.write(json.dumps(run | (state or {}), ensure_ascii=False) + "\n")
+        return
+    sys.stdout.write(f"{at.name}: {run['state']}{', ' + run['verdict'] if run['verdict'] else ''}\n")
+    if state is not None:
+        sys.stdout.write(f"  {state_text(state)}\n")
 
 
 def _state_of(run: RunSummary) -> dict[str, Any]:
@@ -118,14 +138,6 @@ def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
     path = find_run(run, runs)
     why = acknowledged(path, by or getpass.getuser(), reason, is_followed)
     sys.stdout.write(f"{path.name}: acknowledged: {why}\n")
-
-
-def _send(run: str, runs: Path, command: str, **arguments: str) -> None:
-    from bench.runner.tell import send_command
-    from bench.store.runs import find_run
-
-    path = find_run(run, runs)
-    sys.stdout.write(f"{path.name}: {send_command(path, command, **arguments)}\n")
 
 
 COMMANDS = (

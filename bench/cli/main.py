@@ -21,6 +21,9 @@ PURPOSE = "Runs inertial-sensor test benches: sequences in, calibrated models wi
 GROUPS = {
     "runs": "List or verify runs.",
     "devices": "List the instruments of a bench, or find new ones.",
+    "queue": "List or change the queue of the station.",
+    "users": "List or change the users of the station.",
+    "tokens": "List, make or revoke tokens of programs.",
     "schema": "Print the JSON Schema of a kind of file.",
     "new": "Write a starter file.",
 }

@@ -6,7 +6,20 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from bench.cli import authoring, checking, control, devices, offline, rehearsing, running, station, stored
+from bench.cli import (
+    authoring,
+    checking,
+    control,
+    devices,
+    offline,
+    people,
+    queueing,
+    rehearsing,
+    running,
+    station,
+    stored,
+    watching,
+)
 from bench.cli.commands import Command, argument, option
 
 
@@ -28,5 +41,6 @@ REFERENCE = Command("reference", reference, (
 ALL = (
     *checking.COMMANDS, *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
     *authoring.COMMANDS, REFERENCE, *control.COMMANDS, *station.COMMANDS,
+    *queueing.COMMANDS, *watching.COMMANDS, *people.COMMANDS,
 )  # fmt: skip
 COMMANDS: Mapping[str, Command] = {command.words: command for command in ALL}

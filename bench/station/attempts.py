@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from bench.errors import InputError, StoreError
-from bench.files import make_folder, write_atomically
+from bench.files import make_folder, sync_folder, write_atomically
 
 COMMAND, CLAIM, LOCK = "command.json", "claim", "lock"
 OUTPUT, MESSAGES = "stdout.txt", "stderr.txt"
@@ -81,7 +81,8 @@ def claim(folder: Path) -> bool:
 
 
 def withdraw(folder: Path) -> bool:
-    """Make sure that an attempt never begins; False if it was claimed before."""
+    """Make sure that an attempt never begins; False if it was claimed before. Raises OSError."""
+    make_folder(folder)  # a station that was killed may not have prepared it yet
     return _claimed(folder, _WITHDRAWN)
 
 
@@ -94,6 +95,7 @@ def _claimed(folder: Path, by: str) -> bool:
         claimed.write(by)
         claimed.flush()
         os.fsync(claimed.fileno())
+    sync_folder(folder)
     return True
 
 

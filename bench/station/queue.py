@@ -11,18 +11,12 @@ from datetime import timedelta
 from typing import Any
 
 from bench.clock import wall_utc
-from bench.errors import BenchError, InputError
+from bench.errors import InputError, StaleError
 from bench.station.database import Database
 from bench.station.items import OCCUPYING, WAITING, Item, ItemState, Submission
 
 KEYS_KEPT = timedelta(days=1)
 LENGTH_LIMIT = 500  # waiting items
-
-
-class StaleError(BenchError):
-    """Change of an item that has changed since it was read, or is in another state."""
-
-    code = "stale"
 
 
 class Queue:

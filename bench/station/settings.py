@@ -10,17 +10,16 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, StringConstraints
 
+from bench.client.address import default_folder
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.devices import Text
 from bench.config.load import find, load_file, shipped
 from bench.errors import InputError
-from bench.store.user_state import state_folder
 from drivers.schema.fields import NOT_EMPTY, StrictModel
 from drivers.schema.suggest import did_you_mean
 
 NAME = r"[a-z][a-z0-9_]{0,31}"
 Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
-FOLDER = "station"
 DEMO = "demo"
 
 
@@ -89,7 +88,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
 
     `instead` replaces `runs` or `benches`, a mapping of names to bench files.
     """
-    folder = (folder or state_folder() / FOLDER).absolute()
+    folder = (folder or default_folder()).absolute()
     if file is None:
         benches = instead.get("benches") or {DEMO: "simulated"}
         entries = {name: BenchEntry(file=str(path)) for name, path in benches.items()}

@@ -11,8 +11,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.types import ASGIApp
 
-from bench.errors import BenchError, InputError, InUseError
-from bench.station.queue import StaleError
+from bench.errors import BenchError, InputError, InUseError, StaleError
 from bench.web.access import expect_scopes
 from bench.web.api import people, queue, releases, runs, signoff, station
 from bench.web.guards import Guards

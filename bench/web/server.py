@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import signal
 import socket
@@ -14,6 +13,7 @@ from typing import NamedTuple
 
 import uvicorn
 
+from bench.client.address import TOKEN, WHERE, announcement
 from bench.errors import BenchError, InputError
 from bench.files import write_atomically
 from bench.runner.notify import notify
@@ -25,7 +25,6 @@ from bench.web.audit import Audit
 from bench.web.identity import Identity
 from bench.web.services import Services
 
-WHERE, TOKEN = "station.json", "token"
 CONNECTIONS = 200
 DAYS = 3650
 
@@ -65,7 +64,7 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
         )  # fmt: skip
         with _listener(listening) as listener:
             url = _url(listening, listener)
-            _announce(settings.folder, url, identity)
+            _announce(settings, url, identity, listening.certificate)
             say(f"{settings.title}: {url}")
             if listening.is_loopback and not identity.has_users():
                 say(f"code for the first login, valid once within 10 minutes: {identity.new_code()}")
@@ -130,14 +129,14 @@ def _url(listening: Listening, listener: socket.socket) -> str:
     return f"{scheme}://{host}:{listener.getsockname()[1]}/"
 
 
-def _announce(folder: Path, url: str, identity: Identity) -> None:
+def _announce(settings: Settings, url: str, identity: Identity, certificate: Path | None) -> None:
     """Write the address, and at the first start a token, for the commands of this user. Raises StoreError."""
-    token = folder / TOKEN
+    token = settings.folder / TOKEN
     if not token.exists() or identity.of_token(token.read_text("ascii").strip()) is None:
         descriptor = os.open(token, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
         with os.fdopen(descriptor, "w") as file:
             file.write(identity.new_token(_user(), "commands of this user", EVERYTHING, DAYS))
-    write_atomically(folder / WHERE, json.dumps({"url": url, "pid": os.getpid()}).encode())
+    write_atomically(settings.folder / WHERE, announcement(url, settings.runs, certificate))
 
 
 def _user() -> str:

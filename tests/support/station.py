@@ -65,8 +65,11 @@ class Served:
 
 
 @contextmanager
-def serving(folder: Path, *options: str) -> Iterator[Served]:
-    """`bench serve` in a folder until the block ends; the station's own records are in `folder/station`."""
+def serving(folder: Path, *options: str, has_users: bool = False) -> Iterator[Served]:
+    """`bench serve` in a folder until the block ends; the station's own records are in `folder/station`.
+
+    With users it prints no code for a first login.
+    """
     words = ["serve", *options, "--folder", str(folder / "station"), "--port", "0", "--runs", str(folder / "runs")]
     process = subprocess.Popen(
         [sys.executable, "-m", "bench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder
@@ -76,7 +79,7 @@ def serving(folder: Path, *options: str) -> Iterator[Served]:
     try:
         first = process.stdout.readline()
         assert first, process.stderr.read()
-        second = process.stdout.readline() if "http://127" in first else ""
+        second = process.stdout.readline() if "http://127" in first and not has_users else ""
         url = json.loads((folder / "station/station.json").read_text())["url"]
         token = (folder / "station/token").read_text()
         with httpx.Client(base_url=url, headers={"authorization": f"Bearer {token}"}, timeout=30) as client:

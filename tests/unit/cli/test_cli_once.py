@@ -8,6 +8,7 @@ import pytest
 from bench.app.request import RunRequest
 from bench.cli.commands import Argument, Command
 from bench.cli.table import ALL, COMMANDS
+from bench.station.items import Submission
 from tests.support.commands import invoked
 from tests.support.sequences import ROOT
 
@@ -19,13 +20,12 @@ def given(argument: Argument) -> list[str]:
 
 
 def test_every_command_gives_its_function_what_that_takes():
-    options = set(RunRequest._fields)
+    several = {"wishes": set(RunRequest._fields), "submission": set(Submission.model_fields)}
     for command in ALL:
         takes = inspect.signature(command.do).parameters
         gives = {each.parameter for each in command.arguments}
-        if "wishes" in takes:
-            gives -= options
-        assert gives == set(takes) - {"wishes"}, command.words
+        collected = set().union(*(fields for name, fields in several.items() if name in takes)) - set(takes)
+        assert gives - collected == set(takes) - set(several), command.words
     assert len(COMMANDS) == len(ALL) > 30
 
 
@@ -44,7 +44,7 @@ def test_some_options_take_one_value_and_some_take_several():
     every = [each for command in ALL for each in command.arguments if each.name.startswith("--")]
     assert sum(each.once for each in every) > 60
     assert {each.name for each in every if each.settings["action"] == "append" and not each.once} == {
-        "--set", "--calibration", "--uut", "--unit", "--driver", "--name", "--bench",
+        "--set", "--calibration", "--uut", "--unit", "--driver", "--name", "--bench", "--scope",
     }  # fmt: skip
 
 

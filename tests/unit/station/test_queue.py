@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from bench.errors import InputError, InUseError
+from bench.errors import InputError, InUseError, StaleError
 from bench.station.database import Database
 from bench.station.items import Item, ItemState, Submission
-from bench.station.queue import Queue, StaleError
+from bench.station.queue import Queue
 from bench.station.schedule import OVERHEAD_S, expected, next_item
 
 NOW = datetime(2026, 11, 21, 20, 0, tzinfo=UTC)
