@@ -165,7 +165,7 @@ class QueueMachine(RuleBasedStateMachine):
     @rule(by=who, n=which)
     def clone(self, by: str, n: int) -> None:
         if (item := self.chosen(n)) is not None:
-            self.note(by, self.queue.clone(item.id, by))
+            self.note(by, self.queue.submit(item.submission, by))
 
     @rule(begin=st.booleans())
     def look(self, begin: bool) -> None:
