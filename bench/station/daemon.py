@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from datetime import datetime
+from typing import Any
 
 from bench.clock import wall_utc
 from bench.errors import InputError
@@ -13,6 +15,7 @@ from bench.station.attempts import Launcher, as_subprocess
 from bench.station.catalogue import Catalogue
 from bench.station.database import Database
 from bench.station.items import Item, Submission
+from bench.station.leases import Leases
 from bench.station.live import Live, Timelines
 from bench.station.part import Part
 from bench.station.queue import Queue
@@ -29,6 +32,8 @@ class Daemon:
     def __init__(self, settings: Settings, database: Database, workers: Workers, launch: Launcher) -> None:
         self.settings, self.database, self.workers = settings, database, workers
         self.queue = Queue(database, self._changed)
+        self.leases = Leases()
+        self.commands = ThreadPoolExecutor(8, "commands")  # apart from those of readers, who may be many
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running)
@@ -55,14 +60,23 @@ class Daemon:
         )
         return await self.workers.call(check, request)
 
-    async def submit(self, submission: Submission, by: str, *, key: str = "", held: bool = False) -> Item:
-        """Check a submission and append it to the queue. Raises InputError with all problems."""
+    async def submit(
+        self, submission: Submission, by: str, *, key: str = "", held: bool = False,
+        submitted: Callable[[Item], object] = lambda _: None,
+    ) -> Item:  # fmt: skip
+        """Check a submission and append it to the queue. Raises InputError with all problems.
+
+        The item is not submitted if `submitted` raises.
+        """
         if not submission.operator:
             submission = submission.model_copy(update={"operator": by})
         found = await self.checked(submission)
         if found.problems:
             raise InputError(*found.problems)
-        return self.queue.submit(submission, by, expected_s=found.expected_s, key=key, held=held)
+        with self.database.transaction():
+            item = self.queue.submit(submission, by, expected_s=found.expected_s, key=key, held=held)
+            submitted(item)
+        return item
 
     def expected(self) -> dict[str, Expected]:
         """Return the estimated begin and end of all items that run or wait, by id."""
@@ -77,8 +91,11 @@ class Daemon:
     def bench_of(self, run: str) -> str | None:
         """Return the name of the bench of a run in progress, by its bench file; None for a file of somebody else."""
         live = self.live.runs.get(run)
-        request = live.run.manifest.get("request", {}) if live is not None else {}
-        file = str(request.get("bench", ""))
+        return self.bench_in(live.run.manifest) if live is not None else None
+
+    def bench_in(self, manifest: Mapping[str, Any]) -> str | None:
+        """Return the name of the bench of a run by its manifest; None for a bench file of somebody else."""
+        file = str(manifest.get("request", {}).get("bench", ""))
         return next((name for name, path in self.settings.benches.items() if str(path) == file), None)
 
     def _ends(self, item: Item) -> datetime | None:
@@ -96,8 +113,8 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
     Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
     """
     database, workers = Database(settings.folder), Workers()
+    daemon = Daemon(settings, database, workers, launch)
     try:
-        daemon = Daemon(settings, database, workers, launch)
         async with asyncio.TaskGroup() as parts:
             tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
             try:
@@ -106,5 +123,6 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
                 for task in tasks:
                     task.cancel()
     finally:
+        daemon.commands.shutdown(wait=False)
         workers.close()
         database.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -38,6 +39,7 @@ class StationFile(StrictModel):
     benches: Annotated[Mapping[Name, BenchEntry], NOT_EMPTY] = Field(description="benches by name")
     runs: str = Field("runs", description="folder of run directories, relative to this file")
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
+    log_out_after_min: int = Field(0, ge=0, le=720, description="minutes without use until a session ends; 0 for 12 h")
 
 
 class Settings(NamedTuple):
@@ -52,6 +54,7 @@ class Settings(NamedTuple):
     benches: Mapping[str, Path]
     titles: Mapping[str, str]
     sequences: Path | None = None
+    idle: timedelta | None = None
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -89,9 +92,9 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     benches = {name: _bench_file(entry.file, beside) for name, entry in found.benches.items()}
     titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
-    return Settings(
-        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None
-    )  # fmt: skip
+    sequences = (beside / found.sequences) if found.sequences else None
+    idle = timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None
+    return Settings(found.title, folder, runs, benches, titles, sequences, idle)
 
 
 def bench_name(file: str) -> str:

@@ -33,7 +33,7 @@ async def health() -> Health:
 @router.get("/api/v1/station")
 async def station_(station: Station, _: Reader) -> StationView:
     """Return the state of the station."""
-    return station_view(station.daemon, wall_utc())
+    return station_view(station.daemon, wall_utc(), station.banner)
 
 
 @router.get("/api/v1/live")
@@ -45,5 +45,5 @@ async def live(station: Station, _: Reader) -> StreamingResponse:
 async def _stream(station: Services) -> AsyncIterator[str]:
     """Yield the present state; one that a slow reader has missed is not sent later."""
     while True:
-        yield f"event: station\ndata: {station_view(station.daemon, wall_utc()).model_dump_json()}\n\n"
+        yield f"event: station\ndata: {station_view(station.daemon, wall_utc(), station.banner).model_dump_json()}\n\n"
         await asyncio.sleep(AT_MOST_EVERY_S)
