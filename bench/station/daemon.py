@@ -122,6 +122,10 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
             finally:
                 for task in tasks:
                     task.cancel()
+    except BaseExceptionGroup as problems:
+        if len(problems.exceptions) == 1:
+            raise problems.exceptions[0] from None
+        raise
     finally:
         daemon.commands.shutdown(wait=False)
         workers.close()

@@ -1,7 +1,8 @@
 """Connections of the server: none waits for ever, and a new one is always admitted.
 
 Where there are too many, one that waits for the header of a request gives way: the oldest one of the address with the
-most. Requests in progress are fewer than connections, see `bench.web.limits`, so there always is one.
+most, unless it is so new that its header may be on the way. Requests in progress are fewer than connections, see
+`bench.web.limits`, so there always is one.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from typing import Any, Protocol
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
-MOST = 200
+MOST, MOST_EVER = 200, 700
+NEW_S = 1.0
 HEADER_S, UNREAD_S = 10.0, 20.0
 SEND_BUFFER_BYTES = 2**17
 
@@ -145,13 +147,15 @@ def connection_of(server: uvicorn.Server) -> Connection:
 
 def make_room(connections: set[Any]) -> None:
     """Close a waiting connection if there are too many."""
-    alive: list[_Waiting] = [each for each in connections if not each.transport.is_closing()]
-    waiting = [each for each in alive if each.waits_since is not None]
-    if len(alive) <= MOST or not waiting:
+    if len(connections) <= MOST:
         return
+    alive: list[_Waiting] = [each for each in connections if not each.transport.is_closing()]
+    latest = asyncio.get_running_loop().time() - (NEW_S if len(alive) <= MOST_EVER else 0.0)
+    waiting = [each for each in alive if each.waits_since is not None and each.waits_since <= latest]
     number = Counter(_address(each.transport) for each in waiting)
-    victim = max(waiting, key=lambda each: (number[_address(each.transport)], -(each.waits_since or 0.0)))
-    victim.transport.abort()
+    waiting.sort(key=lambda each: (-number[_address(each.transport)], each.waits_since))
+    for victim in waiting[: max(0, len(alive) - MOST)]:
+        victim.transport.abort()
 
 
 def _address(transport: asyncio.Transport) -> str:

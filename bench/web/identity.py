@@ -204,9 +204,10 @@ class Identity:
         return [dict(row) for row in self._database.rows("SELECT id, name, label, scopes, ends, used FROM token")]
 
     def revoke(self, id_: str) -> None:
-        """Remove a token."""
+        """Remove a token. Raises InputError if there is none."""
         with self._database.transaction() as tables:
-            tables.execute("DELETE FROM token WHERE id = ?", (id_,))
+            if not tables.execute("DELETE FROM token WHERE id = ?", (id_,)).rowcount:
+                raise InputError(f"there is no token '{id_[:64]}'")
 
     def _begin(self, name: str, scopes: frozenset[Scope], *, is_user: bool = True) -> Login:
         secret, now = secrets.token_urlsafe(32), wall_utc()

@@ -29,6 +29,8 @@ from bench.web.services import Services
 
 WHERE, TOKEN = "station.json", "token"
 DAYS = 3650
+ACCEPTED_AT_ONCE = 50  # so that a flood of them holds nothing else up
+BACKLOG = 1024  # beyond it, a connection is tried again after a second
 
 
 class Listening(NamedTuple):
@@ -86,7 +88,11 @@ class _Server(uvicorn.Server):
         await self.lifespan.startup()
         loop = asyncio.get_running_loop()
         make = Handshake if self.config.ssl is not None else connection_of
-        self.servers = [await loop.create_server(lambda: make(self), sock=each) for each in sockets or []]
+        self.servers = [
+            await loop.create_server(lambda: make(self), sock=each, backlog=ACCEPTED_AT_ONCE) for each in sockets or []
+        ]
+        for each in sockets or []:
+            each.listen(BACKLOG)
         self.started = True
 
     @contextmanager
@@ -148,7 +154,7 @@ def _banner(listening: Listening, identity: Identity) -> str:
 def _listener(listening: Listening) -> socket.socket:
     family = socket.AF_INET6 if ":" in listening.host else socket.AF_INET
     try:
-        return socket.create_server((listening.host, listening.port), family=family, backlog=256)
+        return socket.create_server((listening.host, listening.port), family=family, backlog=BACKLOG)
     except OSError as problem:
         address = f"{listening.host}:{listening.port}"
         raise BenchError(f"{address} cannot be used ({problem}); choose another --port") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import ssl
 import subprocess
 import sys
 import threading
@@ -65,8 +66,11 @@ class Served:
 
 
 @contextmanager
-def serving(folder: Path, *options: str) -> Iterator[Served]:
-    """`bench serve` in a folder until the block ends; the station's own records are in `folder/station`."""
+def serving(folder: Path, *options: str, verify: ssl.SSLContext | bool = True) -> Iterator[Served]:
+    """`bench serve` in a folder until the block ends; the station's own records are in `folder/station`.
+
+    `verify` are the certificates that its client trusts.
+    """
     words = ["serve", *options, "--folder", str(folder / "station"), "--port", "0", "--runs", str(folder / "runs")]
     process = subprocess.Popen(
         [sys.executable, "-m", "bench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder
@@ -76,10 +80,10 @@ def serving(folder: Path, *options: str) -> Iterator[Served]:
     try:
         first = process.stdout.readline()
         assert first, process.stderr.read()
-        second = process.stdout.readline() if "http://127" in first else ""
+        second = process.stdout.readline() if "//127.0.0.1" in first else ""
         url = json.loads((folder / "station/station.json").read_text())["url"]
-        token = (folder / "station/token").read_text()
-        with httpx.Client(base_url=url, headers={"authorization": f"Bearer {token}"}, timeout=30) as client:
+        headers = {"authorization": f"Bearer {(folder / 'station/token').read_text()}"}
+        with httpx.Client(base_url=url, headers=headers, timeout=30, verify=verify) as client:
             yield Served(process, url, second.rpartition(" ")[2].strip(), folder, client)
     finally:
         process.send_signal(signal.SIGTERM)

@@ -128,7 +128,7 @@ async def called(
 
     async def send(message: Any) -> None:
         sent.append(message)
-        if message.get("body") or message["type"] == "http.response.start" and _is_stream(message):
+        if message.get("body") or (message["type"] == "http.response.start" and _is_stream(message)):
             seen.set()
 
     await app(scope, receive, send)

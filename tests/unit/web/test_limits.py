@@ -25,8 +25,7 @@ def test_a_sender_has_50_requests_a_second_and_is_never_banned():
             with limits.request("anna"):
                 return True
         except BusyError as problem:
-            assert problem.is_of_sender
-            return False
+            return not problem.is_of_sender
 
     found = []
     for _ in range(60 * 200):  # a minute, four times too fast
@@ -142,17 +141,18 @@ def test_a_body_that_does_not_come_is_waited_for_a_while(tmp_path, monkeypatch):
 def test_guessing_is_slow_and_keeps_nobody_out():
     now_s = [0.0]
     patience = Patience(lambda: now_s[0])
-    tried = 0
+    tried, waits_s = 0, []
     for _ in range(1000):  # ten a second, at one name
         now_s[0] += 0.1
         try:
             patience.expect("anna", "10.0.0.66")
         except TooSoonError as problem:
-            assert 0 < problem.wait_s <= 30.0
+            waits_s.append(problem.wait_s)
         else:
             tried += 1
             patience.failed("anna", "10.0.0.66")
     assert 3 < tried <= 10
+    assert 0 < min(waits_s) <= max(waits_s) <= 30.0
     patience.expect("anna", "10.0.0.7")
     now_s[0] += 30.0
     patience.expect("anna", "10.0.0.66")

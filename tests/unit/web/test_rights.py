@@ -8,7 +8,7 @@ import sqlite3
 import pytest
 from fastapi import APIRouter, FastAPI
 
-from bench.web.access import OPEN, ROLES, Person, Reader, Scope, expect_scopes, routes_of
+from bench.web.access import OPEN, ROLES, Person, Scope, expect_scopes, routes_of
 from tests.support.web import PASSWORD, TERMINAL, with_station
 
 SCOPES = """
@@ -257,7 +257,7 @@ def test_a_stream_ends_when_its_reader_has_lost_the_right_to_it(tmp_path, monkey
         first = [{"type": "http.request", "body": b"", "more_body": False}]
 
         async def receive():
-            while not first and not (sent and sent[-1].get("more_body") is False):
+            while not first and not (sent and sent[-1].get("more_body") is False):  # noqa: ASYNC110  seen by what is sent
                 await asyncio.sleep(0.01)
             return first.pop() if first else {"type": "http.disconnect"}
 
