@@ -72,7 +72,7 @@ class Audit:
                 return number
             heads[number] = head
         with suppress(OSError):
-            for noted in ledger.noted(self._ledger):
+            for noted in ledger.entries_of(self._ledger):
                 if heads.get(noted.number) != noted.head:
                     return min(noted.number, number + 1)
         return None

@@ -96,7 +96,7 @@ class _Unit:
             left_out=tuple(self._left_out()),
             flags=(
                 *self._found.flags,
-                *map(Flag, self._found.notes),
+                *self._found.notes,
                 *self._near_zero_flags(),
                 *unplaced,
                 *(Flag("moved", of=quantity) for quantity in moved),
