@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import getpass
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -10,12 +9,9 @@ from fastapi import APIRouter, HTTPException, Query, Request, Response, status
 from pydantic import BaseModel, Field
 
 from bench.station.items import Short
-from bench.web.access import OPEN, Admin, Reader, Scope
-from bench.web.cookies import forget_session, keep_session, secret_of
-from bench.web.guards import address_of, is_this_computer
-from bench.web.identity import Login
-from bench.web.origins import LOOPBACK
-from bench.web.services import Services, Station
+from bench.web import entrance
+from bench.web.access import OPEN, Admin, Person, Reader, Scope
+from bench.web.services import Station
 
 After = Annotated[int, Query(ge=0, lt=2**53)]
 Limit = Annotated[int, Query(ge=1, le=1000)]
@@ -27,6 +23,11 @@ class Me(BaseModel):
 
     name: str
     scopes: list[str]
+
+    @classmethod
+    def of(cls, person: Person) -> Me:
+        """Return the view of a person."""
+        return cls(name=person.name, scopes=sorted(person.scopes))
 
 
 class Credentials(BaseModel):
@@ -79,24 +80,19 @@ class Verified(BaseModel):
 @router.get("/me")
 async def me(person: Reader) -> Me:
     """Return who sends this request."""
-    return Me(name=person.name, scopes=sorted(person.scopes))
+    return Me.of(person)
 
 
 @router.post("/login", dependencies=[OPEN])
 async def log_in(station: Station, credentials: Credentials, request: Request, response: Response) -> Me:
     """Begin a session with name and password; ends the one that the browser had."""
-    address = address_of(request.scope)
-    login = await station.identity.log_in(credentials.name, credentials.password, address)
-    return _begun(station, login, request, response)
+    return Me.of(await entrance.log_in(station, request, response, credentials.name, credentials.password))
 
 
 @router.post("/login/code", dependencies=[OPEN])
 async def log_in_by_code(station: Station, code: Code, request: Request, response: Response) -> Me:
     """Begin the first session with the code in the terminal of `bench serve`; from this computer only."""
-    if not is_this_computer(request.scope) or request.url.hostname not in LOOPBACK:
-        raise HTTPException(403, "the code is accepted on the computer of the station only")
-    login = station.identity.exchange(code.code, getpass.getuser(), address_of(request.scope))
-    return _begun(station, login, request, response)
+    return Me.of(entrance.log_in_by_code(station, request, response, code.code))
 
 
 @router.post("/logout", status_code=status.HTTP_204_NO_CONTENT)
@@ -104,11 +100,7 @@ async def log_out(
     station: Station, person: Reader, request: Request, response: Response, *, everywhere: bool = False
 ) -> None:
     """End the session, or all sessions of this person."""
-    with station.audit.noted(person, "log out", person.name, everywhere=everywhere or None):
-        station.identity.log_out(secret_of(request))
-        if everywhere:
-            station.identity.log_out_everywhere(person)
-    forget_session(request, response)
+    entrance.log_out(station, request, response, person, everywhere=everywhere)
 
 
 @router.get("/users")
@@ -167,13 +159,3 @@ async def audit(station: Station, _: Admin, after: After = 0, limit: Limit = 500
 async def verify(station: Station, _: Admin) -> Verified:
     """Check that no entry of the audit was changed, moved or removed."""
     return Verified(first_wrong=station.audit.first_wrong())
-
-
-def _begun(station: Services, login: Login, request: Request, response: Response) -> Me:
-    person = login.person._replace(address=address_of(request.scope))
-    before = secret_of(request)
-    with station.audit.noted(person, "log in", person.name):
-        if before:
-            station.identity.log_out(before)
-    keep_session(request, response, login.secret)
-    return Me(name=person.name, scopes=sorted(person.scopes))
