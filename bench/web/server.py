@@ -121,7 +121,7 @@ def _expect_safe(listening: Listening, identity: Identity) -> None:
     """Raise InputError for an address in a network without users and TLS, unless this is wanted explicitly."""
     if listening.is_loopback or listening.insecure:
         return
-    lacking = [] if identity.has_users() else ["users (bench users add NAME --role ROLE)"]
+    lacking = [] if identity.has_users() else ["users (PUT /api/v1/users/NAME with the token of the station)"]
     lacking += [] if listening.certificate else ["a certificate (--certificate FILE --key FILE)"]
     if lacking:
         raise InputError(
