@@ -46,7 +46,8 @@ _MODULES = {
     "qcodes": ("qcodes", "pyvisa_py"), "pyvisa": ("pyvisa", "pyvisa_py"), "cts_chamber": ("cts_chamber", "pyvisa_py"),
     "pyModbusTCP": ("pyModbusTCP",), "watlow_f4": ("watlow_f4", "minimalmodbus"),
     "dvg_devices": ("dvg_devices", "dvg_debug_functions", "pyvisa_py"), "daqmon": ("daqmon",),
-    "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",), "sphinx": ("sphinx", "furo", "myst_parser"),
+    "playwright": ("playwright",), "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",),
+    "sphinx": ("sphinx", "furo", "myst_parser"),
 }  # fmt: skip
 
 

@@ -43,7 +43,7 @@ class PeopleOffline:
         except ValueError as problem:
             raise InputError(f"{problem}; there are {', '.join(Scope)}") from None
         self._audit.note(self._person, "new token", label, scopes=sorted(wanted))
-        return self._identity.new_token(self._person.name, label, wanted, days)
+        return self._identity.new_token(self._person, label, wanted, days)
 
     def revoke(self, token: str) -> None:
         """Revoke a token by its id."""

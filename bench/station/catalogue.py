@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -11,6 +12,7 @@ from bench.errors import InputError
 from bench.store.runs import LOCK, MANIFEST, RunSummary, summary
 
 TICKET = "ticket"
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,254}")
 CLOCKS_DIFFER_BY = timedelta(hours=1)
 
 
@@ -35,8 +37,8 @@ class Catalogue:
     def run(self, name: str) -> RunSummary:
         """Return the run of a directory name. Raises InputError."""
         path = self.runs / name
-        if "/" in name or name in ("", ".", "..") or path.is_symlink() or not _is_run(path):
-            raise InputError(f"there is no run '{name}'")
+        if not _NAME.fullmatch(name) or path.is_symlink() or not _is_run(path):
+            raise InputError(f"there is no run '{name[:100]}'")
         return self._summary(path)
 
     def of_ticket(self, ticket: str, since: datetime) -> RunSummary | None:

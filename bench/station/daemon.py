@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from datetime import datetime
+from typing import Any
 
 from bench.app.inputs import digest_of
 from bench.clock import wall_utc
@@ -16,6 +18,7 @@ from bench.station.attempts import Launcher, as_subprocess
 from bench.station.catalogue import Catalogue
 from bench.station.database import Database
 from bench.station.items import Item, Submission
+from bench.station.leases import Leases
 from bench.station.live import Live, Timelines
 from bench.station.part import Part
 from bench.station.queue import Queue
@@ -34,6 +37,8 @@ class Daemon:
     def __init__(self, settings: Settings, database: Database, workers: Workers, launch: Launcher) -> None:
         self.settings, self.database, self.workers = settings, database, workers
         self.queue = Queue(database, self._changed)
+        self.leases = Leases()
+        self.commands = ThreadPoolExecutor(8, "commands")  # apart from those of readers, who may be many
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running)
@@ -64,11 +69,13 @@ class Daemon:
         return await self.workers.call(check, request)
 
     async def submit(
-        self, submission: Submission, by: str, *, key: str = "", held: bool = False, may_be_new: bool = True
-    ) -> Item:
+        self, submission: Submission, by: str, *, key: str = "", held: bool = False, may_be_new: bool = True,
+        submitted: Callable[[Item], object] = lambda _: None,
+    ) -> Item:  # fmt: skip
         """Check a submission and append it to the queue. Raises InputError with all problems.
 
-        At a station that runs only what is released, `may_be_new` admits other files.
+        At a station that runs only what is released, `may_be_new` admits other files. The item is not submitted if
+        `submitted` raises.
         """
         if not submission.operator:
             submission = submission.model_copy(update={"operator": by})
@@ -77,14 +84,19 @@ class Daemon:
             raise InputError(*found.problems)
         if self.settings.released_only and not may_be_new:
             self.releases.expect_released(submission.sequence, submission.bench, found.inputs)
-        return self.queue.submit(
-            submission, by, expected_s=found.expected_s, inputs=digest_of(found.inputs), key=key, held=held
-        )
+        with self.database.transaction():
+            item = self.queue.submit(
+                submission, by, expected_s=found.expected_s, inputs=digest_of(found.inputs), key=key, held=held
+            )
+            submitted(item)
+        return item
 
-    async def clone(self, id_: str, by: str, *, may_be_new: bool = True) -> Item:
+    async def clone(
+        self, id_: str, by: str, *, may_be_new: bool = True, submitted: Callable[[Item], object] = lambda _: None
+    ) -> Item:
         """Submit again what an item in any state was submitted for, without its earliest instant."""
         again = self.queue.item(id_).submission.model_copy(update={"not_before": None})
-        return await self.submit(again, by, may_be_new=may_be_new)
+        return await self.submit(again, by, may_be_new=may_be_new, submitted=submitted)
 
     def expected(self) -> dict[str, Expected]:
         """Return the estimated begin and end of all items that run or wait, by id."""
@@ -99,8 +111,11 @@ class Daemon:
     def bench_of(self, run: str) -> str | None:
         """Return the name of the bench of a run in progress, by its bench file; None for a file of somebody else."""
         live = self.live.runs.get(run)
-        request = live.run.manifest.get("request", {}) if live is not None else {}
-        file = str(request.get("bench", ""))
+        return self.bench_in(live.run.manifest) if live is not None else None
+
+    def bench_in(self, manifest: Mapping[str, Any]) -> str | None:
+        """Return the name of the bench of a run by its manifest; None for a bench file of somebody else."""
+        file = str(manifest.get("request", {}).get("bench", ""))
         return next((name for name, path in self.settings.benches.items() if str(path) == file), None)
 
     def _ends(self, item: Item) -> datetime | None:
@@ -118,8 +133,8 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
     Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
     """
     database, workers = Database(settings.folder), Workers()
+    daemon = Daemon(settings, database, workers, launch)
     try:
-        daemon = Daemon(settings, database, workers, launch)
         async with asyncio.TaskGroup() as parts:
             tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
             try:
@@ -127,6 +142,11 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
             finally:
                 for task in tasks:
                     task.cancel()
+    except BaseExceptionGroup as problems:
+        if len(problems.exceptions) == 1:
+            raise problems.exceptions[0] from None
+        raise
     finally:
+        daemon.commands.shutdown(wait=False)
         workers.close()
         database.close()

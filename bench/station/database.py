@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -30,6 +30,7 @@ class Database:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE_NAME
+        self._afterwards: list[Callable[[], object]] = []
         try:
             make_folder(folder)
             folder.chmod(0o700)
@@ -62,7 +63,13 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """Make all changes of the block durable at its end, or none of them. Raises StoreError."""
+        """Make all changes of the block durable at its end, or none of them. Raises StoreError.
+
+        A block inside another one is part of it; the outer one must then end as the inner one does.
+        """
+        if self._database.in_transaction:
+            yield self._database
+            return
         try:
             self._database.execute("BEGIN IMMEDIATE")
             try:
@@ -73,6 +80,17 @@ class Database:
             self._database.execute("COMMIT")
         except sqlite3.Error as problem:
             raise StoreError(f"{self.path}: cannot be written ({problem})") from problem
+        finally:
+            calls, self._afterwards = self._afterwards, []
+        for call in calls:
+            call()
+
+    def after_commit(self, call: Callable[[], object]) -> None:
+        """Call a function when the transaction in progress is durable, and not if it fails; else now."""
+        if self._database.in_transaction:
+            self._afterwards.append(call)
+        else:
+            call()
 
     def rows(self, query: str, *values: object) -> list[sqlite3.Row]:
         """Return the rows of a query. Raises StoreError."""

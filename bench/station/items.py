@@ -27,7 +27,10 @@ PRIORITIES = 9
 def _in_utc(instant: datetime) -> datetime:
     if instant.tzinfo is None:
         raise ValueError("give the offset from UTC, such as 2026-01-31T08:00:00Z")
-    return instant.astimezone(UTC)
+    try:
+        return instant.astimezone(UTC)
+    except OverflowError:
+        raise ValueError("is out of range") from None
 
 
 Moment = Annotated[datetime, AfterValidator(_in_utc)]

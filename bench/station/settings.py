@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import re
 from collections.abc import Mapping
+from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -45,6 +46,7 @@ class StationFile(StrictModel):
         False, description="operators start only sequences and bench files that an engineer has released"
     )
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
+    log_out_after_min: int = Field(0, ge=0, le=720, description="minutes without use until a session ends; 0 for 12 h")
 
 
 class Settings(NamedTuple):
@@ -62,6 +64,7 @@ class Settings(NamedTuple):
     laboratory: Path | None = None
     report_prefix: str = "R"
     released_only: bool = False
+    idle: timedelta | None = None
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -109,6 +112,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         laboratory=(beside / found.laboratory) if found.laboratory else None,
         report_prefix=found.report_prefix or _own_prefix(),
         released_only=found.released_only,
+        idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,
     )
 
 

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from bench.station.catalogue import ticket_of
 from bench.station.daemon import Daemon
 from bench.station.items import Item
+from bench.station.leases import Lease
 from bench.station.live import LiveRun
 from bench.store.latch import latch
 from bench.store.reader import Event
@@ -83,11 +84,25 @@ class ItemView(_Model):
     ends: datetime | None = None
 
 
+class LeaseView(_Model):
+    """Lease of a bench."""
+
+    holder: str = Field(description="who works at the bench")
+    note: str = Field(description="note of the holder")
+    left_s: float = Field(description="time in s until it ends, unless it is renewed")
+
+    @classmethod
+    def of(cls, lease: Lease) -> LeaseView:
+        """Return the view of a lease."""
+        return cls(holder=lease.holder, note=lease.note, left_s=lease.left_s)
+
+
 class BenchView(_Model):
     """Bench of the station."""
 
     name: str
     title: str
+    lease: LeaseView | None = Field(None, description="who works at the bench; null for nobody in particular")
     stopped: str = Field(description="why no item begins; empty if items begin")
     running: list[RunView]
     waiting: list[ItemView]
@@ -101,6 +116,7 @@ class StationView(_Model):
     benches: list[BenchView]
     problems: list[str] = Field(description="present errors of the station itself, such as a full disk")
     other_runs: list[RunView] = Field(description="runs in progress of bench files that the station does not have")
+    banner: str = Field("", description="permanent warning; empty for none")
 
 
 class RunInfo(_Model):
@@ -188,14 +204,15 @@ def item_views(daemon: Daemon, items: list[Item]) -> list[ItemView]:
     ]
 
 
-def station_view(daemon: Daemon, now: datetime) -> StationView:
-    """Return the view of a station."""
+def station_view(daemon: Daemon, now: datetime, banner: str = "") -> StationView:
+    """Return the view of a station, with a permanent warning or none."""
     runs = [run_view(each) for each in daemon.live.runs.values()]
     waiting = item_views(daemon, daemon.queue.waiting())
     benches = [
         BenchView(
             name=name,
             title=title,
+            lease=LeaseView.of(lease) if (lease := daemon.leases.of(name)) is not None else None,
             stopped=daemon.queue.stopped(name),
             running=[run for run in runs if daemon.bench_of(run.run) == name],
             waiting=[each for each in waiting if each.item.submission.bench == name],
@@ -204,7 +221,12 @@ def station_view(daemon: Daemon, now: datetime) -> StationView:
     ]
     others = [run for run in runs if daemon.bench_of(run.run) is None]
     return StationView(
-        title=daemon.settings.title, now=now, benches=benches, problems=daemon.problems(), other_runs=others
+        title=daemon.settings.title,
+        now=now,
+        benches=benches,
+        problems=daemon.problems(),
+        other_runs=others,
+        banner=banner,
     )
 
 

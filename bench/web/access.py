@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from enum import StrEnum
 from typing import Annotated, Any, NamedTuple
 
 from fastapi import Depends, FastAPI, HTTPException, Request
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
+from starlette.routing import BaseRoute
 
 
 class Scope(StrEnum):
@@ -34,12 +35,17 @@ EVERYTHING = frozenset(Scope)
 
 
 class Person(NamedTuple):
-    """Sender of a request: name, scopes, and how it was identified: by a session or a token, with its identifier."""
+    """Sender of a request: name, scopes, and how it was identified: by a session or a token, with its identifier.
+
+    `is_user` is False for who works at the computer of the station: by its first token or the code in its terminal.
+    """
 
     name: str
     scopes: frozenset[Scope]
     how: str
     id: str = ""
+    is_user: bool = True
+    address: str = ""
 
 
 class _Needs:
@@ -84,14 +90,26 @@ def scope_of(route: APIRoute) -> Scope | None:
     return next((call.scope for call in found if isinstance(call, _Needs)), Scope.OPEN)
 
 
+def routes_of(routes: Iterable[BaseRoute]) -> Iterator[BaseRoute]:
+    """Yield the routes of an application, those of its included routers in their place."""
+    for route in routes:
+        included = getattr(route, "original_router", None)
+        if included is None:
+            yield route
+        else:
+            yield from routes_of(included.routes)
+
+
 def expect_scopes(app: FastAPI) -> None:
-    """Raise RuntimeError if a route of the application declares no scope."""
-    routes = [route for route in app.routes if getattr(route, "path", "") != ""]
-    if lacking := [getattr(route, "path", "") for route in routes if _lacks_scope(route)]:
+    """Raise RuntimeError if a route of the application declares no scope, or if there is none."""
+    routes = list(routes_of(app.routes))
+    if lacking := [getattr(route, "path", repr(route)) for route in routes if _lacks_scope(route)]:
         raise RuntimeError(f"routes without a scope: {', '.join(lacking)}")
+    if not routes:
+        raise RuntimeError("there are no routes")
 
 
-def _lacks_scope(route: Any) -> bool:
+def _lacks_scope(route: BaseRoute) -> bool:
     return not isinstance(route, APIRoute) or scope_of(route) is None
 
 

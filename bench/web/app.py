@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from importlib.metadata import version
+from math import ceil
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -12,14 +13,17 @@ from fastapi.responses import JSONResponse
 from starlette.types import ASGIApp
 
 from bench.errors import BenchError, InputError, InUseError, StaleError
+from bench.station.leases import LeasedError
 from bench.web.access import expect_scopes
-from bench.web.api import people, queue, releases, runs, signoff, station
+from bench.web.api import description, leases, people, queue, releases, runs, signoff, station
 from bench.web.guards import Guards
-from bench.web.identity import TooSoonError
+from bench.web.origins import LOOPBACK
+from bench.web.patience import TooSoonError
 from bench.web.services import Services
 
-LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
-_STATUS: tuple[tuple[type[BenchError], int], ...] = ((StaleError, 409), (InUseError, 409), (InputError, 422))
+_STATUS: tuple[tuple[type[BenchError], int], ...] = (
+    (StaleError, 409), (LeasedError, 409), (InUseError, 409), (InputError, 422),
+)  # fmt: skip
 
 
 def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = False) -> ASGIApp:
@@ -32,7 +36,7 @@ def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = Fa
         openapi_url=None,
     )  # fmt: skip
     app.state.services = services
-    for each in (station, queue, runs, signoff, releases, people):
+    for each in (station, queue, runs, signoff, releases, leases, people, description):
         app.include_router(each.router)
     app.add_exception_handler(BenchError, _in_our_words)
     app.add_exception_handler(RequestValidationError, _not_valid)
@@ -42,7 +46,7 @@ def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = Fa
 
 async def _in_our_words(_: Request, problem: Exception) -> JSONResponse:
     code = next((code for kind, code in _STATUS if isinstance(problem, kind)), 503)
-    headers = {"retry-after": f"{problem.wait_s:.0f}"} if isinstance(problem, TooSoonError) else None
+    headers = {"retry-after": f"{ceil(problem.wait_s)}"} if isinstance(problem, TooSoonError) else None
     return JSONResponse({"detail": str(problem)}, 429 if headers else code, headers)
 
 

@@ -19,14 +19,17 @@ from bench.files import write_atomically
 from bench.runner.notify import notify
 from bench.station.daemon import at_work
 from bench.station.settings import Settings
-from bench.web.access import EVERYTHING
+from bench.web.access import EVERYTHING, Person
 from bench.web.app import make_app
 from bench.web.audit import Audit
+from bench.web.connections import Connection, Handshake, connection_of
+from bench.web.guards import HEADER_LIMIT_BYTES
 from bench.web.identity import Identity
 from bench.web.services import Services
 
-CONNECTIONS = 200
 DAYS = 3650
+ACCEPTED_AT_ONCE = 50  # so that a flood of them holds nothing else up
+BACKLOG = 1024  # beyond it, a connection is tried again after a second
 
 
 class Listening(NamedTuple):
@@ -51,16 +54,16 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
     Raises InputError for an address that is not allowed, InUseError if another station has the folder, StoreError.
     """
     async with at_work(settings) as daemon:
-        identity = Identity(daemon.database)
+        identity = Identity(daemon.database, settings.idle)
         _expect_safe(listening, identity)
-        banner = "" if listening.is_loopback or listening.certificate else "Anybody in this network can read along."
-        services = Services(daemon, identity, Audit(daemon.database), banner)
-        app = make_app(services, listening.hosts, secure=listening.certificate is not None)
+        _expect_private(settings.folder / TOKEN, listening.key)
+        services = Services(daemon, identity, Audit(daemon.database), _banner(listening, identity))
+        app = make_app(services, (*listening.hosts, *_own_host(listening)), secure=listening.certificate is not None)
         config = uvicorn.Config(
-            app, log_config=None, access_log=False, server_header=False, date_header=False,
-            limit_concurrency=CONNECTIONS, timeout_keep_alive=10, timeout_graceful_shutdown=3, proxy_headers=False,
-            ssl_certfile=listening.certificate, ssl_keyfile=listening.key, h11_max_incomplete_event_size=8192,
-            ws="none",
+            app, log_config=None, access_log=False, server_header=False, date_header=False, http=Connection,
+            timeout_keep_alive=10, timeout_graceful_shutdown=3, proxy_headers=False, ws="none",
+            ssl_certfile=listening.certificate, ssl_keyfile=listening.key,
+            h11_max_incomplete_event_size=HEADER_LIMIT_BYTES,
         )  # fmt: skip
         with _listener(listening) as listener:
             url = _url(listening, listener)
@@ -78,6 +81,18 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
 
 class _Server(uvicorn.Server):
     """Server that leaves signals alone: that of uvicorn raises them again, which would end the daemon in the middle."""
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Listen; a handshake of TLS counts as a connection."""
+        await self.lifespan.startup()
+        loop = asyncio.get_running_loop()
+        make = Handshake if self.config.ssl is not None else connection_of
+        self.servers = [
+            await loop.create_server(lambda: make(self), sock=each, backlog=ACCEPTED_AT_ONCE) for each in sockets or []
+        ]
+        for each in sockets or []:
+            each.listen(BACKLOG)
+        self.started = True
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -105,7 +120,7 @@ def _expect_safe(listening: Listening, identity: Identity) -> None:
     """Raise InputError for an address in a network without users and TLS, unless this is wanted explicitly."""
     if listening.is_loopback or listening.insecure:
         return
-    lacking = [] if identity.has_users() else ["users (bench users add NAME --role ROLE)"]
+    lacking = [] if identity.has_users() else ["users (PUT /api/v1/users/NAME with the token of the station)"]
     lacking += [] if listening.certificate else ["a certificate (--certificate FILE --key FILE)"]
     if lacking:
         raise InputError(
@@ -114,10 +129,31 @@ def _expect_safe(listening: Listening, identity: Identity) -> None:
         )
 
 
+def _own_host(listening: Listening) -> tuple[str, ...]:
+    """Return the address as a host name, unless it means all addresses of this computer."""
+    return () if listening.host in ("0.0.0.0", "::", "") else (listening.host.lower(),)  # noqa: S104  not bound to
+
+
+def _expect_private(token: Path, key: Path | None) -> None:
+    """Raise InputError if others can read a file with a secret; a group may read the key, as on Debian."""
+    for path, others in ((token, 0o077), (key, 0o027)):
+        if path is not None and path.exists() and path.stat().st_mode & others:
+            raise InputError(f"{path}: others can read this secret; make a new one if they may have: chmod 600 {path}")
+
+
+def _banner(listening: Listening, identity: Identity) -> str:
+    """Return the permanent warning of a station that serves a network without users or TLS; "" for none."""
+    if listening.is_loopback:
+        return ""
+    warnings = [] if listening.certificate else ["Anybody in this network can read along and change what is sent."]
+    warnings += [] if identity.has_users() else ["This station has no users."]
+    return " ".join(warnings)
+
+
 def _listener(listening: Listening) -> socket.socket:
     family = socket.AF_INET6 if ":" in listening.host else socket.AF_INET
     try:
-        return socket.create_server((listening.host, listening.port), family=family, backlog=256)
+        return socket.create_server((listening.host, listening.port), family=family, backlog=BACKLOG)
     except OSError as problem:
         address = f"{listening.host}:{listening.port}"
         raise BenchError(f"{address} cannot be used ({problem}); choose another --port") from None
@@ -132,10 +168,11 @@ def _url(listening: Listening, listener: socket.socket) -> str:
 def _announce(settings: Settings, url: str, identity: Identity, certificate: Path | None) -> None:
     """Write the address, and at the first start a token, for the commands of this user. Raises StoreError."""
     token = settings.folder / TOKEN
-    if not token.exists() or identity.of_token(token.read_text("ascii").strip()) is None:
+    if not token.exists() or identity.of_token(token.read_text("latin-1").strip()) is None:
+        person = Person(_user(), EVERYTHING, "token", is_user=False)
         descriptor = os.open(token, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
         with os.fdopen(descriptor, "w") as file:
-            file.write(identity.new_token(_user(), "commands of this user", EVERYTHING, DAYS))
+            file.write(identity.new_token(person, "commands of this user", EVERYTHING, DAYS))
     write_atomically(settings.folder / WHERE, announcement(url, settings.runs, certificate))
 
 

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from fastapi import Depends, Request
+from fastapi import Depends, Query, Request
 
 from bench.station.daemon import Daemon
 from bench.web.audit import Audit
 from bench.web.identity import Identity
+
+Reason = Annotated[str, Query(description="why, for the audit")]
+
+
+def plain(text: str) -> str:
+    """Return a reason as a short line; none is refused, since it must not stand in the way of what it explains."""
+    return "".join(letter if letter.isprintable() else " " for letter in text[:200]).strip()
 
 
 class Services(NamedTuple):

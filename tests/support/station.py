@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import ssl
 import subprocess
 import sys
 import threading
@@ -65,10 +66,12 @@ class Served:
 
 
 @contextmanager
-def serving(folder: Path, *options: str, has_users: bool = False) -> Iterator[Served]:
+def serving(
+    folder: Path, *options: str, has_users: bool = False, verify: ssl.SSLContext | bool = True
+) -> Iterator[Served]:
     """`bench serve` in a folder until the block ends; the station's own records are in `folder/station`.
 
-    With users it prints no code for a first login.
+    With users it prints no code for a first login. `verify` are the certificates that its client trusts.
     """
     words = ["serve", *options, "--folder", str(folder / "station"), "--port", "0", "--runs", str(folder / "runs")]
     process = subprocess.Popen(
@@ -79,10 +82,10 @@ def serving(folder: Path, *options: str, has_users: bool = False) -> Iterator[Se
     try:
         first = process.stdout.readline()
         assert first, process.stderr.read()
-        second = process.stdout.readline() if "http://127" in first and not has_users else ""
+        second = process.stdout.readline() if "//127.0.0.1" in first and not has_users else ""
         url = json.loads((folder / "station/station.json").read_text())["url"]
-        token = (folder / "station/token").read_text()
-        with httpx.Client(base_url=url, headers={"authorization": f"Bearer {token}"}, timeout=30) as client:
+        headers = {"authorization": f"Bearer {(folder / 'station/token').read_text()}"}
+        with httpx.Client(base_url=url, headers=headers, timeout=30, verify=verify) as client:
             yield Served(process, url, second.rpartition(" ")[2].strip(), folder, client)
     finally:
         process.send_signal(signal.SIGTERM)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import getpass
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -10,12 +9,11 @@ from fastapi import APIRouter, HTTPException, Query, Request, Response, status
 from pydantic import BaseModel, Field
 
 from bench.station.items import Short
-from bench.web.access import OPEN, Admin, Reader, Scope
-from bench.web.guards import COOKIE, is_this_computer
-from bench.web.identity import Login
+from bench.web import entrance
+from bench.web.access import OPEN, Admin, Person, Reader, Scope
 from bench.web.services import Station
 
-After = Annotated[int, Query(ge=0)]
+After = Annotated[int, Query(ge=0, lt=2**53)]
 Limit = Annotated[int, Query(ge=1, le=1000)]
 router = APIRouter(prefix="/api/v1", tags=["people"])
 
@@ -25,6 +23,11 @@ class Me(BaseModel):
 
     name: str
     scopes: list[str]
+
+    @classmethod
+    def of(cls, person: Person) -> Me:
+        """Return the view of a person."""
+        return cls(name=person.name, scopes=sorted(person.scopes))
 
 
 class Credentials(BaseModel):
@@ -43,7 +46,7 @@ class Code(BaseModel):
 class NewUser(BaseModel):
     """User with a role: viewer, operator, engineer or admin."""
 
-    role: str
+    role: str = Field(max_length=64)
     password: str = Field(max_length=1000)
 
 
@@ -58,7 +61,7 @@ class NewToken(BaseModel):
     """Token for a program; it may do no more than its owner."""
 
     label: Short
-    scopes: list[Scope]
+    scopes: set[Scope]
     days: int = Field(90, ge=1, le=3650)
 
 
@@ -68,31 +71,36 @@ class Secret(BaseModel):
     token: str
 
 
+class Verified(BaseModel):
+    """Result of a check of the audit."""
+
+    first_wrong: int | None = Field(description="number of the first wrong or missing entry; null for none")
+
+
 @router.get("/me")
 async def me(person: Reader) -> Me:
     """Return who sends this request."""
-    return Me(name=person.name, scopes=sorted(person.scopes))
+    return Me.of(person)
 
 
 @router.post("/login", dependencies=[OPEN])
 async def log_in(station: Station, credentials: Credentials, request: Request, response: Response) -> Me:
-    """Begin a session with name and password."""
-    return _begun(station.identity.log_in(credentials.name, credentials.password), request, response)
+    """Begin a session with name and password; ends the one that the browser had."""
+    return Me.of(await entrance.log_in(station, request, response, credentials.name, credentials.password))
 
 
 @router.post("/login/code", dependencies=[OPEN])
 async def log_in_by_code(station: Station, code: Code, request: Request, response: Response) -> Me:
     """Begin the first session with the code in the terminal of `bench serve`; from this computer only."""
-    if not is_this_computer(request.scope):
-        raise HTTPException(403, "the code is accepted on the computer of the station only")
-    return _begun(station.identity.exchange(code.code, getpass.getuser()), request, response)
+    return Me.of(entrance.log_in_by_code(station, request, response, code.code))
 
 
 @router.post("/logout", status_code=status.HTTP_204_NO_CONTENT)
-async def log_out(station: Station, _: Reader, request: Request, response: Response) -> None:
-    """End the session."""
-    station.identity.log_out(request.cookies.get(COOKIE, ""))
-    response.delete_cookie(COOKIE)
+async def log_out(
+    station: Station, person: Reader, request: Request, response: Response, *, everywhere: bool = False
+) -> None:
+    """End the session, or all sessions of this person."""
+    entrance.log_out(station, request, response, person, everywhere=everywhere)
 
 
 @router.get("/users")
@@ -103,16 +111,17 @@ async def users(station: Station, _: Admin) -> list[User]:
 
 @router.put("/users/{name}", status_code=status.HTTP_204_NO_CONTENT)
 async def set_user(station: Station, person: Admin, name: str, user: NewUser) -> None:
-    """Create a user, or change role and password; ends all sessions of this user."""
-    station.identity.set_user(name, user.role, user.password)
-    station.audit.note(person, "set user", name, role=user.role)
+    """Create a user, or change role and password; ends the sessions, and tokens that may do more than the role."""
+    before = station.identity.role(name)
+    with station.audit.noted(person, "set user", name, before=before, after=user.role):
+        station.identity.set_user(name, user.role, user.password)
 
 
 @router.delete("/users/{name}", status_code=status.HTTP_204_NO_CONTENT)
 async def remove_user(station: Station, person: Admin, name: str) -> None:
     """Remove a user with all sessions and tokens."""
-    station.audit.note(person, "remove user", name)
-    station.identity.remove_user(name)
+    with station.audit.noted(person, "remove user", name, before=station.identity.role(name)):
+        station.identity.remove_user(name)
 
 
 @router.get("/tokens")
@@ -124,17 +133,20 @@ async def tokens(station: Station, _: Admin) -> list[Mapping[str, Any]]:
 @router.post("/tokens", status_code=status.HTTP_201_CREATED)
 async def new_token(station: Station, person: Reader, wanted: NewToken) -> Secret:
     """Make a token for a program."""
-    if not set(wanted.scopes) <= person.scopes:
+    if not wanted.scopes <= person.scopes:
         raise HTTPException(403, "a token may do no more than its owner")
-    station.audit.note(person, "new token", wanted.label, scopes=sorted(wanted.scopes))
-    return Secret(token=station.identity.new_token(person.name, wanted.label, wanted.scopes, wanted.days))
+    if person.how == "token" and person.is_user:
+        raise HTTPException(403, "log in to make a token; one that has leaked must not make others")
+    with station.audit.noted(person, "new token", wanted.label, after=sorted(wanted.scopes)):
+        secret = station.identity.new_token(person, wanted.label, wanted.scopes, wanted.days)
+    return Secret(token=secret)
 
 
 @router.delete("/tokens/{id_}", status_code=status.HTTP_204_NO_CONTENT)
 async def revoke(station: Station, person: Admin, id_: str) -> None:
     """Revoke a token."""
-    station.audit.note(person, "revoke token", id_)
-    station.identity.revoke(id_)
+    with station.audit.noted(person, "revoke token", id_):
+        station.identity.revoke(id_)
 
 
 @router.get("/audit")
@@ -143,7 +155,7 @@ async def audit(station: Station, _: Admin, after: After = 0, limit: Limit = 500
     return list(station.audit.entries(after, limit))
 
 
-def _begun(login: Login, request: Request, response: Response) -> Me:
-    secure = request.url.scheme == "https"
-    response.set_cookie(COOKIE, login.secret, httponly=True, samesite="strict", secure=secure, path="/")
-    return Me(name=login.person.name, scopes=sorted(login.person.scopes))
+@router.get("/audit/verify")
+async def verify(station: Station, _: Admin) -> Verified:
+    """Check that no entry of the audit was changed, moved or removed."""
+    return Verified(first_wrong=station.audit.first_wrong())

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from contextlib import AbstractContextManager
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, status
 from pydantic import BaseModel, Field
 
-from bench.station.items import Item, Submission
+from bench.station.items import Item, Line, Submission
 from bench.station.view import ItemView, item_views
 from bench.station.worker import Checked
-from bench.web.access import Engineer, Operator, Reader, Scope
-from bench.web.services import Station
+from bench.web.access import Engineer, Operator, Person, Reader, Scope
+from bench.web.services import Reason, Services, Station, plain
 
 router = APIRouter(prefix="/api/v1", tags=["queue"])
 Key = Annotated[str, Header(alias="Idempotency-Key", max_length=100)]
@@ -21,6 +22,7 @@ class Change(BaseModel):
     """Change of an item; `version` is that of the item that the sender has seen, null for any."""
 
     version: int | None = Field(None, ge=0)
+    reason: Line = Field("", description="why, for the audit")
 
 
 class Move(Change):
@@ -66,52 +68,74 @@ async def submit(
     station: Station, person: Operator, submission: Submission, key: Key = "", *, held: bool = False
 ) -> Item:
     """Check a submission and append it to the queue; a repeated request with the same key returns the same item."""
+
+    def note(item: Item) -> None:
+        station.audit.note(person, "submit", item.id, sequence=submission.sequence, bench=submission.bench)
+
     may_be_new = Scope.ENGINEER in person.scopes
-    submitted = await station.daemon.submit(submission, person.name, key=key, held=held, may_be_new=may_be_new)
-    station.audit.note(person, "submit", submitted.id, sequence=submission.sequence, bench=submission.bench)
-    return submitted
+    return await station.daemon.submit(
+        submission, person.name, key=key, held=held, may_be_new=may_be_new, submitted=note
+    )
 
 
 @router.post("/queue/{id_}/hold")
 async def hold(station: Station, person: Operator, id_: str, change: Change) -> Item:
     """Hold a waiting item."""
-    station.audit.note(person, "hold", id_)
-    return station.daemon.queue.hold(id_, person.name, change.version)
+    with _noted(station, person, "hold", id_, change) as facts:
+        changed = station.daemon.queue.hold(id_, person.name, change.version)
+        facts["after"] = changed.state
+    return changed
 
 
 @router.post("/queue/{id_}/release")
 async def release(station: Station, person: Operator, id_: str, change: Change) -> Item:
     """Release a held item."""
-    station.audit.note(person, "release", id_)
-    return station.daemon.queue.release(id_, change.version)
+    with _noted(station, person, "release", id_, change) as facts:
+        changed = station.daemon.queue.release(id_, change.version)
+        facts["after"] = changed.state
+    return changed
 
 
 @router.post("/queue/{id_}/cancel")
 async def cancel(station: Station, person: Operator, id_: str, change: Change) -> Item:
     """Cancel a waiting item."""
-    station.audit.note(person, "cancel", id_)
-    return station.daemon.queue.cancel(id_, person.name, change.version)
+    with _noted(station, person, "cancel", id_, change) as facts:
+        changed = station.daemon.queue.cancel(id_, person.name, change.version)
+        facts["after"] = changed.state
+    return changed
 
 
 @router.post("/queue/{id_}/move")
 async def move(station: Station, person: Operator, id_: str, change: Move) -> Item:
     """Move a waiting item before another one, or to the end."""
-    station.audit.note(person, "move", id_, before=change.before)
-    return station.daemon.queue.move(id_, change.before, change.version)
+    with _noted(station, person, "move", id_, change, to_before=change.before or "the end"):
+        return station.daemon.queue.move(id_, change.before, change.version)
 
 
 @router.post("/queue/{id_}/clone", status_code=status.HTTP_201_CREATED)
 async def clone(station: Station, person: Operator, id_: str) -> Item:
     """Append an item with the submission of another one."""
-    cloned = await station.daemon.clone(id_, person.name, may_be_new=Scope.ENGINEER in person.scopes)
-    station.audit.note(person, "clone", id_, item=cloned.id)
-    return cloned
+
+    def note(cloned: Item) -> None:
+        station.audit.note(person, "clone", id_, after=cloned.id)
+
+    may_be_new = Scope.ENGINEER in person.scopes
+    return await station.daemon.clone(id_, person.name, may_be_new=may_be_new, submitted=note)
 
 
 @router.post("/benches/{bench}/go-on", status_code=status.HTTP_204_NO_CONTENT)
-async def go_on(station: Station, person: Engineer, bench: str) -> None:
+async def go_on(station: Station, person: Engineer, bench: str, reason: Reason = "") -> None:
     """Begin items at a bench again, after somebody has looked at it."""
     station.daemon.settings.bench_file(bench)
-    station.audit.note(person, "go on", bench, stopped=station.daemon.queue.stopped(bench))
-    station.daemon.queue.go_on(bench)
+    station.daemon.leases.expect(bench, person.name)
+    before = station.daemon.queue.stopped(bench)
+    with station.audit.noted(person, "go on", bench, before=before, reason=plain(reason)):
+        station.daemon.queue.go_on(bench)
     station.daemon.scheduler.wake()
+
+
+def _noted(
+    station: Services, person: Person, action: str, id_: str, change: Change, **facts: str
+) -> AbstractContextManager[dict[str, Any]]:
+    before = station.daemon.queue.item(id_).state
+    return station.audit.noted(person, action, id_, before=before, reason=change.reason, **facts)

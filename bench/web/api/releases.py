@@ -38,11 +38,10 @@ async def release(station: Station, person: Engineer, wanted: NewRelease) -> lis
     """Release the files that a submission uses."""
     submission, inputs = wanted.submission, await _inputs(station, wanted.submission)
     names = submission.sequence, submission.bench
-    station.audit.note(
-        person, "release files", " ".join(names), comment=wanted.comment,
-        difference=station.daemon.releases.difference(*names, inputs)[:200],
-    )  # fmt: skip
-    return station.daemon.releases.release(*names, inputs, person.name, wanted.comment)
+    releases = station.daemon.releases
+    with station.audit.noted(person, "release files", " ".join(names), reason=wanted.comment) as facts:
+        facts["difference"] = releases.difference(*names, inputs)[:200]
+        return releases.release(*names, inputs, person.name, wanted.comment)
 
 
 @router.post("/difference")

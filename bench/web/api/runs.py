@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
-from typing import Annotated, Literal
+import re
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
 
 from fastapi import APIRouter, Header, Query
 from fastapi.responses import StreamingResponse
@@ -16,12 +18,15 @@ from bench.station.items import Line, Short
 from bench.station.view import EventView, RunInfo, RunView, event_view, run_info, run_view
 from bench.store.tail import Tail
 from bench.web.access import Operator, Person, Reader, Stopper
-from bench.web.services import Services, Station
+from bench.web.services import Reason, Services, Station, plain
 
+T = TypeVar("T")
 router = APIRouter(prefix="/api/v1/runs", tags=["runs"])
 LOOK_EVERY_S = 0.25
 ALIVE_EVERY_S = 15.0
 AT_ONCE = 500
+_NUMBER = re.compile(r"[0-9]{1,15}")
+After = Annotated[int, Query(ge=0, lt=10**15)]
 Limit = Annotated[int, Query(ge=1, le=1000)]
 
 
@@ -79,11 +84,11 @@ async def live(station: Station, _: Reader, run: str) -> RunView:
 
 @router.get("/{run}/events")
 async def events(
-    station: Station, _: Reader, run: str, after: int = 0, last_event_id: Annotated[str, Header()] = ""
+    station: Station, _: Reader, run: str, after: After = 0, last_event_id: Annotated[str, Header()] = ""
 ) -> StreamingResponse:
     """Stream the journal of a run as server-sent events, from after an entry; the number of an entry is its id."""
     station.daemon.catalogue.run(run)
-    first = int(last_event_id) if last_event_id.isascii() and last_event_id.isdigit() else after
+    first = int(last_event_id) if _NUMBER.fullmatch(last_event_id) else after
     return StreamingResponse(_stream(station, run, first), media_type="text/event-stream")
 
 
@@ -123,54 +128,81 @@ def _events_of(station: Services, run: str, after: int) -> list[EventView]:
     return [event_view(begins, each) for each in found]
 
 
-async def _command(station: Services, person: Person, run: str, command: str, **arguments: str) -> Done:
-    path = station.daemon.catalogue.run(run).path
-    if command not in ("stop", "stop_after_step", "abort"):
-        station.audit.note(person, command, run, **arguments)
-        return Done(answer=await asyncio.to_thread(send_command, path, command, by=person.name, **arguments))
-    # Making safe never waits for the disk of the station.
-    answer = await asyncio.to_thread(send_command, path, command, by=person.name)
-    station.audit.note(person, command, run)
-    return Done(answer=answer)
+async def _command(
+    station: Services, person: Person, run: str, command: str, reason: str, **arguments: str
+) -> Done:  # fmt: skip
+    """Send a command to a run, once it is in the audit; nobody else may work at the bench."""
+    found = await _apart(station, lambda: station.daemon.catalogue.run(run))
+    if command != "pause":
+        station.daemon.leases.expect(station.daemon.bench_in(found.manifest), person.name)
+    station.audit.note(person, command, run, reason=plain(reason), **arguments)
+    try:
+        return Done(answer=await _sent(station, found.path, command, by=person.name, **arguments))
+    except InputError as problem:
+        station.audit.note_afterwards(person, f"{command} refused", run, after=str(problem))
+        raise
+
+
+async def _make_safe(station: Services, person: Person, run: str, command: str, reason: str) -> Done:
+    """Send a command that makes safe. It waits neither for the disk of the station nor for a lease."""
+    path = (await _apart(station, lambda: station.daemon.catalogue.run(run))).path
+    try:
+        answer = await _sent(station, path, command, by=person.name)
+    except InputError as problem:
+        station.audit.note_afterwards(person, f"{command} refused", run, reason=plain(reason), after=str(problem))
+        raise
+    problem_ = station.audit.note_afterwards(person, command, run, reason=plain(reason), after=answer)
+    return Done(answer=f"{answer}; this is not in the audit yet: {problem_}" if problem_ else answer)
+
+
+async def _sent(station: Services, path: Path, command: str, **arguments: str) -> str:
+    return await _apart(station, lambda: send_command(path, command, **arguments))
+
+
+async def _apart(station: Services, call: Callable[[], T]) -> T:
+    """Return what a function returns, called in a thread that no reader uses."""
+    return await asyncio.get_running_loop().run_in_executor(station.daemon.commands, call)
 
 
 @router.post("/{run}/pause")
-async def pause(station: Station, person: Stopper, run: str) -> Done:
+async def pause(station: Station, person: Stopper, run: str, reason: Reason = "") -> Done:
     """Pause before the next step."""
-    return await _command(station, person, run, "pause")
+    return await _command(station, person, run, "pause", reason)
 
 
 @router.post("/{run}/stop")
-async def stop(station: Station, person: Stopper, run: str, when: Literal["now", "after_step"] = "now") -> Done:
+async def stop(
+    station: Station, person: Stopper, run: str, when: Literal["now", "after_step"] = "now", reason: Reason = ""
+) -> Done:
     """Interrupt the current step, or complete it; then the teardown runs."""
-    return await _command(station, person, run, "stop" if when == "now" else "stop_after_step")
+    return await _make_safe(station, person, run, "stop" if when == "now" else "stop_after_step", reason)
 
 
 @router.post("/{run}/abort")
-async def abort(station: Station, person: Stopper, run: str) -> Done:
+async def abort(station: Station, person: Stopper, run: str, reason: Reason = "") -> Done:
     """End at once: no teardown, all devices are made safe."""
-    return await _command(station, person, run, "abort")
+    return await _make_safe(station, person, run, "abort", reason)
 
 
 @router.post("/{run}/resume")
-async def resume(station: Station, person: Operator, run: str) -> Done:
+async def resume(station: Station, person: Operator, run: str, reason: Reason = "") -> Done:
     """Continue a paused run."""
-    return await _command(station, person, run, "resume")
+    return await _command(station, person, run, "resume", reason)
 
 
 @router.post("/{run}/skip")
-async def skip(station: Station, person: Operator, run: str) -> Done:
+async def skip(station: Station, person: Operator, run: str, reason: Reason = "") -> Done:
     """Interrupt the current step and continue with the next one."""
-    return await _command(station, person, run, "skip")
+    return await _command(station, person, run, "skip", reason)
 
 
 @router.post("/{run}/repeat")
-async def repeat(station: Station, person: Operator, run: str) -> Done:
+async def repeat(station: Station, person: Operator, run: str, reason: Reason = "") -> Done:
     """Restart the current step or, while paused, repeat the previous one."""
-    return await _command(station, person, run, "repeat")
+    return await _command(station, person, run, "repeat", reason)
 
 
 @router.post("/{run}/answer")
 async def answer(station: Station, person: Operator, run: str, given: Answer) -> Done:
     """Answer a question."""
-    return await _command(station, person, run, "answer", answer=given.answer, step=given.step or "")
+    return await _command(station, person, run, "answer", "", answer=given.answer, step=given.step or "")

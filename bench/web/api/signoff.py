@@ -55,14 +55,16 @@ async def decide(station: Station, person: Approver, run: str, decision: NewDeci
 
     An approval writes the numbered report, and binds it with the calibration files and the head of the chain.
     """
-    await asyncio.to_thread(station.identity.check_password, person.name, decision.password)
+    await station.identity.check_password(person.name, decision.password, person.address)
     found = await asyncio.to_thread(station.daemon.catalogue.run, run)
-    sign_off = station.daemon.sign_off
-    sign_off.expect_allowed(found, person.name, _others(station, found), decision.replaces)
-    station.audit.note(person, decision.decision, run, comment=decision.comment, replaces=decision.replaces)
+    sign_off, comment, replaces = station.daemon.sign_off, decision.comment, decision.replaces
+    sign_off.expect_allowed(found, person.name, _others(station, found), replaces)
     if decision.decision == "rejected":
-        return sign_off.reject(found, person.name, decision.comment)
-    number, signed = sign_off.begin(found, person.name, decision.comment, decision.replaces)
+        with station.audit.noted(person, "reject", run, reason=comment):
+            return sign_off.reject(found, person.name, comment)
+    with station.audit.noted(person, "approve", run, reason=comment, replaces=replaces) as facts:
+        number, signed = sign_off.begin(found, person.name, comment, replaces)
+        facts["report"] = signed.report
     binds = await station.daemon.workers.call(
         write_approved, found.path, signed, sign_off.laboratory, decision.fields, station.report_form
     )

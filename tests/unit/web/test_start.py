@@ -1,0 +1,53 @@
+"""What a server refuses to start with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bench.errors import InputError
+from bench.web.server import Listening, _banner, _expect_private, _expect_safe
+from tests.support.web import with_station
+
+FILE = Path("certificate.pem")
+
+
+def test_a_network_is_served_with_users_and_tls_or_with_a_banner(tmp_path):
+    async def act(here):
+        for users in (False, True):
+            if users:
+                here.add_users()
+            for host in ("0.0.0.0", "::", "192.168.1.5", "127.0.0.2", "bench.lab"):
+                for file in (None, FILE):
+                    listening = Listening(host, certificate=file, key=file)
+                    if users and file:
+                        _expect_safe(listening, here.identity)
+                        assert _banner(listening, here.identity) == ""
+                        continue
+                    with pytest.raises(InputError, match="needs "):
+                        _expect_safe(listening, here.identity)
+                    insecure = listening._replace(insecure=True)
+                    _expect_safe(insecure, here.identity)
+                    assert _banner(insecure, here.identity)
+            for host in ("127.0.0.1", "::1", "localhost"):
+                _expect_safe(Listening(host), here.identity)
+                assert _banner(Listening(host), here.identity) == ""
+
+    with_station(tmp_path, act)
+
+
+@pytest.mark.parametrize(
+    ("mode", "for_token", "for_key"),
+    [(0o600, True, True), (0o640, False, True), (0o604, False, False), (0o620, False, False)],
+)
+def test_files_with_secrets_are_for_their_owner(tmp_path, mode, for_token, for_key):
+    file = tmp_path / "secret"
+    file.touch()
+    file.chmod(mode)
+    for token, key, fine in ((file, None, for_token), (tmp_path / "none", file, for_key)):
+        if fine:
+            _expect_private(token, key)
+        else:
+            with pytest.raises(InputError, match="chmod 600"):
+                _expect_private(token, key)
