@@ -114,7 +114,7 @@ def test_a_token_that_is_missing_wrong_expired_or_too_low_admits_to_nothing(tmp_
     async def act(here):
         nonlocal refused
         expired = here.identity.new_token(TERMINAL, "expired", Scope, -1)
-        low = here.identity.new_token(TERMINAL, "low", {Scope.APPROVE}, 1)
+        low = here.identity.new_token(TERMINAL, "low", (), 1)
         states = {"none": ("", 401), "wrong": ("bench_x", 401), "expired": (expired, 401), "low": (low, 403)}
         for method, path, scope in TABLE:
             for state, (token, expected) in states.items():
