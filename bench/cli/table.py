@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from bench.cli import authoring, control, devices, offline, rehearsing, running, station, stored
+from bench.cli import authoring, control, devices, offline, rehearsing, running, service, station, stored
 from bench.cli.commands import Command, argument, option
 
 
@@ -28,5 +28,6 @@ REFERENCE = Command("reference", reference, (
 ALL = (
     *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
     *authoring.COMMANDS, REFERENCE, *control.COMMANDS, *station.COMMANDS,
+    *service.COMMANDS,
 )  # fmt: skip
 COMMANDS: Mapping[str, Command] = {command.words: command for command in ALL}

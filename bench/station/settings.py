@@ -19,6 +19,7 @@ from drivers.schema.suggest import did_you_mean
 
 NAME = r"[a-z][a-z0-9_]{0,31}"
 Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
+Launch = Literal["process", "service"]
 FOLDER = "station"
 DEMO = "demo"
 
@@ -38,6 +39,7 @@ class StationFile(StrictModel):
     benches: Annotated[Mapping[Name, BenchEntry], NOT_EMPTY] = Field(description="benches by name")
     runs: str = Field("runs", description="folder of run directories, relative to this file")
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
+    launch: Launch = Field("process", description="how a run starts: as a process, or as a service of systemd")
 
 
 class Settings(NamedTuple):
@@ -52,6 +54,7 @@ class Settings(NamedTuple):
     benches: Mapping[str, Path]
     titles: Mapping[str, str]
     sequences: Path | None = None
+    launch: Launch = "process"
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -76,7 +79,7 @@ class Settings(NamedTuple):
 def read_station(file: Path | None, folder: Path | None = None, **instead: Any) -> Settings:
     """Return the settings of a file; without one, a station with the shipped simulated bench. Raises InputError.
 
-    `instead` replaces `runs` or `benches`, a mapping of names to bench files.
+    `instead` replaces `runs`, `launch` or `benches`, a mapping of names to bench files.
     """
     folder = (folder or state_folder() / FOLDER).absolute()
     if file is None:
@@ -90,7 +93,8 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
     return Settings(
-        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None
+        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None,
+        launch=instead.get("launch") or found.launch,
     )  # fmt: skip
 
 

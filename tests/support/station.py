@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,18 +66,24 @@ class Served:
 
 
 @contextmanager
-def serving(folder: Path, *options: str) -> Iterator[Served]:
-    """`bench serve` in a folder until the block ends; the station's own records are in `folder/station`."""
+def serving(
+    folder: Path, *options: str, env: Mapping[str, str] | None = None, has_users: bool = False
+) -> Iterator[Served]:
+    """`bench serve` in a folder until the block ends; the station's own records are in `folder/station`.
+
+    A station that has users prints no code.
+    """
     words = ["serve", *options, "--folder", str(folder / "station"), "--port", "0", "--runs", str(folder / "runs")]
     process = subprocess.Popen(
-        [sys.executable, "-m", "bench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder
-    )
+        [sys.executable, "-m", "bench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder,
+        env={**os.environ, **(env or {})},
+    )  # fmt: skip
     assert process.stdout is not None
     assert process.stderr is not None
     try:
         first = process.stdout.readline()
         assert first, process.stderr.read()
-        second = process.stdout.readline() if "http://127" in first else ""
+        second = process.stdout.readline() if "http://127" in first and not has_users else ""
         url = json.loads((folder / "station/station.json").read_text())["url"]
         token = (folder / "station/token").read_text()
         with httpx.Client(base_url=url, headers={"authorization": f"Bearer {token}"}, timeout=30) as client:
