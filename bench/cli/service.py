@@ -43,26 +43,23 @@ def backup(folder: Path, out: Path | None, settings: Path | None, runs: Path | N
     """
     from bench.errors import InputError
     from bench.station.backup import back_up
-    from bench.station.settings import read_station
 
     if out is None:
         raise InputError("name the archive: --out FILE.tar.xz")
-    back_up(
-        folder, out, _say, file=settings, settings=read_station(settings, folder) if settings else None, runs=runs
-    )  # fmt: skip
+    back_up(folder, out, _say, settings=settings, runs=runs)
     _say(f"{out}: {out.stat().st_size} bytes, readable by this user only; it holds the hashes of passwords")
 
 
 def restore(archive: Path, folder: Path) -> None:
     """Restore a backup into a new or empty folder. Its benches begin nothing until a person lets them go on."""
-    from bench.station.backup import RUNS, SETTINGS, STATION
+    from bench.station.backup import STATION
     from bench.station.backup import restore as restored
 
-    for bench in restored(archive, folder):
+    found = restored(archive, folder)
+    for bench in found.benches:
         _say(f"bench {bench} begins nothing until an engineer lets it go on: items of the backup may have run since")
-    found = next(iter(sorted((folder / SETTINGS).glob("*.yaml"))), None) if (folder / SETTINGS).is_dir() else None
-    words = ["bench serve", *([str(found)] if found else []), f"--folder {folder / STATION}"]
-    runs = [f"--runs {folder / RUNS}"] if (folder / RUNS).is_dir() else []
+    words = ["bench serve", *([str(found.settings)] if found.settings else []), f"--folder {folder / STATION}"]
+    runs = [f"--runs {found.runs}"] if found.runs else []
     _say(f"{folder}: restored. Start it there: {' '.join([*words, *runs])}")
 
 

@@ -13,11 +13,11 @@ import os
 import sqlite3
 import tarfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing, suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from bench.clock import wall_utc
 from bench.config.bench import load_bench
@@ -27,7 +27,7 @@ from bench.files import DRAFT, atomic_folder, written_new
 from bench.station.database import FILE_NAME
 from bench.station.items import OCCUPYING, WAITING
 from bench.station.scheduler import ITEMS
-from bench.station.settings import Settings
+from bench.station.settings import read_station
 from bench.station.snapshots import FOLDER as SNAPSHOTS
 from bench.station.snapshots import snapshot
 from bench.store.runs import list_runs
@@ -41,30 +41,36 @@ _UNREADABLE = (tarfile.TarError, lzma.LZMAError, zlib.error, EOFError, OSError, 
 Say = Callable[[str], object]
 
 
-def back_up(
-    folder: Path, out: Path, say: Say, *, file: Path | None = None, settings: Settings | None = None,
-    runs: Path | None = None,
-) -> None:  # fmt: skip
-    """Write a backup of the station in a folder to a new file: its records, settings of a file, and runs that ended.
+class Restored(NamedTuple):
+    """Restored station: benches that wait for a person, and where its settings and runs are, if they were kept."""
 
-    `say` receives what is left out. Raises InputError for a wrong folder or name, and StoreError.
+    benches: list[str]
+    settings: Path | None
+    runs: Path | None
+
+
+def back_up(folder: Path, out: Path, say: Say, *, settings: Path | None = None, runs: Path | None = None) -> None:
+    """Write a backup of the station in a folder to a new file: its records, its settings, and runs that have ended.
+
+    `say` receives what is left out. Raises InputError for a wrong folder, name or settings, and StoreError.
     """
     if not (folder / FILE_NAME).is_file():
         raise InputError(f"{folder}: is not the folder of a station; it has no {FILE_NAME}")
     mode = _mode(out)
     if out.absolute().is_relative_to(folder.absolute()):
         raise InputError(f"{out}: write the backup outside of the folder of the station")
+    files = _files_of(settings, folder) if settings is not None else []
     database = snapshot(folder)
     try:
         with written_new(out) as draft:
             draft.touch(0o600)  # it holds the hashes of passwords
-            with tarfile.open(draft, mode) as archive:
+            with tarfile.open(draft, mode, dereference=True) as archive:
                 _add_station(archive, folder, database)
-                if file is not None and settings is not None:
-                    _add_settings(archive, file, settings, say)
+                if settings is not None:
+                    _add_settings(archive, settings.absolute().parent, files, say)
                 if runs is not None:
                     _add_runs(archive, runs, say)
-                _add_about(archive)
+                _add_about(archive, settings.name if settings is not None else "")
     except FileExistsError:
         raise InputError(f"{out}: is there already; choose another name") from None
     except OSError as problem:
@@ -73,8 +79,8 @@ def back_up(
         database.unlink(missing_ok=True)
 
 
-def restore(archive: Path, folder: Path) -> list[str]:
-    """Restore a backup into a new or empty folder; return the benches that wait for a person.
+def restore(archive: Path, folder: Path) -> Restored:
+    """Restore a backup into a new or empty folder.
 
     Raises InputError for another archive or a folder with something in it, and StoreError.
     """
@@ -85,7 +91,11 @@ def restore(archive: Path, folder: Path) -> list[str]:
         with atomic_folder(folder) as draft:
             (draft / STATION).mkdir(0o700)
             _extract(archive, draft)
-            return _stop_benches(draft / STATION / FILE_NAME, str(_about(archive, draft)["made_at"]))
+            about = _about(archive, draft)
+            benches = _stop_benches(draft / STATION / FILE_NAME, about["made_at"])
+        runs = folder / RUNS
+        settings = folder / SETTINGS / about["settings"] if about["settings"] else None
+        return Restored(benches, settings, runs if runs.is_dir() else None)
     except OSError as problem:
         raise StoreError(f"{folder}: cannot be restored ({problem})") from problem
 
@@ -122,10 +132,9 @@ def _add(archive: tarfile.TarFile, path: Path, name: str) -> None:
                 _add(archive, each, f"{name}/{each.name}")
 
 
-def _add_settings(archive: tarfile.TarFile, file: Path, settings: Settings, say: Say) -> None:
-    """Add the settings, bench files with the files that they name, and sequences, by their paths beside them."""
-    beside = file.absolute().parent
-    for path in sorted({file.absolute(), *_files_of(settings)}):
+def _add_settings(archive: tarfile.TarFile, beside: Path, files: list[Path], say: Say) -> None:
+    """Add the files that belong to settings, by their paths beside them; shipped ones are everywhere."""
+    for path in files:
         if any(path.is_relative_to(folder) for folder in shipped("config")):
             continue
         if path.is_relative_to(beside):
@@ -134,14 +143,16 @@ def _add_settings(archive: tarfile.TarFile, file: Path, settings: Settings, say:
             say(f"{path}: left out, because it is not in {beside}; keep a copy of it")
 
 
-def _files_of(settings: Settings) -> Iterator[Path]:
+def _files_of(file: Path, folder: Path) -> list[Path]:
+    """Return settings, bench files with the files that they name, and sequences. Raises InputError."""
+    settings, found = read_station(file, folder), {file.absolute()}
     for bench in settings.benches.values():
         named = set[str]()
         load_bench(bench, named=named)
-        yield bench
-        yield from (Path(os.path.normpath(bench.parent / name)) for name in named)
+        found |= {bench, *(Path(os.path.normpath(bench.parent / name)) for name in named)}
     if settings.sequences is not None and settings.sequences.is_dir():
-        yield from (path.absolute() for path in settings.sequences.rglob("*") if path.is_file())
+        found |= {path.absolute() for path in settings.sequences.rglob("*") if path.is_file()}
+    return sorted(found)
 
 
 def _add_runs(archive: tarfile.TarFile, runs: Path, say: Say) -> None:
@@ -152,9 +163,9 @@ def _add_runs(archive: tarfile.TarFile, runs: Path, say: Say) -> None:
             _add(archive, run.path, f"{RUNS}/{run.id}")
 
 
-def _add_about(archive: tarfile.TarFile) -> None:
-    about = {"schema": SCHEMA, "made_at": wall_utc().isoformat(), "program": version("inertial-test-bench")}
-    data = json.dumps(about).encode()
+def _add_about(archive: tarfile.TarFile, settings: str) -> None:
+    about = {"schema": SCHEMA, "made_at": wall_utc().isoformat(), "settings": settings}
+    data = json.dumps({**about, "program": version("inertial-test-bench")}).encode()
     entry = tarfile.TarInfo(ABOUT)
     entry.size, entry.mode = len(data), 0o600
     archive.addfile(entry, io.BytesIO(data))
@@ -163,21 +174,30 @@ def _add_about(archive: tarfile.TarFile) -> None:
 def _extract(archive: Path, folder: Path) -> None:
     try:
         with tarfile.open(archive, "r:*") as found:
-            found.extractall(folder, filter="data")  # no absolute paths, devices, links that lead outside
+            # Python 3.11 has filters since 3.11.4, so that the names are also checked here.
+            found.extraction_filter = getattr(tarfile, "data_filter", lambda entry, _: entry)
+            for entry in found:
+                if not (entry.isfile() or entry.isdir()) or not _stays_inside(entry.name):
+                    raise InputError(f"{archive}: is no backup of a station; it contains {entry.name!r}")
+                found.extract(entry, folder)
     except FileNotFoundError:
         raise InputError(f"{archive}: there is no such file") from None
     except _UNREADABLE as problem:
         raise InputError(f"{archive}: cannot be read as a backup ({problem})") from problem
 
 
-def _about(archive: Path, folder: Path) -> dict[str, object]:
+def _stays_inside(name: str) -> bool:
+    return not name.startswith("/") and ".." not in name.split("/")
+
+
+def _about(archive: Path, folder: Path) -> dict[str, str]:
     try:
         about = json.loads((folder / ABOUT).read_bytes())
         if about["schema"] != SCHEMA:
             raise InputError(f"{archive}: has the form {about['schema']}, this program reads {SCHEMA}")
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"{archive}: is no backup of a station, or not a complete one") from None
-    return dict(about)
+    return {key: str(about.get(key, "")) for key in ("made_at", "settings")}
 
 
 def _stop_benches(database: Path, made_at: str) -> list[str]:

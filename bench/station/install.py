@@ -6,6 +6,7 @@ import difflib
 import re
 import sys
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -76,10 +77,11 @@ def service_files(root: Path, program: Path, settings: Path) -> list[ServiceFile
 
 
 def own_program() -> Path:
-    """Return the path of this program; by the link that leads to its newest version, if there is one."""
+    """Return the path of this program: by the link PLACE that leads to PLACE-VERSION, if there is one."""
     own = Path(sys.executable).parent / "bench"
-    link = Path(PROGRAM)
-    return link if link.exists() and own.exists() and link.samefile(own) else own
+    folder = own.parents[1]
+    link = folder.with_name(folder.name.removesuffix(f"-{version('inertial-test-bench')}"))
+    return link / "bin" / "bench" if link.is_symlink() and link.samefile(folder) else own
 
 
 def by_hand(program: Path) -> list[str]:

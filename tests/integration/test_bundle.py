@@ -67,6 +67,10 @@ def test_it_runs_and_serves_where_there_is_no_network(installed, tmp_path):
     done = run(installed / "bin/bench", "run", "smoke", "--speed", "max", cwd=tmp_path, env=env)
     assert done.returncode == 0, done.stderr
     assert "Verdict: PASS" in done.stdout
+    shown = run(installed / "bin/bench", "install-service", "--root", tmp_path / "root", cwd=tmp_path, env=env)
+    assert shown.returncode == 0, shown.stderr
+    unit = (tmp_path / "root/etc/systemd/system/bench-station.service").read_text()
+    assert f"\nExecStart={installed}/bin/bench serve " in unit
     script = f"""
 {installed}/bin/bench serve --folder station --port 0 > said &
 until grep -q http said; do sleep 0.2; kill -0 $!; done

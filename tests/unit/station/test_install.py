@@ -2,6 +2,8 @@
 
 import shutil
 import subprocess
+import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -9,7 +11,7 @@ import pytest
 from bench.cli.main import main
 from bench.config.load import load_file
 from bench.errors import InputError
-from bench.station.install import PLACES, SETTINGS, STARTER, by_hand, service_files
+from bench.station.install import PLACES, SETTINGS, STARTER, by_hand, own_program, service_files
 from bench.station.settings import StationFile, read_station
 
 WORDS = ["install-service", "--program", "/opt/x/bin/bench", "--root"]
@@ -74,6 +76,18 @@ def test_the_starter_can_be_served_and_its_runs_are_where_a_service_may_write(tm
 def test_a_path_that_systemd_would_read_differently_is_refused(tmp_path, path):
     with pytest.raises(InputError, match="absolute path"):
         service_files(tmp_path, Path(path), SETTINGS)
+
+
+def test_a_unit_names_the_link_so_that_it_starts_the_newest_version(tmp_path, monkeypatch):
+    folder = tmp_path / f"itb-{version('inertial-test-bench')}"
+    (folder / "bin").mkdir(parents=True)
+    monkeypatch.setattr(sys, "executable", str(folder / "bin/python"))
+    assert own_program() == folder / "bin/bench"
+    (tmp_path / "itb").symlink_to(folder)
+    assert own_program() == tmp_path / "itb/bin/bench"
+    (tmp_path / "itb").unlink()
+    (tmp_path / "itb").symlink_to(tmp_path)
+    assert own_program() == folder / "bin/bench"
 
 
 def test_a_program_in_a_home_is_pointed_out():
