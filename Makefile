@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo test setup lint types contracts pytest test-quick slow newest coverage night truth faults hostile trials reliability profile benchmark peers docs clean
+.PHONY: demo test setup lint types contracts pytest test-quick slow newest coverage night truth faults hostile trials reliability profile benchmark peers docs bundle clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -86,6 +86,10 @@ peers: $(VENV)/.dev
 docs: $(VENV)/.dev
 	$(BIN)/pip install --quiet -e '.[docs]'
 	$(BIN)/sphinx-build -q -W --keep-going -j 2 -c docs -d build/doctrees . build/docs
+
+# One archive with all that a computer without a network needs, for this Python and this kind of machine.
+bundle: $(VENV)/.made
+	packaging/bundle $(BIN)/python build
 
 $(VENV)/.made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -17,6 +17,7 @@ def serve(
     hosts: tuple[str, ...],
     certificate: Path | None,
     key: Path | None,
+    launch: str | None,
     *,
     insecure: bool,
 ) -> None:
@@ -34,8 +35,10 @@ def serve(
         raise InputError(
             f"'bench serve' needs more packages ({problem}): pip install 'inertial-test-bench[station]'"
         ) from None
+    if launch not in (None, "process", "service"):
+        raise InputError(f"--launch {launch}: give process or service")
     named = {bench_name(bench): bench} if bench else None
-    settings = read_station(file, folder, benches=named, runs=runs)
+    settings = read_station(file, folder, benches=named, runs=runs, launch=launch)
 
     def say(text: str) -> None:
         sys.stdout.write(f"{text}\n")
@@ -62,6 +65,7 @@ COMMANDS = (
         options("--name HOST", "A further host name by which the station is reached; repeatable.", to="hosts"),
         option("--certificate FILE", "Certificate for TLS.", read=Path),
         option("--key FILE", "Key of the certificate.", read=Path),
+        option("--launch WAY", "How a run starts: process, or service of systemd; default: that of the settings."),
         flag("--insecure", "Serve a network without users or TLS; all pages show a banner."),
     )),
     Command("attempt", attempt, (argument("FOLDER", "Folder of the attempt.", read=Path),)),

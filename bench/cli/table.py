@@ -16,6 +16,7 @@ from bench.cli import (
     queueing,
     rehearsing,
     running,
+    service,
     station,
     stored,
     watching,
@@ -41,6 +42,6 @@ REFERENCE = Command("reference", reference, (
 ALL = (
     *checking.COMMANDS, *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
     *authoring.COMMANDS, REFERENCE, *control.COMMANDS, *station.COMMANDS,
-    *queueing.COMMANDS, *watching.COMMANDS, *people.COMMANDS,
+    *queueing.COMMANDS, *watching.COMMANDS, *people.COMMANDS, *service.COMMANDS,
 )  # fmt: skip
 COMMANDS: Mapping[str, Command] = {command.words: command for command in ALL}

@@ -13,7 +13,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -73,6 +73,9 @@ def as_service(folder: Path) -> None:
         raise StoreError(f"{unit} cannot be started ({problem})") from problem
     if done.returncode:
         raise StoreError(f"{unit} cannot be started: {done.stderr.strip()[-300:]}")
+
+
+LAUNCHERS: Mapping[str, Launcher] = {"process": as_subprocess, "service": as_service}
 
 
 def claim(folder: Path) -> bool:

@@ -14,7 +14,7 @@ from bench.clock import wall_utc
 from bench.config.laboratory import LaboratoryFile
 from bench.config.load import load_file
 from bench.errors import InputError
-from bench.station.attempts import Launcher, as_subprocess
+from bench.station.attempts import LAUNCHERS, Launcher
 from bench.station.catalogue import Catalogue
 from bench.station.database import Database
 from bench.station.items import Item, Submission
@@ -27,6 +27,8 @@ from bench.station.schedule import Expected, expected
 from bench.station.scheduler import Scheduler
 from bench.station.settings import Settings
 from bench.station.signoff import SignOff
+from bench.station.snapshots import Snapshots
+from bench.station.watchdog import Watchdog
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
 
@@ -49,6 +51,8 @@ class Daemon:
             "queue": self.scheduler,
             "live view": self.live,
             "timelines": Timelines(self.live, workers),
+            "snapshots": Snapshots(database),
+            "watchdog": Watchdog(),
         }
 
     def problems(self) -> list[str]:
@@ -127,13 +131,13 @@ class Daemon:
 
 
 @asynccontextmanager
-async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> AsyncIterator[Daemon]:
+async def at_work(settings: Settings) -> AsyncIterator[Daemon]:
     """Yield a daemon at work; at the end of the block it stops, and the runs go on.
 
     Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
     """
     database, workers = Database(settings.folder), Workers()
-    daemon = Daemon(settings, database, workers, launch)
+    daemon = Daemon(settings, database, workers, LAUNCHERS[settings.launch])
     try:
         async with asyncio.TaskGroup() as parts:
             tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]

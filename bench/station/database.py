@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from bench.errors import InUseError, StoreError
-from bench.files import make_folder
+from bench.files import DRAFT, make_folder
 
 FILE_NAME = "station.db"
 VERSION = 1
@@ -60,6 +61,23 @@ class Database:
     def close(self) -> None:
         """Close the database and release its lock; closing twice is harmless."""
         self._database.close()
+
+    def copy_to(self, path: Path) -> None:
+        """Write a whole copy of the database to a new file, of this user alone. Raises StoreError."""
+        draft = path.with_name(path.name + DRAFT)
+        try:
+            os.close(os.open(draft, os.O_CREAT | os.O_TRUNC | os.O_WRONLY | os.O_CLOEXEC, 0o600))
+            with closing(sqlite3.connect(draft)) as copy:
+                self._database.backup(copy)
+                copy.execute("PRAGMA journal_mode=DELETE")  # one file
+                (found,) = copy.execute("PRAGMA integrity_check").fetchone()
+            if found != "ok":
+                raise StoreError(f"{self.path}: is damaged ({found})")
+            draft.replace(path)
+        except (OSError, sqlite3.Error) as problem:
+            raise StoreError(f"{path}: cannot be written ({problem})") from problem
+        finally:
+            draft.unlink(missing_ok=True)
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:

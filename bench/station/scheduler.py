@@ -64,6 +64,8 @@ class Scheduler(Part):
             # An interrupted run may be resumed by hand, and then has a process again.
             if run.state != "running":
                 self._ended(item, run)
+        elif item.run:
+            self._missing(item)
         elif attempt.has_begun:
             self._refused(item, attempt)
         elif self._looked.setdefault(self.folder(item), Stopwatch()).elapsed_s() > BEGINS_WITHIN_S:
@@ -88,6 +90,14 @@ class Scheduler(Part):
         if latched is not None or run.state in ("interrupted", "damaged"):
             why = latched.why if latched is not None else f"the run is {run.state}"
             self._queue.stop(item.submission.bench, f"{run.id}: {why}")
+
+    def _missing(self, item: Item) -> None:
+        """End an item whose run directory was moved away, or is not part of a restored backup."""
+        reason = f"{item.run}: the directory of this run is not in {self._settings.runs}"
+        self._queue.change(
+            item.id, OCCUPYING, state=ItemState.ENDED, outcome="missing", ended_at=wall_utc(), reason=reason
+        )
+        self._queue.stop(item.submission.bench, reason)
 
     def _refused(self, item: Item, attempt: Attempt) -> None:
         self._queue.change(

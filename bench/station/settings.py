@@ -21,6 +21,7 @@ from drivers.schema.suggest import did_you_mean
 
 NAME = r"[a-z][a-z0-9_]{0,31}"
 Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
+Launch = Literal["process", "service"]
 DEMO = "demo"
 
 
@@ -47,6 +48,7 @@ class StationFile(StrictModel):
     )
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
     log_out_after_min: int = Field(0, ge=0, le=720, description="minutes without use until a session ends; 0 for 12 h")
+    launch: Launch = Field("process", description="how a run starts: as a process, or as a service of systemd")
 
 
 class Settings(NamedTuple):
@@ -65,6 +67,7 @@ class Settings(NamedTuple):
     report_prefix: str = "R"
     released_only: bool = False
     idle: timedelta | None = None
+    launch: Launch = "process"
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -89,7 +92,7 @@ class Settings(NamedTuple):
 def read_station(file: Path | None, folder: Path | None = None, **instead: Any) -> Settings:
     """Return the settings of a file; without one, a station with the shipped simulated bench. Raises InputError.
 
-    `instead` replaces `runs` or `benches`, a mapping of names to bench files.
+    `instead` replaces `runs`, `launch` or `benches`, a mapping of names to bench files.
     """
     folder = (folder or default_folder()).absolute()
     if file is None:
@@ -113,6 +116,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         report_prefix=found.report_prefix or _own_prefix(),
         released_only=found.released_only,
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,
+        launch=instead.get("launch") or found.launch,
     )
 
 

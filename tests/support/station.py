@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import ssl
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,16 +68,21 @@ class Served:
 
 @contextmanager
 def serving(
-    folder: Path, *options: str, has_users: bool = False, verify: ssl.SSLContext | bool = True
+    folder: Path,
+    *options: str,
+    env: Mapping[str, str] | None = None,
+    has_users: bool = False,
+    verify: ssl.SSLContext | bool = True,
 ) -> Iterator[Served]:
     """`bench serve` in a folder until the block ends; the station's own records are in `folder/station`.
 
-    With users it prints no code for a first login. `verify` are the certificates that its client trusts.
+    A station that has users prints no code. `verify` are the certificates that its client trusts.
     """
     words = ["serve", *options, "--folder", str(folder / "station"), "--port", "0", "--runs", str(folder / "runs")]
     process = subprocess.Popen(
-        [sys.executable, "-m", "bench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder
-    )
+        [sys.executable, "-m", "bench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder,
+        env={**os.environ, **(env or {})},
+    )  # fmt: skip
     assert process.stdout is not None
     assert process.stderr is not None
     try:

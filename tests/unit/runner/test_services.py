@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import socket
 import subprocess
+import uuid
 from pathlib import Path
 
 import pytest
@@ -25,11 +27,14 @@ UNIT = ROOT / "config" / "services" / "bench-run@.service"
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 
 
-@pytest.fixture(params=["bench-run@night.service", "bench-resume.service"])
+INSTANCES = ("bench-run@night.service", "bench-resume.service", "bench-station.service", "bench-item@0a1b-1.service")
+
+
+@pytest.fixture(params=INSTANCES)
 def unit(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
     """A unit, with a program that is there."""
     path = tmp_path / request.param
-    text = (UNIT.parent / path.name.replace("night", "")).read_text("utf-8")
+    text = (UNIT.parent / re.sub("@.*[.]", "@.", path.name)).read_text("utf-8")
     path.write_text(text.replace("/opt/inertial-test-bench/bin/bench", "/bin/true"), "utf-8")
     return path
 
@@ -74,10 +79,44 @@ def test_a_stop_leaves_time_to_make_the_bench_safe_twice() -> None:
     assert int(line.partition("=")[2]) > 2 * longest_s  # by the guardian, and by make-safe after it
 
 
-def test_members_of_a_group_start_and_stop_runs_alone() -> None:
-    text = (UNIT.parent / "50-bench.rules").read_text("utf-8")
-    assert r"/^bench-run@[A-Za-z0-9_.-]+\.service$/" in text
-    assert '["start", "stop"]' in text
+ITEM = f"bench-item@{'0a' * 16}-1.service"
+ASKED = """
+const asked = [], polkit = {Result: {YES: "yes", NOT_HANDLED: "no"}, addRule: rule => asked.push(rule)};
+RULES
+const [id, user, group, unit, verb] = process.argv.slice(1);
+const subject = {user, isInGroup: name => name === group};
+console.log(asked[0]({id, lookup: name => ({unit, verb})[name]}, subject));
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node, which reads the rules of polkit, is not installed")
+@pytest.mark.parametrize(
+    ("user", "group", "unit", "verb", "answer"),
+    [
+        ("bench", "bench", ITEM, "start", "yes"),
+        ("bench", "bench", ITEM, "stop", "yes"),
+        ("bench", "bench", ITEM, "restart", "no"),
+        ("anna", "bench", ITEM, "start", "no"),
+        ("anna", "bench", "bench-run@night.service", "start", "yes"),
+        ("anna", "users", "bench-run@night.service", "start", "no"),
+        ("bench", "bench", "bench-station.service", "stop", "no"),
+        ("bench", "bench", f"{ITEM}.ssh.service", "start", "no"),
+        ("bench", "bench", f"x-{ITEM}", "start", "no"),
+        ("bench", "bench", "bench-item@../x-1.service", "start", "no"),
+    ],
+)
+def test_polkit_lets_a_group_start_runs_and_the_station_its_items(
+    user: str, group: str, unit: str, verb: str, answer: str
+) -> None:
+    script = ASKED.replace("RULES", (UNIT.parent / "50-bench.rules").read_text("utf-8"))
+    words = ["node", "-e", script, "org.freedesktop.systemd1.manage-units", user, group, unit, verb]
+    assert subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip() == answer
+
+
+def test_an_item_of_the_queue_has_a_name_that_polkit_knows() -> None:
+    pattern = re.search(r"/\^(bench-item@.*)\$/", (UNIT.parent / "50-bench.rules").read_text("utf-8"))
+    assert pattern is not None
+    assert re.fullmatch(pattern[1], f"bench-item@{uuid.uuid4().hex}-12.service")  # as Queue.submit makes them
 
 
 @pytest.mark.parametrize("kind", ["path", "abstract"])
