@@ -7,16 +7,20 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import datetime
 
+from bench.app.request import RunRequest
 from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.station.attempts import Launcher, as_subprocess
 from bench.station.catalogue import Catalogue
 from bench.station.database import Database
 from bench.station.items import Item, Submission
+from bench.station.jobs import Jobs
 from bench.station.live import Live
 from bench.station.queue import Queue
+from bench.station.resuming import Resuming
 from bench.station.schedule import Expected, expected
 from bench.station.scheduler import Scheduler
+from bench.station.sequences import Sequences
 from bench.station.settings import Settings
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
@@ -31,19 +35,24 @@ class Daemon:
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running, workers)
+        self.sequences, self.jobs = Sequences(settings), Jobs()
+        self.resuming = Resuming(settings, self.queue, launch)
 
     def running(self) -> list[RunSummary]:
         """Return the runs in progress, also those started by hand."""
         return [run for run in self.catalogue.all() if run.state == "running"]
 
-    async def checked(self, submission: Submission) -> Checked:
-        """Check a submission. Raises InputError for names that the station does not have."""
-        request = submission.request(
+    def request(self, submission: Submission) -> RunRequest:
+        """Return the request of a submission. Raises InputError for names that the station does not have."""
+        return submission.request(
             sequence=str(self.settings.sequence_file(submission.sequence)),
             bench=str(self.settings.bench_file(submission.bench)),
             runs=self.settings.runs,
         )
-        return await self.workers.call(check, request)
+
+    async def checked(self, submission: Submission) -> Checked:
+        """Check a submission. Raises InputError for names that the station does not have."""
+        return await self.workers.call(check, self.request(submission))
 
     async def submit(self, submission: Submission, by: str, *, key: str = "", held: bool = False) -> Item:
         """Check a submission and append it to the queue. Raises InputError with all problems."""
@@ -100,5 +109,5 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
         database.close()
 
 
-def _parts(daemon: Daemon) -> list[tuple[str, Scheduler | Live]]:
-    return [("scheduler", daemon.scheduler), ("live", daemon.live)]
+def _parts(daemon: Daemon) -> list[tuple[str, Scheduler | Live | Jobs]]:
+    return [("scheduler", daemon.scheduler), ("live", daemon.live), ("jobs", daemon.jobs)]

@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field
 from bench.errors import InputError, StoreError
 from bench.runner.tell import send_command
 from bench.station.items import Line, Short
-from bench.station.view import EventView, RunInfo, RunView, event_view, run_info, run_view
+from bench.station.view import EventView, RunFilter, RunInfo, RunView, event_view, found_runs, run_info, run_view
 from bench.store.tail import Tail
 from bench.web.access import Operator, Person, Reader, Stopper
 from bench.web.services import Services, Station
@@ -22,7 +22,12 @@ router = APIRouter(prefix="/api/v1/runs", tags=["runs"])
 LOOK_EVERY_S = 0.25
 ALIVE_EVERY_S = 15.0
 AT_ONCE = 500
-Limit = Annotated[int, Query(ge=1, le=1000)]
+
+
+class RunQuery(RunFilter):
+    """Filter of runs, and the greatest number of them."""
+
+    limit: int = Field(100, ge=1, le=1000)
 
 
 class Done(BaseModel):
@@ -39,27 +44,9 @@ class Answer(BaseModel):
 
 
 @router.get("")
-async def runs(
-    station: Station, _: Reader, text: str = "", state: str = "", limit: Limit = 100, before: str = ""
-) -> list[RunInfo]:
-    """Return runs, newest first; `text` is searched in names, titles, units and operators."""
-
-    def found() -> list[RunInfo]:
-        chosen: list[RunInfo] = []
-        for run in station.daemon.catalogue.all():
-            info = run_info(run)
-            if (not before or info.run < before) and state in ("", info.state) and _matches(info, text):
-                chosen.append(info)
-                if len(chosen) >= limit:
-                    break
-        return chosen
-
-    return await asyncio.to_thread(found)
-
-
-def _matches(info: RunInfo, text: str) -> bool:
-    within = " ".join([info.run, info.title, info.operator, info.verdict or "", *info.units]).lower()
-    return all(word in within for word in text.lower().split())
+async def runs(station: Station, _: Reader, wanted: Annotated[RunQuery, Query()]) -> list[RunInfo]:
+    """Return the runs that match every filter, newest first."""
+    return await asyncio.to_thread(lambda: found_runs(station.daemon.catalogue.all(), wanted, wanted.limit))
 
 
 @router.get("/{run}")
