@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, StringConstraints
@@ -52,6 +53,12 @@ class Settings(NamedTuple):
     benches: Mapping[str, Path]
     titles: Mapping[str, str]
     sequences: Path | None = None
+    zones: Mapping[str, str] = MappingProxyType({})  # time zones of the benches
+
+    @property
+    def zone(self) -> str:
+        """Time zone of the station: that of its first bench."""
+        return next(iter(self.zones.values()), "UTC")
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -87,11 +94,13 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     else:
         found, beside = load_file(file, StationFile), file.absolute().parent
     benches = {name: _bench_file(entry.file, beside) for name, entry in found.benches.items()}
-    titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
+    loaded = {name: load_bench(path).bench for name, path in benches.items()}
+    titles = {name: entry.title or loaded[name].title for name, entry in found.benches.items()}
+    zones = {name: bench.site.time_zone for name, bench in loaded.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
     return Settings(
-        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None
-    )  # fmt: skip
+        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None, zones
+    )
 
 
 def bench_name(file: str) -> str:

@@ -24,7 +24,7 @@ HEADERS = {
     "content-security-policy": CSP,
     "x-content-type-options": "nosniff",
     "x-frame-options": "DENY",
-    "referrer-policy": "no-referrer",
+    "referrer-policy": "same-origin",  # without a referrer a browser sends forms without an origin
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
     "permissions-policy": "camera=(), microphone=(), geolocation=()",
@@ -50,7 +50,7 @@ class Guards:
             await JSONResponse({"detail": problem[1]}, problem[0])(scope, receive, answer)
             return
         person = self._person(headers)
-        if person is not None and person.how == "session" and scope["method"] not in SAFE and not self._is_own(headers):
+        if scope["method"] not in SAFE and _of_browser(person, headers) and not self._is_own(headers):
             await JSONResponse({"detail": "this request did not come from a page of this station"}, 403)(
                 scope, receive, answer
             )
@@ -92,6 +92,11 @@ class Guards:
         origin = headers.get("origin")
         scheme = "https" if self._secure else "http"
         return origin is not None and origin == f"{scheme}://{headers['host']}"
+
+
+def _of_browser(person: Person | None, headers: Headers) -> bool:
+    """Return True for a request of a session, and for one without a token that names an origin, as that of a login."""
+    return person.how == "session" if person is not None else "origin" in headers
 
 
 def is_this_computer(scope: Scope) -> bool:

@@ -90,7 +90,7 @@ def texts_in_python():
 
 
 def texts_in_templates():
-    for path in (ROOT / "bench/report/templates").iterdir():
+    for path in [*(ROOT / "bench/report/templates").iterdir(), *(ROOT / "bench/web/templates").iterdir()]:
         for call in Environment().parse(path.read_text("utf-8")).find_all(nodes.Call):
             if isinstance(call.node, nodes.Name) and call.node.name == "tr" and isinstance(call.args[0], nodes.Const):
                 yield call.args[0].value

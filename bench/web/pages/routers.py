@@ -1,0 +1,7 @@
+"""Routers of all pages."""
+
+from __future__ import annotations
+
+from bench.web.pages import entrance, files, station
+
+ROUTERS = (files.router, entrance.router, station.router)
