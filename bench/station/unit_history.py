@@ -181,11 +181,11 @@ def _series(key: str, found: list[_Found]) -> SeriesView:
         )
         for n, each in enumerate(found)
     ]  # fmt: skip
+    manifest, finding = last.run.manifest, last.finding
     return SeriesView(
-        key=key, sequence=str(last.run.manifest.get("sequence", "")),
-        simulated=bool(last.run.manifest.get("simulated")), quantity=last.finding.quantity, name=last.finding.name, at=last.finding.at, unit=last.finding.unit,
-        points=points, drift=_drift(calibrations, last.finding), chart=_chart(chart),
-        shared=_shared(calibrations),
+        key=key, sequence=str(manifest.get("sequence", "")), simulated=bool(manifest.get("simulated")),
+        quantity=finding.quantity, name=finding.name, at=finding.at, unit=finding.unit, points=points,
+        drift=_drift(calibrations, finding), chart=_chart(chart), shared=_shared(calibrations),
     )  # fmt: skip
 
 

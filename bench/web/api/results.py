@@ -152,6 +152,11 @@ def _ended(station: Services, run: str) -> RunSummary:
 @router.get("/runs/{run}/resumption")
 async def resumption(station: Station, _: Reader, run: str) -> ResumptionView:
     """Return what a resumption of an interrupted run would do, or why it is not possible."""
+    return await resumption_view(station, run)
+
+
+async def resumption_view(station: Services, run: str) -> ResumptionView:
+    """Return what a resumption would do; the run is examined in a worker process."""
     found = station.daemon.catalogue.run(run)
     last = await asyncio.to_thread(station.daemon.resuming.last, found)
     possible, lines = await station.daemon.workers.call(resumption_of, found.path)

@@ -13,5 +13,7 @@ class Place(NamedTuple):
 
 
 # In this order: Station, Runs, Units, Queue, Instruments, Sequences; only those that exist.
-PLACES = (Place("/", "Station"),)
+PLACES = (
+    Place("/", "Station"), Place("/runs", "Runs"), Place("/units", "Units"), Place("/queue", "Queue"),
+)  # fmt: skip
 TITLES = ("Station", "Runs", "Units", "Queue", "Instruments", "Sequences")

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from bench.web.pages import entrance, files, station
+from bench.web.pages import entrance, files, queue, runs, start, station, units
 
-ROUTERS = (files.router, entrance.router, station.router)
+ROUTERS = (files.router, entrance.router, station.router, start.router, queue.router, runs.router, units.router)
