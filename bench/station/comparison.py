@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from bench.errors import StoreError
 from bench.station.findings import FindingView, read_findings
 from bench.station.trends import e_n
-from bench.station.unit_history import calibration_of, without_place
+from bench.station.unit_history import BENCH_COPY, SEQUENCE_COPY, calibration_of, without_place
 from bench.store.runs import RunSummary
 
 
@@ -93,5 +93,5 @@ def _differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[t
     for name, key in (("parameters", "parameter"), ("software", "software"), ("hashes", "file")):
         before, now = one.get(name, {}), other.get(name, {})
         for each in sorted({*before, *now}):
-            if before.get(each) != now.get(each) and not (name == "hashes" and each.endswith("results.json")):
+            if before.get(each) != now.get(each) and (name != "hashes" or each in (BENCH_COPY, SEQUENCE_COPY)):
                 yield f"{key} {each}", (str(before.get(each, "")), str(now.get(each, "")))

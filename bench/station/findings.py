@@ -90,7 +90,8 @@ class RunFindings(_Model):
 
     run: str
     verdict: str | None = None
-    reasons: list[str] = Field([], description="why the verdict is not PASS")
+    reasons: list[str] = Field([], description="why the verdict is not PASS: problems, and results beyond limits")
+    problems: list[str] = Field([], description="problems of the run, and what could not be reduced")
     units: list[UnitVerdict] = []
     findings: list[FindingView] = []
     problem: str = ""
@@ -98,26 +99,35 @@ class RunFindings(_Model):
 
 def findings_of(run: RunSummary) -> RunFindings:
     """Return the findings of a run; without results, only why there are none."""
-    verdict = run.manifest.get("verdict")
-    reasons = [str(each) for each in run.manifest.get("problems", ())]
     if run.state in ("running", "damaged"):
-        return RunFindings(run=run.id, verdict=verdict, reasons=reasons, problem=f"the run is {run.state}")
+        return _without_results(run, f"the run is {run.state}")
     try:
         content = read_kept(run.path / RESULTS, _FORM)
     except StoreError as problem:
         there = (run.path / RESULTS).exists()
         why = str(problem) if there else "the run has no results; 'reduce again' computes them from the raw counts"
-        return RunFindings(run=run.id, verdict=verdict, reasons=reasons, problem=why)
+        return _without_results(run, why)
     found = [_finding(each) for each in content["findings"]]
     units = [
         UnitVerdict(place=each["place"], uut=each["uut"], verdict=each["verdict"], flags=each.get("flags", []))
         for each in content.get("units", [])
     ]
-    reasons += [*_reasons(found), *map(str, content.get("left_out", []))]
+    problems = list(dict.fromkeys([*_problems(run), *map(str, content.get("left_out", []))]))
     return RunFindings(
-        run=run.id, verdict=verdict or content["verdict"], reasons=list(dict.fromkeys(reasons)), units=units,
-        findings=found,
+        run=run.id, verdict=run.manifest.get("verdict") or content["verdict"], units=units, findings=found,
+        problems=problems, reasons=[*problems, *_reasons(found)],
     )  # fmt: skip
+
+
+def _problems(run: RunSummary) -> list[str]:
+    return [str(each) for each in run.manifest.get("problems", ())]
+
+
+def _without_results(run: RunSummary, why: str) -> RunFindings:
+    problems = _problems(run)
+    return RunFindings(
+        run=run.id, verdict=run.manifest.get("verdict"), reasons=problems, problems=problems, problem=why
+    )
 
 
 def read_findings(folder: Path) -> tuple[list[FindingView], Mapping[str, str]]:

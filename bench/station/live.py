@@ -64,12 +64,19 @@ class LiveRun:
 
     @property
     def speed(self) -> float:
-        """Bench seconds per second since the first look; 1 if it is unknown."""
+        """Bench seconds per second since the first look; at first what was asked for, or 1."""
         if self._seen is None or self._now is None:
-            return 1.0
+            return self._asked_speed()
         wall_s = (self._now[0] - self._seen[0]).total_seconds()
         bench_s = self._now[1] - self._seen[1]
-        return bench_s / wall_s if wall_s > 5.0 and bench_s > 0 else 1.0
+        return bench_s / wall_s if wall_s > 5.0 and bench_s > 0 else self._asked_speed()
+
+    def _asked_speed(self) -> float:
+        asked = self.run.manifest.get("request", {}).get("speed")
+        try:
+            return float(asked) if asked is not None else 1.0
+        except ValueError:
+            return 1.0  # as fast as possible, whatever that is
 
     def ends(self) -> datetime | None:
         """Return the estimated wall time of the end: that of the plan, later by what its steps took longer so far."""

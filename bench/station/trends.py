@@ -67,10 +67,14 @@ class Drift(NamedTuple):
 
     def predicted(self, at: datetime) -> tuple[float, float]:
         """Return the value of the line at an instant, and its expanded uncertainty."""
-        years = (at - self.at) / YEAR
+        values, expanded = self.after(np.array([(at - self.at) / YEAR]))
+        return float(values[0]), float(expanded[0])
+
+    def after(self, years: Array) -> tuple[Array, Array]:
+        """Return values of the line some years after `at`, and their expanded uncertainties."""
         of_value, both, of_slope = self.covariance
-        u = math.sqrt(max(0.0, of_value + 2.0 * years * both + years**2 * of_slope))
-        return self.value + years * self.per_year, self.k * u
+        squared = of_value + 2.0 * years * both + years**2 * of_slope
+        return self.value + years * self.per_year, self.k * np.sqrt(np.maximum(squared, 0.0))
 
 
 def covariance(found: Sequence[Calibration]) -> Array:
@@ -139,9 +143,11 @@ def reaches_limit(found: Drift, low: float | None, high: float | None) -> dateti
     The control chart method of ILAC-G24:2022 for the interval of a calibration: it ends before the value can be outside
     its limits.
     """
-    for step in range(AHEAD_YEARS * STEPS_PER_YEAR + 1):
-        at = found.at + step / STEPS_PER_YEAR * YEAR
-        value, expanded = found.predicted(at)
-        if (low is not None and value - expanded < low) or (high is not None and value + expanded > high):
-            return at
-    return None
+    years = np.arange(AHEAD_YEARS * STEPS_PER_YEAR + 1) / STEPS_PER_YEAR
+    values, expanded = found.after(years)
+    beyond = np.zeros(len(years), bool)
+    if low is not None:
+        beyond |= values - expanded < low
+    if high is not None:
+        beyond |= values + expanded > high
+    return found.at + float(years[np.argmax(beyond)]) * YEAR if beyond.any() else None

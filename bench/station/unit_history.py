@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
 from functools import lru_cache
@@ -18,6 +19,7 @@ from bench.station.trends import Calibration, drift, e_n, reaches_limit
 from bench.store.runs import RunSummary
 
 BENCH_COPY, SEQUENCE_COPY = "bench.yaml", "sequence.yaml"
+NEW_EACH_RUN = re.compile(r"^fixture\b|\.drift$|/")  # shared by results of one run, but not by runs
 READABLE = ("completed", "failed")
 
 
@@ -84,6 +86,7 @@ class UnitHistory(_Model):
     runs: list[str] = Field(description="runs of the unit, newest first")
     series: list[SeriesView]
     next_due: datetime | None = Field(None, description="earliest instant at which a result may reach its limit")
+    next_due_by: str = Field("", description="quantity of that result")
     unread: dict[str, str] = Field({}, description="runs without results that can be read, and why")
 
 
@@ -105,10 +108,15 @@ def history(uut: str, runs: Iterable[RunSummary]) -> UnitHistory:
         except StoreError as problem:
             unread[run.id] = str(problem)
     shown = [_series(key, found) for key, found in series.items()]
-    due = [each.drift.reaches_limit for each in shown if each.drift is not None and each.drift.reaches_limit]
+    due = [
+        (each.drift.reaches_limit, each.quantity)
+        for each in shown
+        if each.drift is not None and each.drift.reaches_limit is not None
+    ]
+    next_due, by = min(due, default=(None, ""))
     return UnitHistory(
-        uut=uut, runs=[run.id for run in reversed(of_unit)], series=shown, next_due=min(due, default=None),
-        unread=unread,
+        uut=uut, runs=[run.id for run in reversed(of_unit)], series=shown, next_due=next_due,
+        next_due_by=by, unread=unread,
     )  # fmt: skip
 
 
@@ -146,14 +154,14 @@ def shared_errors(manifest: Mapping[str, Any], finding: FindingView) -> Iterator
 
     They are the type B lines of the budget that results of one run share, such as `head.zero`. Their identity is the
     line, the sequence with its parameters, which decide how an error enters a result, and the instrument: its serial
-    number and certificate; for what is no instrument, such as the fixture, the bench file. A drift within a run, and
-    the error of another result, are new in each run. Where it is not certain that an error is the same, it counts as
-    another one, which makes the uncertainty of a difference larger.
+    number and certificate; for what is no instrument, such as the site, the bench file. A drift within a run, the error
+    of another result, and the level of the fixture, on which units are mounted anew, differ in each run. Where it is
+    not certain that an error is the same, it counts as another one, which makes the uncertainty of a difference larger.
     """
     instruments, hashes = manifest.get("instruments", {}), manifest.get("hashes", {})
     how = [hashes.get(SEQUENCE_COPY), manifest.get("parameters")]
     for line in finding.budget:
-        if line.type != "B" or line.shared is None or "/" in line.shared or line.shared.endswith(".drift"):
+        if line.type != "B" or line.shared is None or NEW_EACH_RUN.search(line.shared):
             continue
         who = instruments.get(line.shared.partition(".")[0])
         if who is None:

@@ -146,12 +146,16 @@ def _control(axes: _Axes, series: SeriesView) -> Iterator[str]:
 def _point(axes: _Axes, point: PointView, zone: str) -> str:
     x, y = axes.x(point.at), axes.y(point.value)
     low, high = axes.y(point.value - point.expanded), axes.y(point.value + point.expanded)
-    bad = point.verdict == "FAIL" or bool(point.signals)
-    shape = f"M{x:.1f} {y - 7:.1f}l6 7-6 7-6-7z" if bad else f"M{x - 4:.1f} {y:.1f}a4 4 0 1 0 8 0a4 4 0 1 0-8 0z"
+    kind = "bad" if point.verdict == "FAIL" else "look" if point.signals else "usual"
+    shape = (
+        f"M{x:.1f} {y - 7:.1f}l6 7-6 7-6-7z"
+        if kind != "usual"
+        else f"M{x - 4:.1f} {y:.1f}a4 4 0 1 0 8 0a4 4 0 1 0-8 0z"
+    )
     there = point.at.astimezone(ZoneInfo(zone))
     title = escape(f"{there:%Y-%m-%d %H:%M} {point.run}{': ' + ', '.join(point.signals) if point.signals else ''}")
     return (
-        f'<g class="{"bad" if bad else "usual"}"><title>{title}</title>'
+        f'<g class="{kind}"><title>{title}</title>'
         f'<path class="reach" d="M{x:.1f} {low:.1f}V{high:.1f}M{x - 5:.1f} {low:.1f}h10M{x - 5:.1f} {high:.1f}h10"/>'
         f'<path class="value" d="{shape}"/></g>'
     )

@@ -60,6 +60,7 @@ async def run_page(request: Request, station: Station, _: Reader, run: str) -> H
     found = station.daemon.catalogue.run(run)
     live = station.daemon.live.runs.get(run)
     content = await asyncio.to_thread(findings_of, found)
+    groups = _groups(content.findings)
     course, files = await asyncio.to_thread(course_of, found), await asyncio.to_thread(files_of, found)
     jobs = {
         "reduction": station.daemon.jobs.find(results.reduction_id(run)),
@@ -67,7 +68,8 @@ async def run_page(request: Request, station: Station, _: Reader, run: str) -> H
     }
     return page(
         request, "run.html.j2", place="/runs", info=run_info(found), live=run_view(live) if live else None,
-        content=content, groups=_groups(content.findings), course=course, strip=charts.strip(course), files=files,
+        content=content, groups=groups, wrong=[each for each in groups if each.is_wrong],
+        course=course, strip=charts.strip(course), files=files,
         manifest=results.provenance_of(found), jobs=jobs, reports=[each for each in files if _is_page(each.name)],
         resumption=await _resumption(station, run) if found.state == "interrupted" else None, **Words,
     )  # fmt: skip
@@ -95,6 +97,16 @@ class _Group:
         order = {"FAIL": 0, "INVALID": 1}
         ordered = sorted(found, key=lambda each: (order.get(each.verdict or "", 2), each.margin))
         self.worst, self.all = ordered[0], list(found)
+
+    @property
+    def is_wrong(self) -> bool:
+        """True if a result is beyond a limit or invalid."""
+        return self.worst.verdict in ("FAIL", "INVALID")
+
+    @property
+    def failed(self) -> int:
+        """Number of results beyond a limit."""
+        return sum(each.verdict == "FAIL" for each in self.all)
 
     @property
     def is_judged(self) -> bool:

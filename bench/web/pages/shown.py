@@ -38,6 +38,11 @@ def clock(at: datetime | str | None, zone: str) -> str:
     return f"{there:%Y-%m-%d %H:%M}"
 
 
+def day(at: datetime, zone: str) -> str:
+    """Return the day of an instant by the clock of the bench."""
+    return f"{at.astimezone(ZoneInfo(zone)):%Y-%m-%d}"
+
+
 def state_in_words(state: str) -> str:
     """Return a state of an item or a run in words."""
     return tr(STATES.get(state, state))
@@ -104,4 +109,5 @@ def scaled(value: float, expanded: float, quantity: str, unit: str) -> str:
 def difference(value: float, expanded: float, quantity: str, unit: str) -> str:
     """Return a difference with its sign, to the digits of an expanded uncertainty."""
     factor, _ = scale_shown(quantity, unit)
-    return f"{value * factor:+.{decimals(expanded * abs(factor))}f}"
+    digits = decimals(expanded * abs(factor))
+    return f"{round(value * factor, digits) + 0.0:+.{digits}f}"  # never -0.0

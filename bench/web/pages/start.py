@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import secrets
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -128,8 +129,8 @@ async def _page(
     job = station.daemon.jobs.find(rehearsal_id(wanted)) if wanted is not None else None
     return page(
         request, "start.html.j2", place="/start", status=status, draft=draft, found=found, open=is_open, steps=STEPS,
-        reached=reached, sequences=station.daemon.sequences.all(), speeds=SPEEDS, checks=checks, job=job,
-        benches=[bench_info(station, name) for name in station.daemon.settings.benches], problem=problem,
+        reached=reached, sequences=await asyncio.to_thread(station.daemon.sequences.all), speeds=SPEEDS, checks=checks,
+        job=job, benches=[bench_info(station, name) for name in station.daemon.settings.benches], problem=problem,
         key=secrets.token_hex(16), duration=duration, megabytes=megabytes,
         usual=found.sequence.shown_with(draft.field("preset") or None) if found.sequence is not None else {},
         picture=_picture(draft, found) if found.step == "checks" else "",

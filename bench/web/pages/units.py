@@ -8,11 +8,14 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse
 
+from bench.figures.languages import tr
+from bench.figures.words import source_in_words
 from bench.web.access import Reader
 from bench.web.api.results import unit, units_of
 from bench.web.pages.charts import history_chart
 from bench.web.pages.render import page
 from bench.web.pages.runs import Words
+from bench.web.pages.shown import day
 from bench.web.services import Station
 
 router = APIRouter(include_in_schema=False)
@@ -40,5 +43,9 @@ async def unit_page(
     shown = [each for each in found.series if each.quantity == chosen]
     return page(
         request, "unit.html.j2", place="/units", unit=found, quantities=quantities, chosen=chosen, series=shown,
-        chart=history_chart, **Words,
+        chart=history_chart, sources_in_words=_in_words, day=day, **Words,
     )  # fmt: skip
+
+
+def _in_words(sources: list[str]) -> str:
+    return tr(", ").join(map(source_in_words, sources))
