@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from bench.web.pages import entrance, files, station
+from bench.web.pages import commands, entrance, files, station
 
-ROUTERS = (files.router, entrance.router, station.router)
+ROUTERS = (files.router, entrance.router, station.router, commands.router)
