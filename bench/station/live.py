@@ -63,6 +63,11 @@ class LiveRun:
         return new
 
     @property
+    def begun(self) -> tuple[datetime, float] | None:
+        """Instant of the begin of the run by the clock of its bench, and its bench time in s; None until it is read."""
+        return self._begun
+
+    @property
     def speed(self) -> float:
         """Bench seconds per second since the first look; at first what was asked for, or 1."""
         if self._seen is None or self._now is None:

@@ -50,6 +50,8 @@ class QuestionView(_Model):
     step: str
     text: str
     expected: str
+    choices: list[str] = Field([], description="permitted answers; empty for a typed one")
+    unit: str = Field("", description="unit of a typed answer; empty for a text")
 
 
 class RunView(_Model):

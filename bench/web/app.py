@@ -14,7 +14,7 @@ from starlette.types import ASGIApp
 from bench.errors import BenchError, InputError, InUseError
 from bench.station.queue import StaleError
 from bench.web.access import expect_scopes
-from bench.web.api import people, preparing, queue, results, runs, station
+from bench.web.api import people, preparing, queue, results, runs, series, station
 from bench.web.guards import Guards
 from bench.web.identity import TooSoonError
 from bench.web.pages import problems
@@ -35,7 +35,7 @@ def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = Fa
         openapi_url=None,
     )  # fmt: skip
     app.state.services = services
-    for each in (station, queue, preparing, results, runs, people):
+    for each in (station, queue, preparing, results, runs, series, people):
         app.include_router(each.router)
     for router in ROUTERS:
         app.include_router(router)

@@ -77,5 +77,5 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.globals |= {"tr": tr, "static": static, "may": may}
+    made.globals |= {"tr": tr, "static": static, "may": may, "zone_of": ZoneInfo}
     return made

@@ -20,6 +20,8 @@ from bench.report import flag_words, note_words
 from bench.report.tables import VARIABLES, WORST
 from bench.report.write import write_report
 from bench.sequence.method import known_methods, texts_of
+from bench.web import news, sentence
+from bench.web.pages import places, problems, screen
 from drivers.installed import loaded
 from tests.support.runs import ROOT, run_short
 
@@ -111,7 +113,14 @@ def texts_in_tables():
         note_words.WHERE,
         VARIABLES,
         WORST,
+        sentence.NOW,
+        sentence.NEXT,
+        sentence.STATES,
+        news.NEWS,
+        screen.TITLES,
+        problems.TITLES,
     )
+    yield from places.TITLES
     for table in tables:
         yield from table.values()
     yield from (
