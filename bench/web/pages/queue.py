@@ -9,9 +9,9 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from bench.station.items import Item, ItemState
 from bench.station.view import ItemView, item_views, run_view
-from bench.web.access import Engineer, Operator, Reader
+from bench.web.access import Operator, Reader
 from bench.web.pages.render import page
-from bench.web.pages.shown import clock, mark, state_in_words
+from bench.web.pages.results_shown import clock, mark, state_in_words
 from bench.web.services import Services, Station
 
 router = APIRouter(include_in_schema=False)
@@ -95,13 +95,3 @@ def _step(station: Services, item: Item, by: int, version: int | None) -> None:
     to = max(0, min(len(others), at + by))
     if to != at:
         station.daemon.queue.move(item.id, others[to] if to < len(others) else None, version)
-
-
-@router.post("/benches/{bench}/go-on")
-async def go_on(station: Station, person: Engineer, bench: str) -> Response:
-    """Let a stopped bench begin items again."""
-    station.daemon.settings.bench_file(bench)
-    station.audit.note(person, "go on", bench, stopped=station.daemon.queue.stopped(bench))
-    station.daemon.queue.go_on(bench)
-    station.daemon.scheduler.wake()
-    return RedirectResponse("/queue", 303)

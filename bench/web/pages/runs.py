@@ -24,7 +24,7 @@ from bench.web.access import Operator, Reader
 from bench.web.api import results
 from bench.web.pages import charts
 from bench.web.pages.render import language_of, page
-from bench.web.pages.shown import ShownFinding, clock, conditions, difference, mark, scaled, state_in_words
+from bench.web.pages.results_shown import ShownFinding, clock, conditions, difference, mark, scaled, state_in_words
 from bench.web.services import Services, Station
 
 router = APIRouter(include_in_schema=False)

@@ -14,8 +14,8 @@ from bench.web.access import Reader
 from bench.web.api.results import unit, units_of
 from bench.web.pages.charts import history_chart
 from bench.web.pages.render import page
+from bench.web.pages.results_shown import day
 from bench.web.pages.runs import Words
-from bench.web.pages.shown import day
 from bench.web.services import Station
 
 router = APIRouter(include_in_schema=False)

@@ -1,9 +1,9 @@
-"""Numbers and instants as pages show them."""
+"""Results and states as the pages of runs show them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -12,9 +12,10 @@ from bench.figures.languages import tr
 from bench.figures.numbers import decimals, scale_shown, with_expanded
 from bench.figures.words import quantity_in_words, where
 from bench.station.findings import FindingView
+from bench.web.shown import clock_time
 
 STATES = {
-    "queued": "waits", "held": "held", "starting": "starting", "running": "running", "ended": "ended",
+    "queued": "waits", "held": "on hold", "starting": "starting", "running": "running", "ended": "ended",
     "refused": "refused", "cancelled": "cancelled", "completed": "completed", "failed": "stopped by a limit",
     "error": "ended with an error", "aborted": "aborted", "interrupted": "interrupted", "damaged": "damaged",
 }  # fmt: skip
@@ -22,20 +23,14 @@ MARKS = {"PASS": "✓", "FAIL": "✗", "ERROR": "✗", "ABORTED": "■", "INCOMP
 
 
 def clock(at: datetime | str | None, zone: str) -> str:
-    """Return an instant by the clock of the bench: "14:07", "tomorrow 06:40", "2026-11-28 06:40"; "" for none."""
+    """Return an instant, or its text in ISO 8601, by the clock of the bench; "" for none."""
     if not at:
         return ""
     try:
         instant = at if isinstance(at, datetime) else datetime.fromisoformat(at)
     except ValueError:
-        return str(at)
-    there, now = (each.astimezone(ZoneInfo(zone)) for each in (instant, wall_utc()))
-    day = (there.date() - now.date()) // timedelta(days=1)
-    if day == 0:
-        return f"{there:%H:%M}"
-    if day in (-1, 1):
-        return tr("tomorrow {time}" if day > 0 else "yesterday {time}", time=f"{there:%H:%M}")
-    return f"{there:%Y-%m-%d %H:%M}"
+        return str(at)  # of a damaged record
+    return clock_time(instant, zone, wall_utc())
 
 
 def day(at: datetime, zone: str) -> str:
