@@ -62,6 +62,7 @@ class Jobs:
         try:
             while True:
                 await self._do(*await self._waiting.get())
+                self._waiting.task_done()
         finally:
             self._workers.close()
 
@@ -81,6 +82,10 @@ class Jobs:
         for old in [each.id for each in self._jobs.values() if each.is_over][:-KEPT]:
             del self._jobs[old]
         return job
+
+    async def finished(self) -> None:
+        """Wait until no job waits or runs."""
+        await self._waiting.join()
 
     def job(self, id_: str) -> Job:
         """Return a job. Raises InputError."""

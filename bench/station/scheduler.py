@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from pathlib import Path
 
 from bench.clock import Stopwatch, wall_utc
@@ -49,10 +50,9 @@ class Scheduler:
         while True:
             self._woken.clear()
             await self.look()
-            try:
-                await asyncio.wait_for(self._woken.wait(), LOOK_EVERY_S)
-            except TimeoutError:
-                continue
+            with suppress(TimeoutError):
+                async with asyncio.timeout(LOOK_EVERY_S):  # wait_for of Python 3.11 can lose a cancellation
+                    await self._woken.wait()
 
     async def look(self) -> None:
         """Update the items that occupy a bench, then begin items at free benches. Raises StoreError."""

@@ -72,7 +72,8 @@ class Workers:
             self._pool = ProcessPoolExecutor(self._count, get_context("spawn"), initializer=_end_with_parent)
         working = asyncio.wrap_future(self._pool.submit(work, *args, **kwargs))
         try:
-            return await asyncio.wait_for(working, self._limit_s)
+            async with asyncio.timeout(self._limit_s):
+                return await working
         except TimeoutError:
             self.close()
             raise InputError(f"{_name(work)} has not ended within {self._limit_s:g} s") from None
@@ -85,7 +86,7 @@ class Workers:
         if self._pool is None:
             return
         processes = list((self._pool._processes or {}).values())  # noqa: SLF001  the pool has no way to kill them
-        self._pool.shutdown(wait=False, cancel_futures=True)
         for each in processes:
             each.kill()
+        self._pool.shutdown(cancel_futures=True)
         self._pool = None

@@ -16,6 +16,7 @@ from bench.web.app import make_app
 from bench.web.audit import Audit
 from bench.web.identity import Identity
 from bench.web.services import Services
+from tests.support import worker_processes  # noqa: F401  its tracker is to be there before
 
 HTML = {"accept": "text/html"}
 
