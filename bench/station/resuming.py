@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from bench.clock import wall_utc
 from bench.errors import BenchError, InputError, InUseError
 from bench.station import attempts
 from bench.station.attempts import Launcher
@@ -15,6 +16,7 @@ from bench.station.settings import Settings
 from bench.store.runs import RunSummary
 
 RESUMPTIONS = "resumptions"
+BEGINS_WITHIN_S = 30.0  # a process
 
 
 class ResumptionView(BaseModel):
@@ -50,9 +52,20 @@ class Resuming:
         made = self._made(run)
         return attempts.look(made[-1]) if made else None
 
+    def is_under_way(self, run: RunSummary) -> bool:
+        """Return True if the last attempt lives, or may still begin; one that has not begun in time never will."""
+        made = self._made(run)
+        if not made:
+            return False
+        found = attempts.look(made[-1])
+        if found.lives or found.has_begun:
+            return found.lives
+        age_s = wall_utc().timestamp() - made[-1].stat().st_mtime
+        return age_s < BEGINS_WITHIN_S or (not attempts.withdraw(made[-1]) and attempts.look(made[-1]).lives)
+
     async def resume(self, run: RunSummary) -> None:
         """Start the process that resumes a run. Raises InUseError if one is under way, or its bench has an item."""
-        if (last := await asyncio.to_thread(self.last, run)) is not None and last.lives:
+        if await asyncio.to_thread(self.is_under_way, run):
             raise InUseError(f"{run.id} is being resumed already")
         file = str(run.manifest.get("request", {}).get("bench", ""))
         bench = next((name for name, path in self._settings.benches.items() if str(path) == file), None)

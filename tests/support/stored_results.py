@@ -45,7 +45,8 @@ def stored(
         "run": name, "state": "completed", "verdict": verdict, "title": "Static temperature tumble",
         "sequence": "tumble_static", "bench": "Bench A", "operator": "anna", "started": at.isoformat(),
         "ended": at.isoformat(), "units": [{"place": place, "uut": uut}], "instruments": instruments, "problems": [],
-        "parameters": {"gate": "60 s"}, "hashes": {"bench.yaml": "sha256:b", "sequence.yaml": "sha256:s", "results.json": "sha256:r"},
+        "parameters": {"gate": "60 s"},
+        "hashes": {"bench.yaml": "sha256:b", "sequence.yaml": "sha256:s", "results.json": "sha256:r"},
         "simulated": [], "sealed": False, **manifest,
     }  # fmt: skip
     (folder / "manifest.json").write_text(json.dumps(content))

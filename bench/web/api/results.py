@@ -159,8 +159,8 @@ async def resumption_view(station: Services, run: str) -> ResumptionView:
     """Return what a resumption would do; the run is examined in a worker process."""
     found = station.daemon.catalogue.run(run)
     last = await asyncio.to_thread(station.daemon.resuming.last, found)
+    under_way = await asyncio.to_thread(station.daemon.resuming.is_under_way, found)
     possible, lines = await station.daemon.workers.call(resumption_of, found.path)
-    under_way = last is not None and last.lives
     messages = last.messages if last is not None else ""
     return ResumptionView(possible=possible and not under_way, lines=lines, messages=messages, under_way=under_way)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from datetime import datetime, timedelta
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from pydantic import ValidationError
 
+from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.figures.numbers import scale_shown
 from bench.figures.words import quantity_in_words
@@ -18,7 +20,7 @@ from bench.station.course import course_of
 from bench.station.findings import FindingView, findings_of
 from bench.station.record_files import files_of
 from bench.station.resuming import ResumptionView
-from bench.station.view import RunFilter, found_runs, run_info, run_view
+from bench.station.view import RunFilter, RunInfo, found_runs, run_info, run_view
 from bench.store.manifest_form import SHOWN_STATES, VERDICTS
 from bench.web.access import Operator, Reader
 from bench.web.api import results
@@ -29,6 +31,7 @@ from bench.web.services import Services, Station
 
 router = APIRouter(include_in_schema=False)
 AT_ONCE = 50
+REPORTED_WITHIN = timedelta(minutes=2)
 Words: dict[str, Any] = {
     "clock": clock, "mark": mark, "state_in_words": state_in_words, "scaled": scaled, "difference": difference,
     "conditions": conditions, "quantity_in_words": quantity_in_words, "scale_shown": scale_shown,
@@ -62,17 +65,30 @@ async def run_page(request: Request, station: Station, _: Reader, run: str) -> H
     content = await asyncio.to_thread(findings_of, found)
     groups = _groups(content.findings)
     course, files = await asyncio.to_thread(course_of, found), await asyncio.to_thread(files_of, found)
+    info, reports = run_info(found), [each for each in files if _is_page(each.name)]
     jobs = {
         "reduction": station.daemon.jobs.find(results.reduction_id(run)),
         **{form: station.daemon.jobs.find(results.report_id(run, form, lang)) for form, lang in _forms(request)},
     }
     return page(
-        request, "run.html.j2", place="/runs", info=run_info(found), live=run_view(live) if live else None,
+        request, "run.html.j2", place="/runs", info=info, live=run_view(live) if live else None,
         content=content, groups=groups, wrong=[each for each in groups if each.is_wrong],
         course=course, strip=charts.strip(course), files=files,
-        manifest=results.provenance_of(found), jobs=jobs, reports=[each for each in files if _is_page(each.name)],
+        manifest=results.provenance_of(found), jobs=jobs, reports=reports,
+        changes=_changes(info, reported=bool(reports)),
         resumption=await _resumption(station, run) if found.state == "interrupted" else None, **Words,
     )  # fmt: skip
+
+
+def _changes(info: RunInfo, *, reported: bool) -> bool:
+    """Return True while a run is in progress or, for a short time after its end, has no report yet."""
+    if info.state == "running":
+        return True
+    try:
+        ended = datetime.fromisoformat(str(info.ended))
+    except ValueError:
+        return False
+    return not reported and wall_utc() - ended < REPORTED_WITHIN
 
 
 def _is_page(name: str) -> bool:

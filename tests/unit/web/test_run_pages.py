@@ -117,7 +117,7 @@ def test_a_file_of_a_run_cannot_act(tmp_path, runs):
     assert report.headers["content-disposition"].startswith("attachment")
     assert results.headers["content-disposition"].startswith("attachment")
     assert shown.headers["content-disposition"].startswith("inline")
-    assert [each.status_code for each in refused] == [404, 422, 404, 404]
+    assert [each.status_code for each in refused] == [404, 422, 422, 404]
 
 
 def test_provenance_has_no_paths_of_the_computer(tmp_path):
