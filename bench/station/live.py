@@ -68,6 +68,11 @@ class LiveRun:
         return self._begun
 
     @property
+    def holds(self) -> list[str]:
+        """Why no further step begins, also while one is still completed."""
+        return [str(each) for each in self.status.get("holds", sorted(self.state.held))]
+
+    @property
     def speed(self) -> float:
         """Bench seconds per second since the first look; 1 if it is unknown."""
         if self._seen is None or self._now is None:
@@ -112,8 +117,9 @@ class Live:
     async def look(self) -> None:
         """Look at all running runs once."""
         found = {run.id: run for run in await asyncio.to_thread(self._running)}
-        for name in found.keys() - self.runs.keys():
-            self.runs[name] = LiveRun(found[name])
+        for name, run in found.items():
+            live = self.runs.setdefault(name, LiveRun(run))
+            live.run = run  # the manifest of a run that has just begun is not written yet
         for name, live in list(self.runs.items()):
             with suppress(StoreError):
                 new = await asyncio.to_thread(live.look)

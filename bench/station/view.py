@@ -70,7 +70,7 @@ class RunView(_Model):
     now_s: float | None = Field(description="bench time in s")
     speed: float = Field(description="bench seconds per second")
     ends: datetime | None = Field(description="estimated end")
-    held_by: list[str] = Field(description="why no step begins; 'pause' for a person")
+    held_by: list[str] = Field(description="why no further step begins; 'operator' for a person")
     questions: list[QuestionView]
     readings: list[ReadingView]
     problems: list[str]
@@ -146,7 +146,7 @@ def run_view(live: LiveRun) -> RunView:
         now_s=status.get("now_s"),
         speed=live.speed,
         ends=live.ends(),
-        held_by=sorted(live.state.held),
+        held_by=live.holds,
         questions=[QuestionView.model_validate(each) for each in status.get("questions", ())],
         readings=[_reading_view(name, each) for name, each in status.get("readings", {}).items()],
         problems=list(live.state.problems),
