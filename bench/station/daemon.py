@@ -13,7 +13,8 @@ from bench.station.attempts import Launcher, as_subprocess
 from bench.station.catalogue import Catalogue
 from bench.station.database import Database
 from bench.station.items import Item, Submission
-from bench.station.live import Live
+from bench.station.live import Live, Timelines
+from bench.station.part import Part
 from bench.station.queue import Queue
 from bench.station.schedule import Expected, expected
 from bench.station.scheduler import Scheduler
@@ -30,7 +31,16 @@ class Daemon:
         self.queue = Queue(database, self._changed)
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
-        self.live = Live(self.running, workers)
+        self.live = Live(self.running)
+        self.parts: dict[str, Part] = {
+            "queue": self.scheduler,
+            "live view": self.live,
+            "timelines": Timelines(self.live, workers),
+        }
+
+    def problems(self) -> list[str]:
+        """Return the last errors of all parts, with their names."""
+        return [f"{name}: {part.problem}" for name, part in self.parts.items() if part.problem]
 
     def running(self) -> list[RunSummary]:
         """Return the runs in progress, also those started by hand."""
@@ -89,7 +99,7 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
     try:
         daemon = Daemon(settings, database, workers, launch)
         async with asyncio.TaskGroup() as parts:
-            tasks = [parts.create_task(part.work(), name=name) for name, part in _parts(daemon)]
+            tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
             try:
                 yield daemon
             finally:
@@ -98,7 +108,3 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
     finally:
         workers.close()
         database.close()
-
-
-def _parts(daemon: Daemon) -> list[tuple[str, Scheduler | Live]]:
-    return [("scheduler", daemon.scheduler), ("live", daemon.live)]

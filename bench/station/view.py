@@ -101,6 +101,7 @@ class StationView(_Model):
     title: str
     now: datetime
     benches: list[BenchView]
+    problems: list[str] = Field(description="present errors of the station itself, such as a full disk")
     other_runs: list[RunView] = Field(description="runs in progress of bench files that the station does not have")
 
 
@@ -204,7 +205,9 @@ def station_view(daemon: Daemon, now: datetime) -> StationView:
         for name, title in daemon.settings.titles.items()
     ]
     others = [run for run in runs if daemon.bench_of(run.run) is None]
-    return StationView(title=daemon.settings.title, now=now, benches=benches, other_runs=others)
+    return StationView(
+        title=daemon.settings.title, now=now, benches=benches, problems=daemon.problems(), other_runs=others
+    )
 
 
 def _instant(text: Any) -> datetime | None:
