@@ -14,7 +14,6 @@ from fastapi.responses import HTMLResponse, StreamingResponse
 from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.figures.languages import language
-from bench.station.live import LOOK_EVERY_S
 from bench.web.access import Person, Reader, Scope
 from bench.web.pages.render import language_of, page, rendered
 from bench.web.pages.screen import Screen, live_of, screen_of, waiting_at
@@ -28,6 +27,7 @@ PARTS = (
     "headline", "timeline", "sentence", "details", "alarms", "readings", "news", "questions", "actions", "after_step",
     "panels",
 )  # fmt: skip
+LOOK_EVERY_S = 0.25  # twice in each look of the station at its runs
 ALIVE_EVERY_S = 3.0
 LEAVE_S = 10.0
 
@@ -122,9 +122,7 @@ async def _stream(station: Services, bench: str, run: str, shown: Shown) -> Asyn
         elif silent_s >= ALIVE_EVERY_S:
             yield "event: alive\ndata: \n\n"
             silent_s = 0.0
-        with suppress(TimeoutError):
-            async with asyncio.timeout(LOOK_EVERY_S), station.daemon.live.changed:
-                await station.daemon.live.changed.wait()
+        await asyncio.sleep(LOOK_EVERY_S)
         silent_s += LOOK_EVERY_S
     yield "event: other-run\ndata: \n\n"  # the page loads itself again; an end of the stream would be an error to it
     await asyncio.sleep(LEAVE_S)
