@@ -43,6 +43,7 @@ _MODULES = {
     "pyModbusTCP": ("pyModbusTCP",), "watlow_f4": ("watlow_f4", "minimalmodbus"),
     "dvg_devices": ("dvg_devices", "dvg_debug_functions", "pyvisa_py"), "daqmon": ("daqmon",),
     "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",), "sphinx": ("sphinx", "furo", "myst_parser"),
+    "playwright": ("playwright",),
 }  # fmt: skip
 
 

@@ -113,9 +113,10 @@ def state_to_json(state: RunState) -> dict[str, Any]:
 
 
 def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
-    """Return state that only a running run has: bench time, open questions and newest readings."""
+    """Return state that only a running run has: bench time, requested holds, open questions and newest readings."""
     return {
         "now_s": asyncio.get_running_loop().time(),
+        "holds": engine.holds,
         "questions": [_question_to_json(question) for question in engine.desk.questions],
         "readings": {name: _latest_to_json(latest, unit) for name, (latest, unit) in monitor.newest().items()},
     }

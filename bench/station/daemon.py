@@ -15,7 +15,8 @@ from bench.station.catalogue import Catalogue
 from bench.station.database import Database
 from bench.station.items import Item, Submission
 from bench.station.jobs import Jobs
-from bench.station.live import Live
+from bench.station.live import Live, Timelines
+from bench.station.part import Part
 from bench.station.queue import Queue
 from bench.station.resuming import Resuming
 from bench.station.schedule import Expected, expected
@@ -34,9 +35,19 @@ class Daemon:
         self.queue = Queue(database, self._changed)
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
-        self.live = Live(self.running, workers)
+        self.live = Live(self.running)
         self.sequences, self.jobs = Sequences(settings), Jobs()
         self.resuming = Resuming(settings, self.queue, launch)
+        self.parts: dict[str, Part] = {
+            "queue": self.scheduler,
+            "live view": self.live,
+            "timelines": Timelines(self.live, workers),
+            "jobs": self.jobs,
+        }
+
+    def problems(self) -> list[str]:
+        """Return the last errors of all parts, with their names."""
+        return [f"{name}: {part.problem}" for name, part in self.parts.items() if part.problem]
 
     def running(self) -> list[RunSummary]:
         """Return the runs in progress, also those started by hand."""
@@ -95,19 +106,16 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
     Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
     """
     database, workers = Database(settings.folder), Workers()
+    daemon = Daemon(settings, database, workers, launch)
     try:
-        daemon = Daemon(settings, database, workers, launch)
         async with asyncio.TaskGroup() as parts:
-            tasks = [parts.create_task(part.work(), name=name) for name, part in _parts(daemon)]
+            tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
             try:
                 yield daemon
             finally:
                 for task in tasks:
                     task.cancel()
     finally:
+        daemon.jobs.close()
         workers.close()
         database.close()
-
-
-def _parts(daemon: Daemon) -> list[tuple[str, Scheduler | Live | Jobs]]:
-    return [("scheduler", daemon.scheduler), ("live", daemon.live), ("jobs", daemon.jobs)]

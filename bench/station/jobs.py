@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from bench.clock import wall_utc
 from bench.errors import BenchError, InputError
+from bench.station.part import Part
 from bench.station.worker import Workers
 
 LIMIT_S = 1800.0
@@ -49,22 +50,24 @@ class Job(BaseModel):
         return self.state in (JobState.DONE, JobState.FAILED)
 
 
-class Jobs:
+class Jobs(Part):
     """Jobs in the order in which they were asked for. They are not kept when the station ends."""
 
     def __init__(self) -> None:
+        super().__init__()
         self._workers = Workers(limit_s=LIMIT_S)
         self._jobs: dict[str, Job] = {}
         self._waiting: asyncio.Queue[tuple[str, Callable[..., Any], tuple[Any, ...]]] = asyncio.Queue(WAITING_MOST)
 
-    async def work(self) -> None:
-        """Do the jobs until cancelled."""
-        try:
-            while True:
-                await self._do(*await self._waiting.get())
-                self._waiting.task_done()
-        finally:
-            self._workers.close()
+    async def look(self) -> None:
+        """Do the jobs that wait."""
+        while not self._waiting.empty():
+            await self._do(*self._waiting.get_nowait())
+            self._waiting.task_done()
+
+    def close(self) -> None:
+        """End the worker process."""
+        self._workers.close()
 
     def ask(self, id_: str, what: str, of: str, by: str, work: Callable[..., Any], *args: Any) -> Job:
         """Ask for a job; one with the same id that has not ended is returned instead.
@@ -81,6 +84,7 @@ class Jobs:
         job = self._jobs[id_] = Job(id=id_, what=what, of=of, by=by, asked_at=wall_utc())
         for old in [each.id for each in self._jobs.values() if each.is_over][:-KEPT]:
             del self._jobs[old]
+        self.wake()
         return job
 
     async def finished(self) -> None:

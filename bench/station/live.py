@@ -6,7 +6,7 @@ import asyncio
 import json
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import datetime, timedelta
 from typing import Any
@@ -15,13 +15,13 @@ from bench.clock import wall_utc
 from bench.engine.state import RunState, advanced
 from bench.errors import BenchError, InputError, StoreError
 from bench.runner.tell import send_command
+from bench.station.part import Part
 from bench.station.plans import timeline_of_run
 from bench.station.worker import Workers
 from bench.store.reader import Event
 from bench.store.runs import RunSummary
 from bench.store.tail import Tail
 
-LOOK_EVERY_S = 0.5
 EVENTS_KEPT = 200
 NO_TIMELINE: Mapping[str, Any] = {"steps": [], "total_s": 0.0}
 
@@ -68,6 +68,11 @@ class LiveRun:
         return self._begun
 
     @property
+    def holds(self) -> list[str]:
+        """Why no further step begins, also while one is still completed."""
+        return [str(each) for each in self.status.get("holds", sorted(self.state.held))]
+
+    @property
     def speed(self) -> float:
         """Bench seconds per second since the first look; at first what was asked for, or 1."""
         if self._seen is None or self._now is None:
@@ -101,36 +106,43 @@ class LiveRun:
         return wall_utc() + timedelta(seconds=left_s / self.speed)
 
 
-class Live:
-    """Views of all running runs, kept up to date until cancelled."""
+class Live(Part):
+    """Views of all running runs. `running` returns these runs; `on_event` receives each new entry of a journal."""
 
-    def __init__(self, running: Any, workers: Workers) -> None:
-        self._running, self._workers = running, workers
+    def __init__(self, running: Callable[[], list[RunSummary]]) -> None:
+        super().__init__()
+        self._running = running
         self.runs: dict[str, LiveRun] = {}
-        self.on_event: list[Any] = []
-        self.changed = asyncio.Condition()
-
-    async def work(self) -> None:
-        """Look at all running runs, and let waiting readers know."""
-        while True:
-            await self.look()
-            await asyncio.sleep(LOOK_EVERY_S)
+        self.on_event: list[Callable[[LiveRun, Event], object]] = []
 
     async def look(self) -> None:
-        """Look at all running runs once."""
+        """Look at all running runs once; a run that has ended is looked at for the last time."""
         found = {run.id: run for run in await asyncio.to_thread(self._running)}
-        for name in found.keys() - self.runs.keys():
-            self.runs[name] = LiveRun(found[name])
+        for name, run in found.items():
+            live = self.runs.setdefault(name, LiveRun(run))
+            live.run = run  # the manifest of a run that has just begun is not written yet
         for name, live in list(self.runs.items()):
-            with suppress(StoreError):
-                new = await asyncio.to_thread(live.look)
-                for event in new:
-                    for call in self.on_event:
-                        call(live, event)
-            if live.timeline is None and name in found:
-                with suppress(InputError):
-                    live.timeline = await self._workers.call(timeline_of_run, live.run.path) or NO_TIMELINE
+            for event in await asyncio.to_thread(live.look):
+                for call in self.on_event:
+                    call(live, event)
             if name not in found:
                 del self.runs[name]
-        async with self.changed:
-            self.changed.notify_all()
+
+
+class Timelines(Part):
+    """Timelines of running runs, which a worker process makes in a second or two."""
+
+    every_s = 1.0
+
+    def __init__(self, live: Live, workers: Workers) -> None:
+        super().__init__()
+        self._live, self._workers = live, workers
+
+    async def look(self) -> None:
+        """Make the timelines that are missing."""
+        for live in [each for each in self._live.runs.values() if each.timeline is None]:
+            try:
+                live.timeline = await self._workers.call(timeline_of_run, live.run.path) or NO_TIMELINE
+            except InputError:
+                live.timeline = NO_TIMELINE
+                raise

@@ -69,7 +69,8 @@ class Resuming:
             raise InUseError(f"{run.id} is being resumed already")
         file = str(run.manifest.get("request", {}).get("bench", ""))
         bench = next((name for name, path in self._settings.benches.items() if str(path) == file), None)
-        if any(item.submission.bench == bench for item in self._queue.occupying()):
+        others = [each for each in self._queue.occupying() if each.run != run.id]
+        if any(item.submission.bench == bench for item in others):
             raise InUseError(f"bench {bench} has another run; resume {run.id} when that has ended")
         folder = self._folder(run) / f"{len(self._made(run)) + 1:04d}"
         words = ["resume", str(run.path), "--interrupted"]

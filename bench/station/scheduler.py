@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import suppress
 from pathlib import Path
 
 from bench.clock import Stopwatch, wall_utc
@@ -14,6 +13,7 @@ from bench.station import attempts
 from bench.station.attempts import Attempt, Launcher
 from bench.station.catalogue import Catalogue
 from bench.station.items import OCCUPYING, Item, ItemState
+from bench.station.part import Part
 from bench.station.queue import Queue
 from bench.station.schedule import next_item
 from bench.station.settings import Settings
@@ -21,14 +21,13 @@ from bench.store.latch import latch
 from bench.store.runs import RunSummary
 
 ITEMS = "items"  # subfolder of attempts
-LOOK_EVERY_S = 0.5
 BEGINS_WITHIN_S = 30.0  # a process, counted from when it was started or this station was
 ATTEMPTS = 3
 LOST = "its process died before the run began; nothing was energised"
 WAITING_QUEUED = frozenset({ItemState.QUEUED})
 
 
-class Scheduler:
+class Scheduler(Part):
     """Begins the next item of each bench, and finds out how items end. Works in the running event loop.
 
     After a run that did not end by itself with everything safe, or not at all, the bench waits for a person:
@@ -36,23 +35,10 @@ class Scheduler:
     """
 
     def __init__(self, settings: Settings, queue: Queue, catalogue: Catalogue, launch: Launcher) -> None:
+        super().__init__()
         self._settings, self._queue, self._catalogue, self._launch = settings, queue, catalogue, launch
-        self._woken = asyncio.Event()
         self._looked: dict[Path, Stopwatch] = {}
         self._benches: dict[str, tuple[int, BenchFile]] = {}
-
-    def wake(self) -> None:
-        """Look at once."""
-        self._woken.set()
-
-    async def work(self) -> None:
-        """Look at all benches until cancelled."""
-        while True:
-            self._woken.clear()
-            await self.look()
-            with suppress(TimeoutError):
-                async with asyncio.timeout(LOOK_EVERY_S):  # wait_for of Python 3.11 can lose a cancellation
-                    await self._woken.wait()
 
     async def look(self) -> None:
         """Update the items that occupy a bench, then begin items at free benches. Raises StoreError."""

@@ -71,7 +71,7 @@ class RunView(_Model):
     now_s: float | None = Field(description="bench time in s")
     speed: float = Field(description="bench seconds per second")
     ends: datetime | None = Field(description="estimated end")
-    held_by: list[str] = Field(description="why no step begins; 'pause' for a person")
+    held_by: list[str] = Field(description="why no further step begins; 'operator' for a person")
     questions: list[QuestionView]
     readings: list[ReadingView]
     problems: list[str]
@@ -102,6 +102,7 @@ class StationView(_Model):
     title: str
     now: datetime
     benches: list[BenchView]
+    problems: list[str] = Field(description="present errors of the station itself, such as a full disk")
     other_runs: list[RunView] = Field(description="runs in progress of bench files that the station does not have")
 
 
@@ -148,7 +149,7 @@ def run_view(live: LiveRun) -> RunView:
         now_s=status.get("now_s"),
         speed=live.speed,
         ends=live.ends(),
-        held_by=sorted(live.state.held),
+        held_by=live.holds,
         questions=[QuestionView.model_validate(each) for each in status.get("questions", ())],
         readings=[_reading_view(name, each) for name, each in status.get("readings", {}).items()],
         problems=list(live.state.problems),
@@ -252,7 +253,9 @@ def station_view(daemon: Daemon, now: datetime) -> StationView:
         for name, title in daemon.settings.titles.items()
     ]
     others = [run for run in runs if daemon.bench_of(run.run) is None]
-    return StationView(title=daemon.settings.title, now=now, benches=benches, other_runs=others)
+    return StationView(
+        title=daemon.settings.title, now=now, benches=benches, problems=daemon.problems(), other_runs=others
+    )
 
 
 def _instant(text: Any) -> datetime | None:

@@ -15,6 +15,7 @@ Facts = Mapping[str, Any]
 STATES = {
     "running": "Running",
     "paused": "Paused",
+    "pauses": "Pauses after this step",
     "asks": "Needs an answer",
     "problem": "Problem",
     "teardown": "Teardown",
@@ -101,8 +102,8 @@ def soaking(live: LiveRun) -> tuple[str, float] | None:
 def _state(live: LiveRun, phases: Sequence[str]) -> str:
     if live.status.get("questions"):
         return "asks"
-    if live.state.held and not live.state.under_way:
-        return "paused"
+    if live.holds:
+        return "pauses" if live.state.under_way else "paused"
     if live.state.problems:
         return "problem"
     if "teardown" in phases:
@@ -111,8 +112,8 @@ def _state(live: LiveRun, phases: Sequence[str]) -> str:
 
 
 def _without_step(live: LiveRun, total: int) -> str:
-    if live.state.held:
-        return tr("Held before the next step: {by}", by=", ".join(tr(by) for by in sorted(live.state.held)))
+    if live.holds:
+        return tr("Held before the next step: {by}", by=", ".join(tr(by) for by in live.holds))
     if not live.state.done:
         return tr("Connecting to the instruments")
     return tr("Completes the record and the report") if live.state.done >= total else tr("Between two steps")

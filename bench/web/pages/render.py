@@ -61,6 +61,7 @@ def _frame(request: Request) -> dict[str, Any]:
         "person": person_of(request),
         "station_title": services.daemon.settings.title,
         "banner": services.banner,
+        "troubles": services.daemon.problems() if person_of(request) is not None else [],
         "places": PLACES,
         "zone": zone,
         "now": wall_utc().astimezone(ZoneInfo(zone)),

@@ -44,7 +44,6 @@ class Screen(NamedTuple):
     state_text: str
     sentence: Sentence
     ends: str
-    left: str
     speed: str
     timeline: Timeline | None
     rows: list[Row]
@@ -68,11 +67,11 @@ def screen_of(live: LiveRun, bench: str, zone: str, trend: Trend) -> Screen:
     return Screen(
         bench, live.run.id, tr(str(manifest.get("title", ""))), " · ".join(live.run.units),
         str(manifest.get("operator", "")), sentence.state, tr(STATES[sentence.state]), sentence,
-        clock_time(ends, zone, now) if steps else "", duration((ends - now).total_seconds()) if steps and ends else "",
+        clock_time(ends, zone, now) if steps and ends else "",
         tr("simulated, {speed} times as fast", speed=f"{live.speed:.0f}") if live.speed > 1.5 else "",
         timeline(plan, sentence.number - 1, _in_step_s(live, sentence.step)), rows(live, planned, trend),
         news(reversed(live.events), _zero(live), {step["id"]: step for step in steps}, NEWS_SHOWN),
-        list(live.state.problems), sorted(live.state.held), list(live.status.get("questions", ())), _safe(plan),
+        list(live.state.problems), live.holds, list(live.status.get("questions", ())), _safe(plan),
         _ending(live, plan, planned), _panels(live, trend), zone,
     )  # fmt: skip
 

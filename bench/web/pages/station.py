@@ -14,7 +14,6 @@ from fastapi.responses import HTMLResponse, StreamingResponse
 from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.figures.languages import language
-from bench.station.live import LOOK_EVERY_S
 from bench.web.access import Person, Reader, Scope
 from bench.web.pages.render import language_of, page, rendered
 from bench.web.pages.screen import Screen, live_of, screen_of, waiting_at
@@ -26,8 +25,11 @@ router = APIRouter(include_in_schema=False)
 # Parts of the page, each swapped when it changes.
 PARTS = (
     "headline", "timeline", "sentence", "details", "alarms", "readings", "news", "questions", "actions", "after_step",
+    "panels",
 )  # fmt: skip
+LOOK_EVERY_S = 0.25  # twice in each look of the station at its runs
 ALIVE_EVERY_S = 3.0
+LEAVE_S = 10.0
 
 
 class Shown(NamedTuple):
@@ -78,11 +80,11 @@ async def wall_page(request: Request, station: Station, _: Reader, bench: str = 
 
 
 @router.get("/benches/{bench}/live")
-async def live(request: Request, station: Station, person: Reader, bench: str) -> StreamingResponse:
-    """Stream the parts of the page of a bench that change, as server-sent events."""
+async def live(request: Request, station: Station, person: Reader, bench: str, run: str = "") -> StreamingResponse:
+    """Stream the parts of the page of a bench that change, as server-sent events; the page shows `run`."""
     live_of(station, bench)
     shown = Shown(language_of(request), **_allowed(person))
-    return StreamingResponse(_stream(station, bench, shown), media_type="text/event-stream")
+    return StreamingResponse(_stream(station, bench, run, shown), media_type="text/event-stream")
 
 
 async def _bench_page(request: Request, station: Services, person: Person, bench: str) -> HTMLResponse:
@@ -107,10 +109,10 @@ async def _screen(station: Services, bench: str) -> Screen | None:
     return screen_of(found, bench, _zone(station, bench), await trends().of(found))
 
 
-async def _stream(station: Services, bench: str, shown: Shown) -> AsyncIterator[str]:
+async def _stream(station: Services, bench: str, run: str, shown: Shown) -> AsyncIterator[str]:
     """Yield each part of the page when it has changed; a change that a slow reader has missed is not sent later."""
     sent: dict[str, str] = {}
-    run, silent_s = _run_of(station, bench), 0.0
+    silent_s = 0.0
     while _run_of(station, bench) == run:
         changed = {name: html for name, html in (await _parts(station, bench, shown)).items() if sent.get(name) != html}
         sent |= changed
@@ -120,11 +122,10 @@ async def _stream(station: Services, bench: str, shown: Shown) -> AsyncIterator[
         elif silent_s >= ALIVE_EVERY_S:
             yield "event: alive\ndata: \n\n"
             silent_s = 0.0
-        with suppress(TimeoutError):
-            async with asyncio.timeout(LOOK_EVERY_S), station.daemon.live.changed:
-                await station.daemon.live.changed.wait()
+        await asyncio.sleep(LOOK_EVERY_S)
         silent_s += LOOK_EVERY_S
-    yield "event: other-run\ndata: \n\n"
+    yield "event: other-run\ndata: \n\n"  # the page loads itself again; an end of the stream would be an error to it
+    await asyncio.sleep(LEAVE_S)
 
 
 async def _parts(station: Services, bench: str, shown: Shown) -> Mapping[str, str]:

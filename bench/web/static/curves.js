@@ -24,10 +24,7 @@ if (place !== null && uPlot !== undefined) begin(place);
 function begin(place) {
   const run = place.dataset.run ?? "";
   const zone = place.dataset.zone ?? "UTC";
-  /** @type {Panel[]} */
-  const all = JSON.parse(place.dataset.panels ?? "[]");
-  const panels = place.dataset.only ? all.filter((panel) => panel.unit === place.dataset.only) : all;
-  const names = panels.flatMap((panel) => panel.channels.map((channel) => channel.name));
+  let panels = panelsOf(place);
   /** @type {number | null} */
   let last = place.dataset.last ? Number(place.dataset.last) : 900;
   /** @type {Answer | null} */
@@ -50,11 +47,11 @@ function begin(place) {
     });
   };
   const renew = async () => {
-    if (isBusy || document.hidden) return;
+    if (isBusy || document.hidden || panels.length === 0) return;
     isBusy = true;
     try {
       const since = held === null ? undefined : held.until_s - 2 * held.width_s;
-      const answer = await load(run, names, last, since, held?.width_s);
+      const answer = await load(run, panels, last, since, held?.width_s);
       if (answer !== null) {
         const old = held;
         held = joined(held, answer, last);
@@ -77,10 +74,26 @@ function begin(place) {
       void renew();
     });
   }
+  // A channel appears in the list of panels when its first reading is recorded.
+  const list = document.getElementById("panels");
+  if (list !== null) {
+    new MutationObserver(() => {
+      panels = panelsOf(place);
+      held = null;
+      void renew();
+    }).observe(list, { childList: true, characterData: true, subtree: true });
+  }
   new ResizeObserver(() => held !== null && draw()).observe(place);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   void renew();
   setInterval(() => void renew(), RENEW_MS);
+}
+
+/** @param {HTMLElement} place @returns {Panel[]} */
+function panelsOf(place) {
+  /** @type {Panel[]} */
+  const all = JSON.parse(document.getElementById("panels")?.textContent || "[]");
+  return place.dataset.only ? all.filter((panel) => panel.unit === place.dataset.only) : all;
 }
 
 /**
@@ -92,12 +105,12 @@ function visible(panels, place) {
 }
 
 /**
- * @param {string} run @param {string[]} names @param {number | null} last @param {number | undefined} since
+ * @param {string} run @param {Panel[]} panels @param {number | null} last @param {number | undefined} since
  * @param {number | undefined} width @returns {Promise<Answer | null>}
  */
-async function load(run, names, last, since, width) {
+async function load(run, panels, last, since, width) {
   const query = new URLSearchParams({ points: String(POINTS) });
-  for (const name of names) query.append("channel", name);
+  for (const channel of panels.flatMap((panel) => panel.channels)) query.append("channel", channel.name);
   if (since !== undefined) query.set("since", String(Math.max(0, since)));
   else if (last !== null) query.set("last", String(last));
   if (width !== undefined) query.set("width", String(width));

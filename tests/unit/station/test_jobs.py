@@ -31,6 +31,7 @@ def test_a_job_is_done_and_others_go_on_after_one_that_fails():
             assert jobs.ask("good", "test", "x", "anna", double, 5) is first
             await jobs.finished()
             work.cancel()
+        jobs.close()
         return [jobs.job(id_) for id_ in ("bad", "bug", "good")]
 
     bad, bug, good = asyncio.run(run())
