@@ -108,5 +108,5 @@ def rehearsal(request: RunRequest) -> dict[str, Any]:
         "took_s": found.result.bench_s,
         "problems": [*found.result.problems, *found.lost],
         "unsafe": dict(found.unsafe),
-        "differs": [[each.name, each.planned_s, each.took_s] for each in found.most_different(5)],
+        "differs": [[each.name, each.planned_s, each.took_s] for each in found.largest_deviations(5)],
     }

@@ -6,7 +6,7 @@ import asyncio
 from abc import ABC, abstractmethod
 from contextlib import suppress
 
-from bench.errors import BenchError, in_words
+from bench.errors import BenchError, error_message
 
 
 class Part(ABC):
@@ -37,7 +37,7 @@ class Part(ABC):
                 await self.look()
                 self.problem = ""
             except (BenchError, OSError) as problem:
-                self.problem = in_words(problem) if isinstance(problem, BenchError) else str(problem)
+                self.problem = error_message(problem) if isinstance(problem, BenchError) else str(problem)
             with suppress(TimeoutError):
                 async with asyncio.timeout(self.every_s):  # wait_for of Python 3.11 can lose a cancellation
                     await self._woken.wait()

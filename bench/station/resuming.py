@@ -32,11 +32,11 @@ class ResumptionView(BaseModel):
 
 def resumption_of(path: Path) -> tuple[bool, list[str]]:
     """Return if a run can be resumed, and what that would do or why not. For a worker process."""
-    from bench.app.resume import in_words, prepared_again, read_interrupted
+    from bench.app.resume import summary_lines, prepare_again, read_interrupted
 
     try:
         resumption = read_interrupted(path)
-        return True, list(in_words(resumption, prepared_again(resumption)))
+        return True, list(summary_lines(resumption, prepare_again(resumption)))
     except BenchError as problem:
         return False, list(problem.problems) if isinstance(problem, InputError) else [str(problem)]
 
