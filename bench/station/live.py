@@ -82,11 +82,11 @@ class LiveRun:
         return bench_s / wall_s if wall_s > 5.0 and bench_s > 0 else self._asked_speed()
 
     def _asked_speed(self) -> float:
-        asked = self.run.manifest.get("request", {}).get("speed")
+        request = self.run.manifest.get("request")
         try:
-            return float(asked) if asked is not None else 1.0
-        except ValueError:
-            return 1.0  # as fast as possible, whatever that is
+            return float(request["speed"]) if isinstance(request, Mapping) else 1.0
+        except (KeyError, TypeError, ValueError):
+            return 1.0  # not asked for, or as fast as possible
 
     def ends(self) -> datetime | None:
         """Return the estimated wall time of the end: that of the plan, later by what its steps took longer so far."""

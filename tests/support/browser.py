@@ -16,7 +16,7 @@ GRAVE = ("serious", "critical")
 
 
 class Seen:
-    """A page, and what it complained about in the console: errors of scripts, violations of the policy, failed loads."""
+    """A page, and its errors in the console: of scripts, of the content security policy, of failed loads."""
 
     def __init__(self, page: Any) -> None:
         self.page = page

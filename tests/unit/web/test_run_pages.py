@@ -60,7 +60,9 @@ def test_pages_have_no_inline_script_or_style_and_hostile_names_are_text(tmp_pat
         assert f'<html lang="{language}"' in answer.text
         assert "<script>alert" not in answer.text
         assert not re.search(r"<style|\sstyle=|\son[a-z]+=|javascript:", answer.text), path
-        assert [each for each in re.findall(r"<script[^>]*>(.*?)</script>", answer.text, re.DOTALL) if each] == []
+        scripts = re.findall(r"<script[^>]*>(.*?)</script>", answer.text, re.DOTALL)
+        assert scripts
+        assert not any(scripts)
         assert answer.headers["content-security-policy"].startswith("default-src 'self'; script-src 'self'")
         assert len(answer.content) < LIMIT_BYTES
 
