@@ -32,7 +32,7 @@ class ResumptionView(BaseModel):
 
 def resumption_of(path: Path) -> tuple[bool, list[str]]:
     """Return if a run can be resumed, and what that would do or why not. For a worker process."""
-    from bench.app.resume import summary_lines, prepare_again, read_interrupted
+    from bench.app.resume import prepare_again, read_interrupted, summary_lines
 
     try:
         resumption = read_interrupted(path)
