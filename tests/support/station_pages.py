@@ -34,9 +34,9 @@ def _launch_nothing(_: Path) -> None:
 
 
 @asynccontextmanager
-async def asked(folder: Path, runs: Path) -> AsyncIterator[Asked]:
-    """Yield clients of a station with the simulated bench, whose items never begin."""
-    settings = read_station(None, folder / "station", runs=str(runs))
+async def asked(folder: Path, runs: Path, bench: str = "simulated") -> AsyncIterator[Asked]:
+    """Yield clients of a station with a bench named demo, whose items never begin."""
+    settings = read_station(None, folder / "station", runs=str(runs), benches={"demo": bench})
     async with at_work(settings, _launch_nothing) as daemon:
         identity = Identity(daemon.database)
         services = Services(daemon, identity, Audit(daemon.database))

@@ -8,6 +8,7 @@ import pytest
 
 from bench.station.items import ItemState
 from bench.web.pages.start import changed_settings, draft_of
+from tests.support.served import on_real_wires
 from tests.support.station_pages import HTML, asked
 
 SMOKE = {"sequence": "smoke", "bench": "demo"}
@@ -15,9 +16,9 @@ UNIT = {**SMOKE, "unit.a": "QF-1", "units_done": "1"}
 READY = {**UNIT, "parameters_done": "1"}
 
 
-def with_station(tmp_path, work):
+def with_station(tmp_path, work, bench="simulated"):
     async def run():
-        async with asked(tmp_path, tmp_path / "runs") as station:
+        async with asked(tmp_path, tmp_path / "runs", bench) as station:
             return await work(station)
 
     return asyncio.run(run())
@@ -148,3 +149,21 @@ def test_a_rehearsal_is_a_job_whose_result_the_page_shows(tmp_path):
     assert "It is rehearsed" in meanwhile
     assert 'hx-trigger="every 4s"' in meanwhile
     assert "The rehearsal ended: completed" in page
+
+
+@pytest.mark.lengthy
+def test_a_run_that_its_preflight_refuses_is_not_left_alone(tmp_path):
+    """No instrument answers at the addresses of the bench: an attended run may be queued, an unattended one may not."""
+
+    async def work(station):
+        page = (await opened(station, READY)).text
+        refused = await station.client.post("/start", data={**READY, "unattended": "1"}, headers=HTML)
+        return page, refused, station.services.daemon.queue.items()
+
+    page, refused, items = with_station(tmp_path, work, str(on_real_wires(tmp_path)))
+    assert re.search(r'<th scope="row">instruments</th><td>✗ no</td>', page)
+    assert re.search(r'name="unattended" value="1" disabled', page)
+    assert "Start the run" in page
+    assert refused.status_code == 422
+    assert "the preflight does not let this run be unattended" in refused.text
+    assert items == []
