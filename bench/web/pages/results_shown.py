@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime
+from types import MappingProxyType
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -51,8 +52,8 @@ def mark(verdict: str | None) -> str:
 class ShownFinding:
     """Result in the displayed unit of its quantity, to the digits that its uncertainty justifies."""
 
-    def __init__(self, finding: FindingView) -> None:
-        self.finding = finding
+    def __init__(self, finding: FindingView, dwells: Mapping[str, int] = MappingProxyType({})) -> None:
+        self.finding, self._dwells = finding, dwells
         self.factor, self.unit = scale_shown(finding.quantity, finding.unit)
 
     @property
@@ -84,13 +85,13 @@ class ShownFinding:
     @property
     def where(self) -> str:
         """Conditions in words; its id if they are not those of a known kind."""
-        return conditions(self.finding.at) or self.finding.id
+        return conditions(self.finding.at, self._dwells) or self.finding.id
 
 
-def conditions(at: Mapping[str, Any]) -> str:
-    """Return conditions of a result in words; "" if they cannot be read."""
+def conditions(at: Mapping[str, Any], dwells: Mapping[str, int] = MappingProxyType({})) -> str:
+    """Return conditions of a result in words, with the numbers of `dwells`; "" if they cannot be read."""
     try:
-        return where(at, {})
+        return where(at, dwells)
     except (ValueError, TypeError, KeyError, AttributeError):  # the file of a run is what somebody wrote
         return ""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 from datetime import datetime, timedelta
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Form, Query, Request
@@ -76,7 +77,8 @@ async def run_page(request: Request, station: Station, _: Reader, run: str) -> H
         course=course, strip=charts.strip(course), files=files,
         manifest=results.provenance_of(found), jobs=jobs, reports=reports,
         changes=_changes(info, reported=bool(reports)),
-        resumption=await _resumption(station, run) if found.state == "interrupted" else None, **Words,
+        resumption=await _resumption(station, run) if found.state == "interrupted" else None,
+        **{**Words, "shown": partial(ShownFinding, dwells=_dwells(content.findings))},
     )  # fmt: skip
 
 
@@ -89,6 +91,11 @@ def _changes(info: RunInfo, *, reported: bool) -> bool:
     except ValueError:
         return False
     return not reported and wall_utc() - ended < REPORTED_WITHIN
+
+
+def _dwells(found: Sequence[FindingView]) -> dict[str, int]:
+    """Return the number of each dwell by its path, the part of an id after the @."""
+    return {each.id.partition("@")[2]: each.at["dwell"] for each in found if isinstance(each.at.get("dwell"), int)}
 
 
 def _is_page(name: str) -> bool:
