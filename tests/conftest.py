@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable
 from ctypes.util import find_library
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
@@ -25,6 +25,10 @@ from hypothesis import settings
 import bench.loop
 import tests  # noqa: F401  which gives them a folder for states
 from tests.support.commands import Done, invoked
+from tests.support.shared_runs import SharedRuns
+
+if TYPE_CHECKING:
+    from bench.app.execute import RunResult
 
 pytest_plugins = ["tests.support.budget"]
 ROOT = Path(__file__).parents[1]
@@ -84,6 +88,38 @@ def _is_here(peer: str) -> bool:
 def _state_of_nobody(tmp_path_factory):
     """Keeps the records that belong to no single run out of the home of whoever runs the tests."""
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("itb-state-"))
+
+
+@pytest.fixture(scope="session")
+def shared_runs(request, tmp_path_factory) -> SharedRuns:
+    base = tmp_path_factory.getbasetemp()
+    return SharedRuns((base.parent if hasattr(request.config, "workerinput") else base) / "shared-runs")
+
+
+@pytest.fixture
+def smoke_run(shared_runs) -> RunResult:
+    """The smoke sequence on the simulated bench, with its report; to be looked at only."""
+    return shared_runs.smoke()
+
+
+@pytest.fixture
+def tumble_run(shared_runs) -> RunResult:
+    """A short tumble of three dwells, up and down, with its report; to be looked at only."""
+    return shared_runs.tumble()
+
+
+@pytest.fixture
+def smoke_copy(smoke_run, tmp_path) -> Path:
+    """The directory of the smoke run once more, to be changed."""
+    return Path(shutil.copytree(smoke_run.path, tmp_path / "runs" / smoke_run.path.name))
+
+
+@pytest.fixture(autouse=True)
+def _shared_runs_stay(shared_runs):
+    """Fails a test that has changed a run that others look at."""
+    before = shared_runs.changed()
+    yield
+    assert shared_runs.changed() == before, "take a copy of a shared run before changing it"
 
 
 _OF_SOMETHING: dict[str, bool] = {}  # lines on which the present test has called all(), and whether it got anything

@@ -18,7 +18,7 @@ from bench.errors import StoreError
 from bench.figures.after_run import chamber_sentence
 from bench.guardian.course import Course
 from bench.guardian.follow import Follower, Following
-from bench.runner.held import A_VISIT, LOOKS, energising_addresses, owners
+from bench.runner.held import LOOKS, energising_addresses, owners
 from bench.store.energised import Energised, energised
 from bench.store.followed import Followed
 
@@ -148,7 +148,7 @@ def _others(made: MadeSafe) -> list[str]:
     """Return the other programs that supervise a chamber of a bench, such as the guardian of a run."""
     addresses = energising_addresses(made.loaded.bench)
     found = owners([addresses[role] for role in made.safe], LOOKS)
-    return sorted(str(each).removeprefix(A_VISIT) for each in found if each.process != os.getpid())
+    return sorted(str(each) for each in found if each.process != os.getpid())
 
 
 @contextmanager

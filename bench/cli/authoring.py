@@ -1,4 +1,4 @@
-"""schema, reference, fmt, new: commands for writing sequences and bench files."""
+"""schema, fmt, new: commands for writing sequences and bench files."""
 
 from __future__ import annotations
 
@@ -50,26 +50,15 @@ def _print(schema: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
 
 
-def reference(page: str, out: Path | None) -> None:
-    """Print a page of the reference in Markdown: steps, keys of files, methods, drivers, commands, errors."""
-    from bench.cli.reference import page_text, write_pages
-
-    if out is None:
-        sys.stdout.write(page_text(page))
-        return
-    for path in write_pages(out):
-        sys.stdout.write(f"{path}\n")
-
-
 def format_files(files: tuple[Path, ...], *, check: bool) -> int:
     """Format the indentation of YAML files; values, comments and spelling stay unchanged."""
     from bench.config.layout import changes
-    from bench.files import written_whole
+    from bench.files import atomic_file
 
     changed = changes(files)
     for path, text in changed.items():
         if not check:
-            with written_whole(path) as draft:
+            with atomic_file(path) as draft:
                 draft.write_bytes(text.encode())
         sys.stdout.write(f"{path}\n")
     return INPUT_ERROR if check and changed else PASS
@@ -77,7 +66,7 @@ def format_files(files: tuple[Path, ...], *, check: bool) -> int:
 
 def new_driver(name: str, kind: str, out: Path) -> None:
     """Write the starter package of a plug-in driver, with simulator and passing tests."""
-    from bench.app.new_driver import write_driver
+    from bench.app.new_package import write_driver
 
     for path in write_driver(name, kind, out):
         sys.stdout.write(f"{path}\n")
@@ -85,7 +74,7 @@ def new_driver(name: str, kind: str, out: Path) -> None:
 
 def new_method(name: str, out: Path) -> None:
     """Write the starter package of a plug-in method, with words, case, truth and passing tests."""
-    from bench.app.new_method import write_method
+    from bench.app.new_package import write_method
 
     for path in write_method(name, out):
         sys.stdout.write(f"{path}\n")
@@ -112,10 +101,6 @@ COMMANDS = (
     Command("schema chamber-profile", schema_of_chamber_profiles),
     Command("schema scenario", schema_of_scenarios),
     Command("schema table-profile", schema_of_table_profiles),
-    Command("reference", reference, (
-        argument("PAGE", "One of the pages listed by README.", default="README"),
-        option("--out DIR", "Write all pages there instead of printing one.", read=Path),
-    )),
     Command("fmt", format_files, (
         arguments("FILE", "Sequence and bench files.", to="files", least=1, read=Path),
         flag("--check", "Change nothing; exit with 2 if a file would change."),

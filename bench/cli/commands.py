@@ -200,6 +200,3 @@ def _is_option(word: str) -> bool:
     except ValueError:
         return True
     return False
-
-
-COMMANDS: dict[str, Command] = {}  # by name; filled by bench.cli.main, which imports all modules with commands

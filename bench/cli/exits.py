@@ -46,4 +46,5 @@ def of_run(result: RunResult) -> int:
     if result.results is None or result.outcome.how == "error":
         return BENCH_ERROR
     code = OF_VERDICT[result.results.verdict]
-    return code if result.report is not None or code in (FAIL, ABORTED) else BENCH_ERROR
+    is_complete = result.report is not None or result.no_report
+    return code if is_complete or code in (FAIL, ABORTED) else BENCH_ERROR

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
+import codecs
+import io
 import os
 import signal
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from bench.cli import authoring, control, devices, offline, rehearsing, running, station, stored
-from bench.cli.commands import COMMANDS, Command, Helped
+from bench.cli.commands import Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.cli.interrupts import end_at_once
-from bench.cli.streams import make_usable
+from bench.cli.table import COMMANDS
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
 
 PURPOSE = "Runs inertial-sensor test benches: sequences in, calibrated models with uncertainties out."
-ALL = (
-    *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
-    *authoring.COMMANDS, *control.COMMANDS, *station.COMMANDS,
-)  # fmt: skip
-COMMANDS.update({command.words: command for command in ALL})
 GROUPS = {
     "runs": "List or verify runs.",
     "devices": "List the instruments of a bench, or find new ones.",
     "schema": "Print the JSON Schema of a kind of file.",
     "new": "Write a starter file.",
 }
+ESCAPED = "bench-escaped"  # error handler of encoders: writes \u00b0 for °, which is also valid in JSON
 
 
 def run() -> None:
@@ -90,8 +87,7 @@ def _done(words: Sequence[str]) -> int:
     return _command(f"{first} {others[0]}", COMMANDS).called(others[1:])
 
 
-def _command(name: str, known: dict[str, Command]) -> Command:
-    """Return the command of that name. Raises InputError."""
+def _command(name: str, known: Mapping[str, Command]) -> Command:
     if name not in known:
         from drivers.schema.suggest import nearest
 
@@ -128,3 +124,36 @@ def _rows(group: str) -> Iterator[tuple[str, str]]:
 
 def _say(text: str) -> None:
     sys.stderr.write(text.rstrip("\n") + "\n")
+
+
+def make_usable() -> None:
+    """Open closed standard streams on the null device; escape characters that their encoding lacks.
+
+    Otherwise the next opened file, such as the run database, would get the descriptor of a closed stream, and output of
+    libraries and child processes would be written into it.
+    """
+    codecs.register_error(ESCAPED, _escaped)
+    if sys.stdin is None:
+        sys.stdin = _null("r")
+    if sys.stdout is None:
+        sys.stdout = _null("w")
+    if sys.stderr is None:
+        sys.stderr = _null("w")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=ESCAPED)
+
+
+def _null(mode: str) -> io.TextIOWrapper:
+    """Open the null device on the lowest free descriptor: that of the closed stream."""
+    number = os.open(os.devnull, os.O_RDWR)
+    os.set_inheritable(number, True)
+    raw = io.FileIO(number, mode, closefd=False)
+    return io.TextIOWrapper(io.BufferedReader(raw) if mode == "r" else io.BufferedWriter(raw), encoding="utf-8")
+
+
+def _escaped(problem: UnicodeError) -> tuple[str, int]:
+    if not isinstance(problem, UnicodeEncodeError):
+        raise problem
+    units = problem.object[problem.start : problem.end].encode("utf-16-be", "surrogatepass")
+    return "".join(f"\\u{units[at]:02x}{units[at + 1]:02x}" for at in range(0, len(units), 2)), problem.end

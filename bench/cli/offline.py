@@ -26,7 +26,7 @@ def reduce(case_or_run: str, out: Path | None, runs: Path, *, as_json: bool, dam
 
 def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature."""
-    from bench.files import written_whole
+    from bench.files import atomic_file
     from bench.offline.calibration_file import compensated, read_calibration
 
     known = read_calibration(calibration)
@@ -36,32 +36,30 @@ def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> 
     if out is None:
         sys.stdout.write(text)
     else:
-        with written_whole(out) as draft:
+        with atomic_file(out) as draft:
             draft.write_text(text, encoding="utf-8")
 
 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
     from bench.errors import InputError
-    from bench.files import written_whole
-    from bench.offline.case import reduce_case
-    from bench.offline.outcome import lacking, outcome
+    from bench.files import atomic_file
+    from bench.offline.case import reduced_case
     from bench.store.runs import json_text
 
     if out is None and not as_json:
         raise InputError(f"{case}: give --out DIR to write result.json, or --json to print it")
-    result = reduce_case(case)
+    found = reduced_case(case)
     if as_json:
-        sys.stdout.write(json.dumps(result, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps(found.content, ensure_ascii=False) + "\n")
     if out is not None:
-        with written_whole(out / "result.json") as draft:
-            draft.write_text(json_text(result), encoding="utf-8")
+        with atomic_file(out / "result.json") as draft:
+            draft.write_text(json_text(found.content), encoding="utf-8")
         if not as_json:
             sys.stdout.write(f"{out / 'result.json'}\n")
-    found = outcome(result)
-    if found == "INCOMPLETE":
-        why = ", ".join(lacking(result)) or "a result with a limit could not be determined; see its notes"
+    if found.outcome == "INCOMPLETE":
+        why = ", ".join(found.lacking) or "a result with a limit could not be determined; see its notes"
         sys.stderr.write(f"{case.name}: INCOMPLETE: {why}\n")
-    return exits.PASS if found == "REDUCED" else exits.OF_VERDICT[found]
+    return exits.PASS if found.outcome == "REDUCED" else exits.OF_VERDICT[found.outcome]
 
 
 def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damaged: bool) -> None:

@@ -35,13 +35,14 @@ def _units_shown() -> Mapping[str, list[str]]:
     return found
 
 
-def shown(finding: Finding) -> str:
+def shown(finding: Finding, *, marked: bool = True) -> str:
     """Value ± expanded uncertainty in the displayed unit, to the digits that the uncertainty justifies.
 
-    A count has no budget and is exact. A settling time is shown with its range, because it cannot be negative.
+    A failed or invalid value has a mark, if `marked`. A count has no budget and is exact. A settling time is shown with
+    its range, because it cannot be negative.
     """
     factor, _ = scale_shown(finding.quantity, finding.unit)
-    mark = " !" if finding.verdict in ("FAIL", "INVALID") else ""
+    mark = " !" if marked and finding.verdict in ("FAIL", "INVALID") else ""
     if not finding.budget:
         return f"{finding.value * factor:.9g}{mark}"
     if finding.interval is not None and is_shown_by_range(finding):

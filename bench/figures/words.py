@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Any
 
 from bench.config.answers import SCRIPTED
@@ -60,25 +58,6 @@ CONTENTS = MethodWords(
     },
 )
 SAID = (DONE, SCRIPTED)  # words of the program among the answers, and among the names of who gave them
-_PLACE = re.compile(r"\\\{(\w+)\\\}")
-
-
-@lru_cache(maxsize=1024)
-def _pattern(text: str) -> re.Pattern[str]:
-    return re.compile(_PLACE.sub(r"(?P<\1>[^:]+)", re.escape(text)))
-
-
-def sentence_of(text: str, sentences: Mapping[str, str]) -> str | None:
-    """Sentence for a generated text, with its names and numbers; None if none is known.
-
-    `sentences` are by texts in which a name in braces stands for anything without a colon.
-    """
-    if text in sentences:
-        return tr(sentences[text])
-    for known, sentence in sentences.items():
-        if "{" in known and (found := _pattern(known).fullmatch(text)):
-            return tr(sentence, **found.groupdict())
-    return None
 
 
 def quantity_in_words(quantity: str) -> str:
@@ -95,7 +74,7 @@ def quantity_text(quantity: str) -> str:
 def name_of(finding: Finding) -> str:
     """Name of a finding without its quantity, which precedes it."""
     name = finding.name.removeprefix(quantity_text(finding.quantity) + ": ")
-    return sentence_of(name, {text: text for text in texts_of("FINDINGS", ())}) or tr(name)
+    return tr(name)
 
 
 def quantity_of(finding: Finding) -> str:
@@ -120,7 +99,7 @@ def shared_in_words(shared: str) -> str:
     return source_in_words(f"{what}: {part.replace('_', ' ')}") if point else shared
 
 
-def said_in_words(text: str) -> str:
+def answer_text(text: str) -> str:
     """Text of an answer, or of who gave it; text typed by people is unchanged."""
     return tr(text) if text in SAID else text
 

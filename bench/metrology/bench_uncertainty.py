@@ -1,10 +1,12 @@
-"""Uncertainties of a bench from certificates and surveys, as standard uncertainties."""
+"""Uncertainties of a bench from certificates and surveys, as standard uncertainties, and as sources of budgets."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+
+from bench.metrology.results.budget import BudgetLine, common, gain_and_offset
 
 Vector = tuple[float, float, float]
 
@@ -65,6 +67,11 @@ class ClockRecord:
     time_base_u: float
     skew_u_s: float
 
+    @property
+    def time_base(self) -> BudgetLine:
+        """Relative error of its times."""
+        return common(f"{self.name}: time base", self.time_base_u)
+
 
 @dataclass(frozen=True, slots=True)
 class BenchRecord:
@@ -105,6 +112,38 @@ class BenchRecord:
         if sent and self.telemetry is not None:
             return self.telemetry
         return ClockRecord("counter", self.time_base_u, self.encoder_skew_u_s)
+
+    @property
+    def level(self) -> BudgetLine:
+        """Error of the level of the fixture, in rad."""
+        return common("fixture: level", math.radians(self.level_u_deg))
+
+    @property
+    def wobble(self) -> BudgetLine:
+        """Tilt of the outermost axis once a turn, in rad."""
+        return BudgetLine("axis: wobble", "B", math.radians(self.head.wobble_u_deg), None, "table.wobble")
+
+    def gravity(self, value: float) -> BudgetLine:
+        """Contribution of gravity to a value that is proportional to it."""
+        return common("site: gravity", value * self.gravity_u_mps2 / self.gravity_mps2)
+
+    def temperature(self, name: str, temperature_c: float) -> BudgetLine:
+        """Error of a temperature reading, in °C."""
+        return BudgetLine(f"{name}: offset, gain", "B", self.temperature_u_c(name, temperature_c), None, name)
+
+    def voltmeter(self, name: str) -> tuple[BudgetLine, BudgetLine]:
+        """Errors of a voltmeter: of its gain, and of its offset in V; zeros without a certificate."""
+        return gain_and_offset(name, *self.voltmeters_u.get(name, (0.0, 0.0)))
+
+    def current(self, role: str) -> tuple[BudgetLine, BudgetLine]:
+        """Errors of a current source or ammeter: of its gain, and of its offset in A; zeros without a certificate."""
+        known = self.sources.get(role, SourceRecord(0.0, 0.0, 0.0))
+        return gain_and_offset(role, known.gain_u, known.offset_u_a)
+
+    def thermometer(self, name: str) -> tuple[BudgetLine, BudgetLine]:
+        """Errors of the thermometer of a reading: of its gain, and of its offset in °C; zeros without a certificate."""
+        offset_c, gain = self.thermometer_u(name)
+        return gain_and_offset(name, gain, offset_c)
 
     def thermometer_u(self, name: str) -> tuple[float, float]:
         """Offset (°C) and gain of the thermometer of a reading; zeros without a certificate."""

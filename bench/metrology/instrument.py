@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.run_data import UnitUnderTest
@@ -20,19 +18,6 @@ def instrument_lines(unit: UnitUnderTest, bench: BenchRecord, scaled: float, tog
     if unit.telemetry is not None:
         return []
     if unit.voltmeter is None:
-        return [shared_line("counter: time base", scaled * bench.time_base_u)]
-    gain_u, offset_u_v = bench.voltmeters_u.get(unit.voltmeter, (0.0, 0.0))
-    return [
-        shared_line(f"{unit.voltmeter}: gain", scaled * gain_u),
-        shared_line(f"{unit.voltmeter}: offset", together * offset_u_v),
-    ]
-
-
-def shared_line(source: str, u: float | np.floating) -> BudgetLine:
-    """A line of an error that all results have."""
-    return BudgetLine(source, "B", float(u), None, shared_as(source))
-
-
-def shared_as(source: str) -> str:
-    """Identifier by which results recognise one common source."""
-    return source.replace(": ", ".").replace(" ", "_")
+        return [bench.clock(sent=False).time_base.times(scaled)]
+    gain, offset = bench.voltmeter(unit.voltmeter)
+    return [gain.times(scaled), offset.times(together)]

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
+from bench.metrology.results.flag import NOT_DETERMINED, ONE_NOT_DETERMINED, Flag
+
 Array = NDArray[np.float64]
 
 CONDITION_LIMIT = 1e3
@@ -26,15 +28,16 @@ EXCESSIVE_OUTLIERS = 0.1
 class NotDetermined(ValueError):
     """The data do not determine the requested coefficients; `names` are those that cannot be separated.
 
-    Results report it by the flag `ill_conditioned`.
+    Results report it by the flag `ill_conditioned`, and with `note` as a remark.
     """
 
     def __init__(self, names: Sequence[str], *, rank: int, of: int, condition: float) -> None:
         self.names, self.rank, self.of, self.condition = tuple(names), rank, of, condition
-        listed = ", ".join(names[:-1]) + f" and {names[-1]} are" if len(names) > 1 else f"{names[0]} is"
-        super().__init__(
-            f"{listed} not determined by these readings (rank {rank} of {of}, condition number {condition:.3g})"
-        )
+        several = len(names) > 1
+        listed = f"{', '.join(names[:-1])} and {names[-1]}" if several else names[0]
+        values = {"names": listed, "rank": rank, "count": of, "condition": f"{condition:.3g}"}
+        self.note = Flag(NOT_DETERMINED if several else ONE_NOT_DETERMINED, values=values)
+        super().__init__(str(self.note))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.metrology.least_squares import CONDITION_LIMIT, Array, LinearFit, NotDetermined, least_squares
+from bench.metrology.results.flag import Flag
 
 Model = Callable[[Array], tuple[Array, Array]]
 """Return, for parameters (p,), the model values (n,) and their Jacobian (n, p)."""
@@ -27,12 +28,12 @@ ANY_CONDITION = float(np.finfo(np.float64).max)
 class NotConverged(ValueError):
     """No solution was found: the model does not suit the readings, or the start was too far away.
 
-    `doubt` names the parameters that the readings hardly separate at the start.
+    `note` is the problem as a remark. `doubt` names the parameters that the readings hardly separate at the start.
     """
 
-    def __init__(self, problem: str, doubt: NotDetermined | None = None) -> None:
-        super().__init__(problem)
-        self.doubt = doubt
+    def __init__(self, note: Flag, doubt: NotDetermined | None = None) -> None:
+        super().__init__(str(note))
+        self.note, self.doubt = note, doubt
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ def fit_nonlinear(
     rounding = ROUNDING * float(np.max(np.abs(y), initial=0.0))
     place = _place(model, y, np.asarray(start, dtype=np.float64))
     if place.misfit == np.inf:
-        raise NotConverged("the model has no finite values where the fit begins")
+        raise NotConverged(Flag("the model has no finite values where the fit begins"))
     doubt = _doubt(place, names, condition_limit)
     for iteration in range(1, MOST_STEPS + 1):
         linear = least_squares(place.jacobian, place.residuals, names=names, condition_limit=ANY_CONDITION)
@@ -108,9 +109,9 @@ def fit_nonlinear(
             return NonlinearFit(whole.parameters, linear, iteration, doubt)
         nearer = whole if whole.misfit < place.misfit else _nearer(model, y, place, step)
         if nearer is None:
-            raise NotConverged("no step makes the residuals smaller", doubt)
+            raise NotConverged(Flag("no step makes the residuals smaller"), doubt)
         place = nearer
-    raise NotConverged(f"the parameters still change after {MOST_STEPS} steps", doubt)
+    raise NotConverged(Flag("the parameters still change after {steps} steps", values={"steps": MOST_STEPS}), doubt)
 
 
 def _place(model: Model, y: Array, parameters: Array) -> _Place:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.metrology.least_squares import Array
+from bench.metrology.results.flag import TOO_FEW_TEMPERATURES
 from bench.metrology.temperature_checks import beyond_possible
 
 
@@ -53,7 +54,7 @@ def compare_tilt(
         compensated_mean_deg=float(np.mean(compensated_deg)) if some else None,
         flags=(
             *(() if possible.all() else ("out_of_range",)),
-            *(() if len(np.unique(temperature_c[possible])) > 1 else ("too_few_temperatures",)),
+            *(() if len(np.unique(temperature_c[possible])) > 1 else (TOO_FEW_TEMPERATURES,)),
         ),
         excluded={
             "missing": int(np.sum(~present)),

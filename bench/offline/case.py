@@ -15,8 +15,10 @@ import numpy as np
 
 from bench.errors import InputError
 from bench.metrology.least_squares import NotDetermined
+from bench.metrology.results.flag import Flag
 from bench.offline.case_file import Reduction, read_case
 from bench.offline.doubts import with_doubts
+from bench.offline.outcome import ReducedCase
 from bench.sequence.method import known_methods
 from drivers.installed import loaded
 
@@ -34,7 +36,12 @@ def reduction_of(method: str, sub: str) -> Reduction | None:
 
 
 def reduce_case(path: Path) -> dict[str, Any]:
-    """Reduce the case file at `path`; return the content of `result.json`.
+    """Reduce the case file at `path`; return the content of `result.json`. Raises as `reduced_case`."""
+    return reduced_case(path).content
+
+
+def reduced_case(path: Path) -> ReducedCase:
+    """Reduce the case file at `path`.
 
     Raises InputError, with the file and the place in it, if the case cannot be read or reduced.
     """
@@ -51,10 +58,14 @@ def reduce_case(path: Path) -> dict[str, Any]:
     except NotDetermined as problem:
         files = ", ".join(record.name for record in case.content.records.values())
         raise InputError(f"{case.name}: the record is insufficient ({files}): {problem}") from None
-    result["flags"] = list(map(str, result["flags"]))
-    result = with_doubts(result, result.pop("doubts"))
-    result["notes"] = [*case.notes, *result["notes"]]
-    return {"method": method, "sub": sub, **_json(result)}
+    flags = [each if isinstance(each, Flag) else Flag(each) for each in result["flags"]]
+    result |= {"flags": list(map(str, flags)), "notes": [*case.notes, *map(str, result["notes"])]}
+    result["lacking"] = [str(flag) for flag in flags if flag.code in reduction.lacking]
+    content = _json({"method": method, "sub": sub, **with_doubts(result, result.pop("doubts"))})
+    lacking, parts = content.pop("lacking"), [content[name] for name in reduction.parts]
+    if any(not part or all(each is None for each in part) for part in parts):
+        lacking.append("nothing")
+    return ReducedCase(content, tuple(lacking))
 
 
 def _json(value: Any) -> Any:

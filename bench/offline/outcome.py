@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
-
-from bench.offline.case import reduction_of
 
 Outcome = Literal["REDUCED", "PASS", "FAIL", "INCOMPLETE"]
 
-LACKING = r"(^|[: ])invalid$|too_few_|_missing$|^implausible_|^(columns|legs)_exchanged$"
-"""Flags of a part that could not be used, or of a result that is not reliable; a reduction may add others."""
 
+@dataclass(frozen=True, slots=True)
+class ReducedCase:
+    """The content of `result.json`, and what makes it incomplete: some of its flags, "nothing" if it has no result."""
 
-def outcome(result: Mapping[str, Any]) -> Outcome:
-    """PASS or FAIL of a case with limits, REDUCED without any; INCOMPLETE if something is unknown.
+    content: dict[str, Any]
+    lacking: tuple[str, ...]
 
-    A failure counts even if something else is unknown, unless the whole is doubtful.
-    """
-    judged = {"pass": True, "fail": False}.get(result["verdict"]) if "verdict" in result else result.get("passed")
-    if judged is False:
-        return "FAIL"
-    is_judged = "verdict" in result or "passed" in result
-    if lacking(result) or (is_judged and judged is None):
-        return "INCOMPLETE"
-    return "PASS" if judged else "REDUCED"
+    @property
+    def outcome(self) -> Outcome:
+        """PASS or FAIL of a case with limits, REDUCED without any; INCOMPLETE if something is unknown.
 
-
-def lacking(result: Mapping[str, Any]) -> list[str]:
-    """Flags of missing results; "nothing" if there is no part at all, or none is known."""
-    reduction = reduction_of(result["method"], result["sub"])
-    own, names = (reduction.lacking, reduction.parts) if reduction is not None else ("", ())
-    found = [flag for flag in result["flags"] if re.search("|".join(filter(None, (LACKING, own))), flag)]
-    parts = [result[name] for name in names]
-    nothing = any(not part or all(each is None for each in part) for part in parts)
-    return [*found, "nothing"] if nothing else found
+        A failure counts even if something else is unknown, unless the whole is doubtful.
+        """
+        of = self.content
+        judged = {"pass": True, "fail": False}.get(of["verdict"]) if "verdict" in of else of.get("passed")
+        if judged is False:
+            return "FAIL"
+        is_judged = "verdict" in of or "passed" in of
+        if self.lacking or (is_judged and judged is None):
+            return "INCOMPLETE"
+        return "PASS" if judged else "REDUCED"

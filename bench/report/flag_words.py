@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from bench.figures.languages import tr
 from bench.figures.words import REASONS
-from bench.metrology.results.flag import SAMPLES, Flag
+from bench.metrology.results.flag import NOT_DETERMINED, ONE_NOT_DETERMINED, SAMPLES, Flag
 from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
-from bench.report.note_words import note_in_words
-from bench.sequence.method import MethodWords
+from bench.sequence.method import MethodWords, texts_of
 
 _READINGS = MethodWords(
     "READINGS",
@@ -38,6 +37,12 @@ _QUANTITIES = MethodWords(
 )
 _UNITS = MethodWords("UNITS", {})
 _PARTS = MethodWords("PARTS", {})
+_WHERE = MethodWords("WHERE", {})
+NOTES = (
+    ONE_NOT_DETERMINED, NOT_DETERMINED, "the model has no finite values where the fit begins",
+    "no step makes the residuals smaller", "the parameters still change after {steps} steps",
+)  # fmt: skip
+"""Codes that are sentences themselves."""
 
 
 def reading_in_words(problem: str) -> str:
@@ -58,7 +63,12 @@ def flag_in_words(flag: Flag) -> str:
         return f"{of}{tr(': ')}{tr(REASONS[code])}{tr('.')}"
     if of and code in _QUANTITIES:
         return f"{of}{tr(': ')}{tr(_QUANTITIES[code])}"
-    return tr(_UNITS[code], **flag.values) if not (at or of) and code in _UNITS else note_in_words(str(flag))
+    if not (at or of) and code in _UNITS:
+        return tr(_UNITS[code], **flag.values)
+    if of or code not in texts_of("NOTES", NOTES):
+        return str(flag)
+    where = f"{tr(_WHERE[at]) if at in _WHERE else at}{tr(': ')}" if at else ""
+    return f"{where}{tr(code, **flag.values)}"
 
 
 def _of_samples(flag: Flag) -> str:

@@ -25,8 +25,7 @@ from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.curves import Constant, Equation, KnotModel, TemperatureModel
 from bench.metrology.results.finding import CONFIDENCE, LOWER_BOUND, Finding, UnitResult
 from bench.metrology.results.limits import Limits
-from bench.report.note_words import form_in_words
-from bench.sequence.method import MethodWords
+from bench.sequence.method import MethodWords, texts_of
 
 POWERS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 SEVERITY = ("FAIL", "INVALID", "PASS", None)
@@ -244,13 +243,20 @@ def _notes(finding: Finding) -> Iterator[str]:
             yield f"{finding.quantity}{tr(': ')}{tr(REASONS[flag]) if flag in REASONS else flag}"
 
 
+def _form(model: Equation) -> str:
+    """The equation with the explanations of its symbols."""
+    known = texts_of("FORMS", ())
+    clauses = (tr(each.code, **each.values) if each.code in known else str(each) for each in model.clauses)
+    return tr(", ").join((model.form, *clauses))
+
+
 def model_sheet(model: Equation | KnotModel) -> Sheet:
     """Constants of an equation, or knots of a piecewise linear model."""
     if isinstance(model, Equation):
         valid = tr(", ").join(_range_in_words(name, *ends) for name, ends in model.valid.items())
         rows = tuple((_symbol(name), *_constant(each), each.unit) for name, each in model.constants.items())
         return Sheet(
-            f"{quantity_in_words(model.quantity)}{tr(': ')}{form_in_words(model.form)}",
+            f"{quantity_in_words(model.quantity)}{tr(': ')}{_form(model)}",
             tr("Valid for {valid}.", valid=valid) if valid else "",
             ((tr("Constant"), ""), (tr("Value"), ""), ("u", "k = 1"), (tr("Unit"), "")),
             rows,

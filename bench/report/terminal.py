@@ -29,9 +29,11 @@ def results_text(results: Results | None) -> str:
         lines += [f"  {unit.dropped.text}"] if unit.dropped is not None else []
         lines += [f"  {flag_in_words(flag)}" for flag in unit.flags]
     lines += _journal_records(results.journal_records)
-    each = ", ".join(dict.fromkeys(f"{unit.uut} {unit.verdict}" for unit in results.units))
+    each = dict.fromkeys(f"{unit.uut} {unit.verdict}" for unit in results.units)
     near = f", {of_those_within_u(results.within_u)}" if results.within_u else ""
-    return "\n".join([*lines, "", f"Verdict: {results.verdict}{near}" + (f" ({each})" if "," in each else ""), ""])
+    return "\n".join(
+        [*lines, "", f"Verdict: {results.verdict}{near}" + (f" ({', '.join(each)})" if len(each) > 1 else ""), ""]
+    )
 
 
 def _journal_records(found: JournalRecords) -> Iterator[str]:

@@ -9,38 +9,50 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import ipaddress
 import os
 import pwd
 import selectors
 import socket
+import stat
 import struct
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from enum import StrEnum
 from typing import NamedTuple
 
 from bench.config.models import BenchFile
 from bench.errors import InUseError, StoreError
-from bench.runner.whereabouts import marks
 from bench.store.lockout import locked_out
 from drivers.transport.address import Address
 
 DISK_ANSWERS_S = 1.0
-A_RUN, A_VISIT, A_RESCUE = "a run of ", "a short look of ", "the guardian of "  # kinds of owners
 LOOKS = "followed "  # prefix of locks that mark supervision of a chamber; they do not lock the address itself
 _WORDS_AT_MOST = 200
 _OWNER_ANSWERS_S = 0.5
 _pause = threading.Event().wait
 _ATTEMPTS, _BETWEEN_ATTEMPTS_S = 3, 0.02  # the owner may end before it is asked, or may just have started
 _LOOKS_AT_A_VISIT, _BETWEEN_LOOKS_S = 150, 0.1  # each reading ends within 10 s
+_HERE = "this machine"
+
+
+class Kind(StrEnum):
+    """Kind of an owner: a run, a short reading of a chamber, a guardian that makes a bench safe, or another program."""
+
+    RUN = "run"
+    VISIT = "visit"
+    RESCUE = "rescue"
+    OTHER = ""
 
 
 class Owner(NamedTuple):
-    """Owner of the lock of an address: process and user (0 and -1 if it does not answer), and description."""
+    """Owner of the lock of an address: process and user (0 and -1 if it does not answer), description, and kind."""
 
     process: int
     user: int
     words: str
+    kind: Kind = Kind.OTHER
 
     def __str__(self) -> str:
         if not self.process:
@@ -80,23 +92,23 @@ def is_locked_out(bench: BenchFile) -> bool:
 
 
 @contextmanager
-def address_lock(addresses: Iterable[Address], who: str, kind: str = "") -> Iterator[None]:
+def address_lock(addresses: Iterable[Address], who: str, kind: Kind = Kind.OTHER, purpose: str = "") -> Iterator[None]:
     """Hold the locks of the addresses in the block, as `who`; InUseError names the owner of one that is taken.
 
-    Short readings of a chamber by others are waited for. `kind` is LOOKS for locks that mark supervision.
+    Short readings of a chamber by others are waited for. `purpose` is LOOKS for locks that mark supervision.
     """
     # several instruments may share a line
-    places = {kind + mark: address for address in addresses for mark in marks(address)}
+    places = {purpose + mark: address for address in addresses for mark in marks(address)}
     with ExitStack() as held:
         locks = [held.enter_context(_lock(mark, places[mark])) for mark in sorted(places)]
         if locks:
-            held.enter_context(_answering(locks, who.encode()[:_WORDS_AT_MOST]))
+            held.enter_context(_answering(locks, _printable(who).encode()[:_WORDS_AT_MOST] + f"\n{kind}".encode()))
         yield
 
 
-def owners(addresses: Iterable[Address], kind: str = "") -> set[Owner]:
+def owners(addresses: Iterable[Address], purpose: str = "") -> set[Owner]:
     """Return the programs that hold any of the addresses, or with LOOKS supervise one."""
-    places = {kind + mark for address in addresses for mark in marks(address)}
+    places = {purpose + mark for address in addresses for mark in marks(address)}
     return {owner for mark in places if (owner := _owner(_name(mark))) is not None}
 
 
@@ -128,7 +140,7 @@ def _lock(mark: str, address: Address) -> socket.socket:
             lock.setblocking(False)
             return lock
         owner = _owner(name)
-        if owner is not None and owner.words.startswith(A_VISIT) and visited < _LOOKS_AT_A_VISIT:
+        if owner is not None and owner.kind is Kind.VISIT and visited < _LOOKS_AT_A_VISIT:
             visited += 1
             _pause(_BETWEEN_LOOKS_S)
         elif owner is not None:
@@ -159,14 +171,19 @@ def _owner(name: str) -> Owner | None:
             return Owner(0, -1, "another program, which does not answer")
         process, user = peer(client)
         try:
-            words = client.recv(_WORDS_AT_MOST).decode(errors="replace")
+            words = client.recv(2 * _WORDS_AT_MOST).decode(errors="replace")
             if not words:
                 return None  # the lock was released before it could answer
         except TimeoutError:
             pass
         except OSError:
             return None
-    return Owner(process, user, "".join(letter if letter.isprintable() else "?" for letter in words))
+    words, _, kind = words.partition("\n")
+    return Owner(process, user, _printable(words), next((each for each in Kind if each == kind), Kind.OTHER))
+
+
+def _printable(words: str) -> str:
+    return "".join(letter if letter.isprintable() else "?" for letter in words)
 
 
 def _user(number: int) -> str:
@@ -213,3 +230,56 @@ def _answer_one(lock: socket.socket, words: bytes) -> None:
     with connection, suppress(OSError):
         connection.setblocking(False)
         connection.send(words)
+
+
+def marks(address: Address) -> frozenset[str]:
+    """Return the marks that an address shares with all other addresses of the same instrument.
+
+    Empty for addresses that two programs cannot both drive: a person, a recording, a simulator. A name is resolved,
+    which takes as long as the name service; an unknown name is a mark itself.
+    """
+    if address.simulated or address.is_person or address.is_recording:
+        return frozenset()
+    if address.port:
+        return frozenset(f"port {address.port} of {host}" for host in _hosts(address.host))
+    if address.path.startswith("/"):
+        return frozenset({_file(address.path)})
+    return frozenset({f"{address.scheme} {address.path}"})
+
+
+def _hosts(name: str) -> set[str]:
+    try:
+        found = socket.getaddrinfo(name, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        return {name.lower()}
+    return {_host(str(entry[4][0])) for entry in found}
+
+
+def _host(numeric: str) -> str:
+    """Return the canonical numeric address; that of this machine for all of its own."""
+    ip: ipaddress.IPv4Address | ipaddress.IPv6Address = ipaddress.ip_address(numeric.partition("%")[0])
+    if isinstance(ip, ipaddress.IPv6Address) and ip.ipv4_mapped is not None:
+        ip = ip.ipv4_mapped
+    return _HERE if ip.is_loopback or ip.is_unspecified or _is_own(ip) else str(ip)
+
+
+def _is_own(ip: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
+    """Return True if the address is of this machine; connecting a datagram socket sends nothing."""
+    family = socket.AF_INET if ip.version == 4 else socket.AF_INET6
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect((str(ip), 9))
+            return ipaddress.ip_address(probe.getsockname()[0]) == ip
+    except OSError:  # no route
+        return False
+
+
+def _file(path: str) -> str:
+    """Return the device or file of a path; the resolved path if there is none."""
+    try:
+        state = os.stat(path)
+    except OSError:
+        return f"path {os.path.realpath(path)}"
+    if stat.S_ISCHR(state.st_mode):
+        return f"device {os.major(state.st_rdev)}:{os.minor(state.st_rdev)}"
+    return f"file {state.st_dev}:{state.st_ino}"

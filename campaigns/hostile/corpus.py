@@ -14,7 +14,7 @@ from bench.config.document import SIZE_LIMIT_BYTES, parse_document
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.sequence.document.model import SequenceFile
-from bench.sequence.steps.nested import BLOCKS
+from bench.sequence.steps.verbs import BLOCKS
 from drivers.schema.fields import keys_of
 
 Generator = Callable[[random.Random], str | bytes]

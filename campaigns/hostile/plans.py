@@ -6,7 +6,7 @@ import json
 import random
 from typing import Any
 
-from bench.sequence.steps.nested import BLOCKS
+from bench.sequence.steps.verbs import BLOCKS
 from campaigns.hostile import corpus
 from drivers.schema.fields import keys_of
 

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.errors import InputError
-from bench.offline.case import reduce_case
-from bench.offline.outcome import outcome
+from bench.offline.case import reduced_case
 from campaigns.trials.rows import Row
 from tests.support.any_case import KINDS, GoodCase, good_case
 
@@ -256,13 +255,12 @@ def missed(slip: Slip) -> str:
     title = f"{slip.method} {slip.sub} {slip.name}".replace("  ", " ")
     with tempfile.TemporaryDirectory() as folder:
         try:
-            result = reduce_case(case.write(Path(folder)))
+            found = reduced_case(case.write(Path(folder)))
         except InputError as problem:
             return "" if slip.seen == REFUSED else f"{title}: {problem}"
-    found = outcome(result)
-    if found == "INCOMPLETE" and any(slip.seen in flag for flag in result["flags"]):
+    if found.outcome == "INCOMPLETE" and any(slip.seen in flag for flag in found.content["flags"]):
         return ""
-    return f"{title}: {found} {result['flags']}"
+    return f"{title}: {found.outcome} {found.content['flags']}"
 
 
 def no_cell_is_trusted(rng: np.random.Generator, method: str, sub: str) -> str:
@@ -274,7 +272,7 @@ def no_cell_is_trusted(rng: np.random.Generator, method: str, sub: str) -> str:
         record[column][row] = text
     with tempfile.TemporaryDirectory() as folder:
         try:
-            reduce_case(case.write(Path(folder), as_text=ENCODINGS[int(rng.integers(len(ENCODINGS)))]))
+            reduced_case(case.write(Path(folder), as_text=ENCODINGS[int(rng.integers(len(ENCODINGS)))]))
         except InputError:
             return ""
         except Exception as problem:  # noqa: BLE001 - whatever it is: that is the finding

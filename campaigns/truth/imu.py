@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -14,8 +15,8 @@ import numpy as np
 from bench.app.request import RunRequest
 from campaigns.truth import judge
 from campaigns.truth.campaign import Comparison, campaign, full_bench, results_of
+from campaigns.truth.imu_constants import accelerometer_constants, gyro_constants
 from campaigns.truth.replay import at_record_level
-from simulators.truth.imu import accelerometer_constants, gyro_constants
 from simulators.units.accelerometer import Decoding, UnitTruth
 from simulators.units.gyro import GyroTruth
 from simulators.units.imu_drawn import GyroSends, ImuTruth, ZeroDrift
@@ -129,13 +130,17 @@ def draw_scale_factors(folder: Path) -> None:
     """Give the unit beside a bench file scale factors that differ from seed to seed, as those of real units do.
 
     What is left over in a converter when a window begins and ends follows from the rate alone: with one scale factor
-    all seeds would have the same errors of counting, which are most of what a quiet accelerometer scatters by.
+    all seeds would have the same errors of counting, which are most of what a quiet sensor scatters by.
     """
     file = folder / "uut" / "imu.yaml"
-    fixed, drawn = "at_reference: 1.13 mA/g", "at_reference: {mean: 1.13 mA/g, sd: 1 µA/g}"
-    text = file.read_text("utf-8")
-    assert text.count(fixed) == len("xyz"), file
-    file.write_text(text.replace(fixed, drawn), "utf-8")
+    drawn, of_accelerometers = re.subn(
+        "at_reference: 1.13 mA/g", "at_reference: {mean: 1.13 mA/g, sd: 1 µA/g}", file.read_text("utf-8")
+    )
+    drawn, of_gyros = re.subn(
+        r"KG: {at_reference: (\d+) pulse/°", r"KG: {at_reference: {mean: \1 pulse/°, sd: 4 pulse/°}", drawn
+    )
+    assert of_accelerometers == of_gyros == len("xyz"), file
+    file.write_text(drawn, "utf-8")
 
 
 def through_all_wires(requests: Sequence[RunRequest], processes: int) -> list[Comparison]:

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from drivers.description import known_drivers
 from drivers.dialects.simserv.description import DESCRIPTION, SimservOptions
-from drivers.errors import InstrumentFault, NotSettled, WrongIdentity
+from drivers.errors import InstrumentFault, NotSettled, Refused, WrongIdentity
 from tests.support.chambers import START_C, Rig, with_rig
 from tests.support.chambers_ascii import SIMSERV
 
@@ -126,7 +126,7 @@ def test_the_wrong_reading_is_told_by_the_option_that_may_be_wrong() -> None:
     async def use(rig: Rig) -> None:
         rig.instrument._reads = "in_force"
         async with rig.driver() as driver:
-            with pytest.raises(Exception, match=r"options\.set_point_reads in the bench file may be wrong"):
+            with pytest.raises(Refused, match=r"options\.set_point_reads in the bench file may be wrong"):
                 await driver.ramp_to(30.0, 1.0)
 
     with_rig(SIMSERV, use)

@@ -18,7 +18,7 @@ QUIET = (
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("runs"), units=("<b>QF-0001",)).path / "report.html"
+    return run_short(tmp_path_factory.mktemp("runs"), units=("<b>QF-0001",), no_report=False).path / "report.html"
 
 
 @pytest.fixture

@@ -24,8 +24,8 @@ class UnderWay:
 
     def finish(self, limit_s: float = 60.0) -> tuple[int, str]:
         """Exit status and what was said on stderr, when it has ended."""
-        _, said = self.process.communicate(timeout=limit_s)
-        return self.process.returncode, said
+        _, message = self.process.communicate(timeout=limit_s)
+        return self.process.returncode, message
 
     def begun(self, step: str) -> bool:
         """Return whether a step with this in its id has begun, as far as the disk knows."""
@@ -48,7 +48,7 @@ def bench_run(
 ) -> Iterator[UnderWay]:
     """Start a run in a process group of its own; inside it takes commands, and afterwards it is gone."""
     process = subprocess.Popen(
-        [sys.executable, *program, "run", *arguments, "--bench", bench, "--runs", str(runs)],
+        [sys.executable, *program, "run", *arguments, "--no-report", "--bench", bench, "--runs", str(runs)],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=ROOT,
         start_new_session=True, env={**os.environ, "USER": "tired"},
     )  # fmt: skip

@@ -80,6 +80,7 @@ def test_the_same_is_found_at_the_level_of_records(template, replays):
 def test_uncertainties_are_worth_stating(run):
     most = {"K0": 3e-6, "K1": 0.15, "D0": 4e-5, "KG": 0.08, "misalignment": 30e-6, "gyro_misalignment": 40e-6}
     found = {(each.quantity, each.u) for each in compare_imu(run) if each.quantity in most}
+    assert {quantity for quantity, _ in found} == most.keys()
     assert [(quantity, u) for quantity, u in found if u > most[quantity]] == []
 
 

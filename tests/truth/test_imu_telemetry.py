@@ -57,6 +57,7 @@ def test_errors_follow_the_uncertainties(template, bench):
 def test_uncertainties_are_worth_stating(run):
     most = {"K0": 3e-6, "K1": 0.7, "D0": 4e-5, "KG": 0.1, "misalignment": 30e-6, "gyro_misalignment": 40e-6}
     found = {(each.quantity, each.u) for each in compare_imu(run) if each.quantity in most}
+    assert {quantity for quantity, _ in found} == most.keys()
     assert [(quantity, u) for quantity, u in found if u > most[quantity]] == []
 
 

@@ -65,7 +65,9 @@ def test_the_report_draws_the_values_and_tells_their_interval(remounted):
 def test_power_cycles_need_nobody(tmp_path):
     run = repeated(tmp_path, "between=power_cycle", "repetitions=3", "gate=5 s")
     with RunReader(run) as reader:
-        assert not [event for event in reader.events("step_ended") if "mount" in event.data]
+        ended = [event.data for event in reader.events("step_ended")]
+    assert ended
+    assert not [data for data in ended if "mount" in data]
     sds = {found["quantity"]: found["value"] for found in results_of(run)["findings"]}
     assert sds["misalignment/sd"] < 20e-6, "nobody has moved it, by 145 µrad"
     assert sds["K0/sd"] > 5e-6

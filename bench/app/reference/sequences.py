@@ -13,8 +13,7 @@ from bench.sequence.language.expressions import Value, evaluate
 from bench.sequence.language.values import in_words
 from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription, known_methods
 from bench.sequence.steps.custom import Custom, known_steps
-from bench.sequence.steps.nested import BLOCKS
-from bench.sequence.steps.verbs import NEEDS, STEPS
+from bench.sequence.steps.verbs import BLOCKS, NEEDS, STEPS
 from drivers.quantity.quantities import parse
 from drivers.schema.fields import keys_of
 

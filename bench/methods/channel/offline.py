@@ -13,10 +13,10 @@ from pydantic import Field, model_validator
 from bench.errors import InputError
 from bench.methods.channel import doubts
 from bench.methods.channel.reduction.decision import ChannelDrift, Comparison, channel_drift, compare, out_of_proportion
-from bench.methods.channel.reduction.line import ChannelRecord, ChannelRules, ChannelRun, no_counts, reduce_run
+from bench.methods.channel.reduction.line import NARROW, ChannelRecord, ChannelRules, ChannelRun, no_counts, reduce_run
 from bench.metrology.least_squares import OUTLIER_SIGMAS, NotDetermined
 from bench.metrology.plausibility import Doubt
-from bench.metrology.results.flag import Flag
+from bench.metrology.results.flag import INVALID, Flag
 from bench.offline.case_file import Case, Limit, Reduction, Reductions, Scale, Settings
 from bench.offline.csv_record import Table
 from drivers.schema.suggest import did_you_mean
@@ -241,4 +241,4 @@ def _no_counts_notes(table: Table, record: ChannelRecord, counter_bits: int) -> 
     return [f"{table.file}: {kind} were left out: {table.lines(rows)}" for kind, rows in found if len(rows)]
 
 
-REDUCTIONS: Reductions = {("M0", ""): Reduction(_channel, ("channel",), ("runs",), "insufficient_temperature_span$")}
+REDUCTIONS: Reductions = {("M0", ""): Reduction(_channel, ("channel",), ("runs",), frozenset({NARROW, INVALID}))}

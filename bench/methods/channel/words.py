@@ -54,18 +54,21 @@ PARTS = {
 NAMES = {
     "rate": "output",
 }
-FINDINGS = ("of the slope of {name} from that of {reference}",)
+OWN_INVALID = "no decision: its own run is not valid"
+OTHER_INVALID = "no decision: the run it is compared with is not valid"
+UNCERTAIN_SLOPE = "no decision: the slope it is compared with is less than three times its uncertainty"
+NO_RATE = "no decision: a rate is 0"
+OTHER_POLARITY = "keeps its own model: at the other polarity the converter has another scale factor"
+HARDLY_ANY_GATES = "only {used} of {count} gates could be used"
+FEW_GATES = "fewer than half of its gates could be used, {used} of {count}"
+MANY_OUTLIERS = "too many outliers, {outliers} of {count} gates"
+THERMOSTAT = "the accelerometer was not at its temperature in {away} of {count} gates; that should end a run"
 NOTES = (
-    "no decision: its own run is not valid",
-    "no decision: the run it is compared with is not valid",
-    "no decision: the slope it is compared with is less than three times its uncertainty",
-    "no decision: a rate is 0",
-    "keeps its own model: at the other polarity the converter has another scale factor",
-    "fewer than half of its gates could be used, {used} of {count}",
-    "too many outliers, {outliers} of {count} gates",
-    "the accelerometer was not at its temperature in {away} of {count} gates; that should end a run",
-)
-FORMS = ("slope its own", "slope from {level}", "which serves this level too")
+    OWN_INVALID, OTHER_INVALID, UNCERTAIN_SLOPE, NO_RATE, OTHER_POLARITY, HARDLY_ANY_GATES, FEW_GATES, MANY_OUTLIERS,
+    THERMOSTAT,
+)  # fmt: skip
+OWN_SLOPE, SLOPE_FROM, SERVES_TOO = "slope its own", "slope from {level}", "which serves this level too"
+FORMS = (OWN_SLOPE, SLOPE_FROM, SERVES_TOO)
 VARIABLES = {
     "rate_pps": "rate / (pulse/s)",
 }
@@ -76,7 +79,6 @@ WORDS = {
     "QUANTITIES": QUANTITIES,
     "PARTS": PARTS,
     "NAMES": NAMES,
-    "FINDINGS": FINDINGS,
     "NOTES": NOTES,
     "FORMS": FORMS,
     "VARIABLES": VARIABLES,

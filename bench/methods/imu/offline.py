@@ -29,6 +29,7 @@ from bench.methods.imu.reduction.knots import (
     temperature_table,
 )
 from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateRecord, arrange
+from bench.methods.imu.words import INCONSISTENT, MISSING_POSITION, MISSING_RATE
 from bench.metrology.least_squares import Array
 from bench.metrology.results.flag import Flag
 from bench.offline.case_file import Case, Limit, LocalGravity, Reduction, Reductions, Settings
@@ -305,6 +306,6 @@ def _model_check(sensor: str, table: TemperatureTable) -> dict[str, Any]:
 
 REDUCTIONS: Reductions = {
     ("M2", ""): Reduction(
-        _imu, ("positions", "rates", "apply"), parts=("table",), lacking=":missing_|:attitude_inconsistent:"
+        _imu, ("positions", "rates", "apply"), ("table",), frozenset({MISSING_POSITION, MISSING_RATE, INCONSISTENT})
     )
 }

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+MISSING_POSITION = "T={set_c}:missing_position:{what}"
+MISSING_RATE = "T={set_c}:missing_rate:{what}"
+INCONSISTENT = "T={set_c}:attitude_inconsistent:{what}"
 REASONS = {
     "within_from_the_start": "it was never outside its limits",
     "perhaps_to_the_end": "it may take longer than the observed time",
@@ -12,15 +15,15 @@ READINGS = {
     "beyond_calibration": "the unit was outside the temperature range of its calibration",
 }
 UNITS = {
-    "T={set_c}:missing_position:{what}": (
-        "Set point {set_c} °C: attitude {what} has no usable reading; its axis is left out there."
-    ),
-    "T={set_c}:missing_rate:{what}": (
-        "Set point {set_c} °C: rates about {what} are missing; the axis is left out there."
-    ),
-    "T={set_c}:attitude_inconsistent:{what}": (
+    MISSING_POSITION: ("Set point {set_c} °C: attitude {what} has no usable reading; its axis is left out there."),
+    MISSING_RATE: ("Set point {set_c} °C: rates about {what} are missing; the axis is left out there."),
+    INCONSISTENT: (
         "Set point {set_c} °C: in attitude {what} the unit seems to have been in another attitude; its axis is left"
         " out there."
+    ),
+    "T={set_c}:near_zero:{what}": (
+        "Set point {set_c} °C: {what} is in the dead band of its converter, or near it, and is left out of K2 and the"
+        " misalignments."
     ),
 }
 QUANTITIES = {
@@ -31,12 +34,11 @@ QUANTITIES = {
 PARTS = {
     "no_power_on": "left out: the time of power-on is not in the record.",
 }
-NOTES = (
-    "headings were not checked: the latitude is not known",
-    "the gyros do not tell the headings of {untold} of {count} attitudes",
-    "the horizontal gyros saw north elsewhere than scheduled: {axes}",
-    "the thermometer of {sensor} gave fewer than half of its readings",
-)
+NO_LATITUDE = "headings were not checked: the latitude is not known"
+HEADINGS_UNKNOWN = "the gyros do not tell the headings of {untold} of {count} attitudes"
+NORTH_ELSEWHERE = "the horizontal gyros saw north elsewhere than scheduled: {axes}"
+FEW_TEMPERATURES = "the thermometer of {sensor} gave fewer than half of its readings"
+NOTES = (NO_LATITUDE, HEADINGS_UNKNOWN, NORTH_ELSEWHERE, FEW_TEMPERATURES)
 SOURCES = ("power-on", "computer", "gyro", "readings of the rates", "K2 of the accelerometer")
 
 WORDS = {

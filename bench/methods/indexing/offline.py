@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from bench.methods.indexing import doubts
-from bench.methods.indexing.reduction.calibrate import CalibrationSettings, StaticCalibration, calibrate
+from bench.methods.indexing.reduction.calibrate import END_MISSING, CalibrationSettings, StaticCalibration, calibrate
 from bench.methods.indexing.reduction.model import SweepModel
 from bench.methods.indexing.reduction.sweep import EndSweep, SweepRecord, by_travel
 from bench.methods.indexing.reduction.two_ends import Agreement, TwoEnds
 from bench.metrology.least_squares import Array
 from bench.metrology.propagation import Measured
+from bench.metrology.results.flag import INVALID
 from bench.offline.case_file import Case, Limit, Reduction, Reductions, Settings
 from bench.offline.csv_record import Table
 
@@ -187,4 +188,5 @@ def _ratio(coefficient: float | None, c1: float | None) -> float | None:
     return coefficient / c1 if coefficient is not None and c1 else None
 
 
-REDUCTIONS: Reductions = {("M1", ""): Reduction(_static_calibration, ("sweep", "clock"))}
+LACKING = frozenset({*END_MISSING.values(), INVALID})
+REDUCTIONS: Reductions = {("M1", ""): Reduction(_static_calibration, ("sweep", "clock"), lacking=LACKING)}

@@ -38,25 +38,28 @@ UNITS = {
     "{count} readings: missing": "{count} readings are left out: a value in them is missing.",
     "{count} readings: duplicate": "{count} readings are left out: they are duplicates.",
 }
+FEW_ANGLES = "fewer than {least} different angles are left"
+MANY_OUTLIERS = "{outliers} of {count} dwells are outliers"
+NO_LINE = "its angles do not determine a line"
+NOT_FOLLOWING = "its output does not follow the angle"
+NO_DWELL = "none of its dwells can be used"
+DRIFTS = "the bias drifts by {drift} V per dwell; b_V is the bias at the first dwell of all"
+REPEATS = (
+    "the residuals repeat themselves {periods} times over the angles; see whether the output beats with the sampling, "
+    "or resonates"
+)
+WARMED = "the temperature changed by {change} °C"
+LEFT_OUT = {
+    "missing": "rows left out because something is missing in them: {count}",
+    "duplicate": "rows left out because they are there twice: {count}",
+}
 NOTES = (
-    "fewer than {least} different angles are left",
-    "the bias drifts by {drift} V per dwell; b_V is the bias at the first dwell of all",
-    (
-        "the residuals repeat themselves {periods} times over the angles; see whether the output beats with the "
-        "sampling, or resonates"
-    ),
-    "the temperature changed by {change} °C",
-    "rows left out because something is missing in them: {count}",
-    "rows left out because they are duplicates: {count}",
-)
-FORMS = (
-    "U the output",
-    "a along the input axis in g",
-    "on the ground with +Z up",
-    "on the ground with +Z down",
-    "s = +1 with +Z up",
-    "-1 with it down",
-)
+    FEW_ANGLES, MANY_OUTLIERS, NO_LINE, NOT_FOLLOWING, NO_DWELL, DRIFTS, REPEATS, WARMED, *LEFT_OUT.values(),
+)  # fmt: skip
+ORBIT = ("U the output", "a along the input axis in g")
+ON_THE_GROUND = {"up": "on the ground with +Z up", "down": "on the ground with +Z down"}
+ENDS = ("s = +1 with +Z up", "-1 with it down")
+FORMS = (*ORBIT, *ON_THE_GROUND.values(), *ENDS)
 WHERE = {
     "end up": "+Z up",
     "end down": "+Z down",

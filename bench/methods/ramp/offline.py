@@ -11,6 +11,7 @@ from bench.methods.ramp.reduction.characteristic import RampLimits, reduce_ramp
 from bench.methods.ramp.reduction.legs import RampRecord, cut_into_legs
 from bench.metrology import plausibility
 from bench.metrology.least_squares import NotDetermined
+from bench.metrology.results.flag import INVALID
 from bench.offline.case_file import LEGS, Case, Limit, Reduction, Reductions, Scale, Settings
 
 RAMP_FIGURES = (
@@ -89,11 +90,11 @@ def _no_ramp(record: RampRecord, problem: NotDetermined) -> dict[str, Any]:
         "jumps": [],
         "lag_model": None,
         "verdict": None,
-        "flags": ["invalid"],
+        "flags": [INVALID],
         "notes": [f"the record is insufficient: {problem}"],
         "rejected": excluded,
         "doubts": doubts.ramp(legs, record.temperature_c, record.output_g, None),
     }
 
 
-REDUCTIONS: Reductions = {("M4", "dynamic"): Reduction(_dynamic, ("ramp",))}
+REDUCTIONS: Reductions = {("M4", "dynamic"): Reduction(_dynamic, ("ramp",), lacking=frozenset({INVALID}))}

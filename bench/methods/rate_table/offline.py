@@ -15,18 +15,27 @@ from bench.methods.rate_table.reduction.blocks import TableRecord
 from bench.methods.rate_table.reduction.lever_arm import AccelerometerSweep, accelerometer_response
 from bench.methods.rate_table.reduction.recorded_range import (
     BIAS,
+    BLOCK_INVALID,
+    RADIUS_NOT_DETERMINED,
+    TOO_FEW_LOW_RATES,
     LinearityLimit,
     RangePoint,
     RangeTest,
     accelerometer_range,
     gyro_range,
 )
-from bench.methods.rate_table.reduction.response_points import FrequencyResponse, ResponsePoint, gyro_response
+from bench.methods.rate_table.reduction.response_points import (
+    FrequencyResponse,
+    ResponsePoint,
+    at_frequency,
+    gyro_response,
+)
 from bench.methods.rate_table.reduction.two_sample import velocity_increments
 from bench.methods.rate_table.words import UNITS
 from bench.metrology.least_squares import Array
 from bench.metrology.normal_gravity import normal_gravity_mps2
 from bench.metrology.plausibility import Doubt
+from bench.metrology.results.flag import INVALID
 from bench.offline.case_file import Case, Limit, LocalGravity, Reduction, Reductions, Settings
 from bench.offline.csv_record import Table
 from bench.offline.doubts import SIGNS_OR_ROWS
@@ -35,6 +44,7 @@ from drivers.schema.wording import telling
 Positive = Annotated[float, Field(gt=0)]
 LARGEST_U_GAIN = 0.2  # relative standard uncertainty of the gain
 LONGEST_TOTAL_S = 1.0  # of two samples
+AS_NOTES = ("rest_missing", "lever_arm_short")  # flags that are not published for cases
 Basis = Literal["reading", "full_scale"]
 
 
@@ -260,7 +270,7 @@ def _response(found: FrequencyResponse, notes: Iterable[str] = ()) -> dict[str, 
 
 def _remarks(found: RangeTest | FrequencyResponse, notes: Iterable[str]) -> dict[str, Any]:
     """Published flags, and all others as notes."""
-    in_words = [flag.code for flag in found.flags if flag.code in UNITS and not flag.values]
+    in_words = [flag.code for flag in found.flags if flag.code in AS_NOTES]
     return {
         "flags": [flag for flag in found.flags if flag.code not in in_words],
         "notes": [*notes, *found.notes, *(UNITS[code] for code in in_words)],
@@ -319,10 +329,14 @@ def _usable(increment_rad: Array) -> Array:
     return np.where(np.abs(increment_rad) < 1e100, increment_rad, np.nan)
 
 
+# What makes a case incomplete.
+OF_RANGE = frozenset({INVALID, BLOCK_INVALID, TOO_FEW_LOW_RATES, RADIUS_NOT_DETERMINED})
+OF_SWEEP = frozenset({INVALID, at_frequency(INVALID, 0.0).code})
+
 REDUCTIONS: Reductions = {
-    ("M3", "gyro_range"): Reduction(_gyro_range, ("range",), ("points",)),
-    ("M3", "gyro_freq"): Reduction(_gyro_freq, ("sweep",), ("points",)),
-    ("M3", "acc_range"): Reduction(_acc_range, ("range",), ("points",), "^radius_not_determined$"),
-    ("M3", "acc_freq"): Reduction(_acc_freq, ("sweep",), ("points",)),
+    ("M3", "gyro_range"): Reduction(_gyro_range, ("range",), ("points",), OF_RANGE),
+    ("M3", "gyro_freq"): Reduction(_gyro_freq, ("sweep",), ("points",), OF_SWEEP),
+    ("M3", "acc_range"): Reduction(_acc_range, ("range",), ("points",), OF_RANGE),
+    ("M3", "acc_freq"): Reduction(_acc_freq, ("sweep",), ("points",), OF_SWEEP),
     ("M3", "two_sample"): Reduction(_two_sample, ("increments",), ("dvx_mps",)),
 }

@@ -95,8 +95,8 @@ def _points(curve: RangeCurve, unit: UnitResult, judged: Sequence[Finding]) -> S
         remarks = tr("; ").join(tr(REASONS[flag]) for flag in error.flags if flag in REASONS)
         digits = decimals(point.expanded)
         rows.append((
-            f"{error.at['rate_dps']:.6g}", f"{point.true:.{digits}f}", shown(error).removesuffix(" !"),
-            shown(relative).removesuffix(" !"), tr(relative.verdict) if relative.verdict else tr("not judged"),
+            f"{error.at['rate_dps']:.6g}", f"{point.true:.{digits}f}", shown(error, marked=False),
+            shown(relative, marked=False), tr(relative.verdict) if relative.verdict else tr("not judged"),
             tr(", ").join(filter(None, (tr("marginal") if relative.marginal else "", remarks))) or "–",
         ))  # fmt: skip
     caption = tr("Value ± expanded uncertainty, 95 %.")

@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import Field
 
 from bench.methods.tumble import doubts
-from bench.methods.tumble.reduction.dwells import SolvedDwell
-from bench.methods.tumble.reduction.recorded_dwells import TumbleRecord, recorded_dwells
+from bench.methods.tumble.reduction.dwells import DWELL_ILL_CONDITIONED, DWELL_INCOMPLETE, SolvedDwell
+from bench.methods.tumble.reduction.recorded_dwells import DWELL_INVALID, TumbleRecord, recorded_dwells
 from bench.methods.tumble.reduction.temperature_models import TemperatureModels, temperature_models
 from bench.metrology import plausibility
+from bench.metrology.results.flag import ILL_CONDITIONED, TOO_FEW_TEMPERATURES
 from bench.metrology.tilt import compare_tilt
 from bench.offline.case_file import LEGS, Case, Reduction, Reductions, Scale, Settings
 
@@ -125,6 +126,11 @@ def _tilt(case: Case) -> dict[str, Any]:
 
 
 REDUCTIONS: Reductions = {
-    ("M4", "static"): Reduction(_static, ("tumble",), ("points",), " incomplete: |:ill_conditioned$"),
-    ("M4", "tilt"): Reduction(_tilt, ("tilt",)),
+    ("M4", "static"): Reduction(
+        _static,
+        ("tumble",),
+        ("points",),
+        frozenset({DWELL_INCOMPLETE, DWELL_ILL_CONDITIONED, DWELL_INVALID, TOO_FEW_TEMPERATURES, ILL_CONDITIONED}),
+    ),
+    ("M4", "tilt"): Reduction(_tilt, ("tilt",), lacking=frozenset({TOO_FEW_TEMPERATURES})),
 }

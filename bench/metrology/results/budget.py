@@ -1,4 +1,8 @@
-"""Lines of an uncertainty budget."""
+"""Lines of an uncertainty budget.
+
+A source of uncertainty is the line of its own error. Times the sensitivity of a result to that error, its gain, it is a
+line in the budget of the result.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +29,19 @@ class BudgetLine:
     shared: str | None = None
     kind: str = ""
 
-    def times(self, factor: float) -> BudgetLine:
-        """The line for `factor` times the value."""
-        return replace(self, u=float(self.u * factor))
+    def times(self, gain: float, source: str = "") -> BudgetLine:
+        """The line for `gain` times the value; `source` renames it."""
+        return replace(self, u=float(self.u * gain), source=source or self.source)
+
+
+def common(source: str, u: float, kind: str = "") -> BudgetLine:
+    """Line of an error that all results have."""
+    return BudgetLine(source, "B", float(u), None, source.replace(": ", ".").replace(" ", "_"), kind)
+
+
+def gain_and_offset(instrument: str, gain_u: float, offset_u: float) -> tuple[BudgetLine, BudgetLine]:
+    """Errors of an instrument by its certificate: of its gain, relative, and of its offset, in its own unit."""
+    return common(f"{instrument}: gain", gain_u), common(f"{instrument}: offset", offset_u)
 
 
 def combined(lines: Sequence[BudgetLine]) -> tuple[BudgetLine, ...]:

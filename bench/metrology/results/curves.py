@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from bench.metrology.results.flag import Flag
+
 if TYPE_CHECKING:  # imported for types only: models are shown where numpy is not loaded
     from bench.metrology.least_squares import PolynomialFit
 
@@ -92,7 +94,7 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class Equation:
-    """An equation in words that a program can follow, and its constants.
+    """An equation in words that a program can follow, with `clauses` on its symbols, and its constants.
 
     `correlation` is that of the constants in their order, empty if unknown. `valid` are the ranges of the inputs, by
     names with their unit: "temperature_c".
@@ -105,6 +107,7 @@ class Equation:
     constants: Mapping[str, Constant]
     valid: Mapping[str, tuple[float, float]]
     correlation: tuple[tuple[float, ...], ...] = ()
+    clauses: tuple[Flag, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """JSON content for the results."""
@@ -112,7 +115,7 @@ class Equation:
             "id": self.id,
             "uut": self.uut,
             "quantity": self.quantity,
-            "form": self.form,
+            "form": ", ".join((self.form, *map(str, self.clauses))),
             "constants": {
                 name: {"value": each.value, "unit": each.unit, "u": each.u} for name, each in self.constants.items()
             },

@@ -6,14 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 SAMPLES = "{count} samples: {why}"
+INVALID, ILL_CONDITIONED, TOO_FEW_TEMPERATURES = "invalid", "ill_conditioned", "too_few_temperatures"
+ONE_NOT_DETERMINED = (
+    "{names} is not determined by these readings (rank {rank} of {count}, condition number {condition})"
+)
+NOT_DETERMINED = "{names} are not determined by these readings (rank {rank} of {count}, condition number {condition})"
 
 
 @dataclass(frozen=True, slots=True)
 class Flag:
     """A remark on the results of a unit; `str` gives its form in `results.json` and in results of cases.
 
-    `code` is a name; names in braces in it stand for `values`. `at` is the step, path or part of the run that the
-    remark is on, `of` the quantity, level or instrument.
+    `code` is a name, or a sentence for the reader; names in braces in it stand for `values`. `at` is the step, path or
+    part of the run that the remark is on, `of` the quantity, level or instrument.
     """
 
     code: str

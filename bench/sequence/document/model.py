@@ -11,18 +11,19 @@ from bench.config.interlocks import InterlockEntry
 from bench.sequence.language.expressions import Scalar, Value, ValueProblem
 from bench.sequence.language.values import QUANTITY_SCHEMA, VALUE_SCHEMA, in_words, value_of
 from bench.sequence.steps.limits import LimitEntry, quantity
-from bench.sequence.steps.nested import AnyBlock, Steps
-from bench.sequence.steps.verbs import NEEDS
+from bench.sequence.steps.nested import MODELS, AnyBlock, Steps
+from bench.sequence.steps.verbs import BLOCKS, NEEDS
 from drivers.capabilities import READING
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import NO_DIMENSION, customary_unit, in_unit, quoted
-from drivers.schema.fields import Name, StrictModel
+from drivers.schema.fields import DEFERRED, Name, StrictModel
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import telling
 
 Phase = Literal["setup", "steps", "teardown"]
 PHASES: tuple[Phase, ...] = ("setup", "steps", "teardown")
 Text = Annotated[str, Field(min_length=1, max_length=500)]
+CONTEXT: Mapping[str, Any] = {**DEFERRED, MODELS: BLOCKS}  # in which a sequence file is validated
 KINDS = (*dict.fromkeys(kind for kinds in NEEDS.values() for kind in kinds), READING)
 
 
@@ -101,7 +102,6 @@ class Parameter(StrictModel):
 
 
 def _unit_as_written(quantity: Quantity) -> str:
-    """Unit in which a quantity was written."""
     number, _, unit = quantity.written.partition(" ")
     return (
         unit if number and unit and not any(letter.isdigit() for letter in unit) else customary_unit(quantity.dimension)

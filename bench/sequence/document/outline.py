@@ -7,8 +7,7 @@ from pydantic import ValidationError
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
 from bench.errors import InputError
-from bench.sequence.document.model import PHASES, Outline, SequenceFile
-from drivers.schema.fields import DEFERRED
+from bench.sequence.document.model import CONTEXT, PHASES, Outline, SequenceFile
 
 _LISTS = (*PHASES, "then", "else", "during")
 
@@ -17,7 +16,7 @@ def outline_of(document: Document) -> tuple[Outline, list[Problem]]:
     """Outline of a sequence and the problems of its steps; InputError if the outline itself is invalid."""
     value = document.value
     try:
-        context = {**DEFERRED, "folder": document.path.parent}
+        context = {**CONTEXT, "folder": document.path.parent}
         return SequenceFile.model_validate(value, context=context), []
     except ValidationError as error:
         found = list(problems(value, error))

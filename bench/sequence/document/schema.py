@@ -9,7 +9,7 @@ from bench.config.schema import Schema, object_of, schema_of, when, without_unus
 from bench.sequence.document.model import ResultEntry, SequenceFile
 from bench.sequence.language.values import VALUE_SCHEMA
 from bench.sequence.method import known_methods
-from bench.sequence.steps.nested import BLOCKS
+from bench.sequence.steps.verbs import BLOCKS
 from drivers.schema.fields import UNIT_KEYWORD
 
 _WORDS = {"description", "default"}  # for parts whose value the schema does not describe

@@ -1,7 +1,11 @@
-"""Steps inside steps: the model of a step is chosen by its first key during validation."""
+"""Steps inside steps: the model of a step is chosen by its first key during validation.
+
+The models by verb are in the context of the validation, under MODELS: they hold steps themselves, and so import this.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import BaseModel, PlainValidator, ValidationInfo, ValidatorFunctionWrapHandler, WrapValidator
@@ -11,26 +15,25 @@ from drivers.schema.fields import NOT_EMPTY
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import expected, telling
 
+MODELS = "models"  # key in the context of a validation
 UNROLLED = object()  # stands for inner steps that are validated already
 
 
-BLOCKS: dict[str, type[BaseModel]] = {}  # by verb; bench.sequence.steps.verbs, which imports every step, fills it
-
-
-def block_model(raw: object) -> type[BaseModel]:
+def block_model(raw: object, models: Mapping[str, type[BaseModel]]) -> type[BaseModel]:
     """Return the model of a step by its first key, its verb; PydanticCustomError if there is no such verb."""
     if not isinstance(raw, dict) or not raw:
         raise expected("a step: a mapping whose first key is its verb", raw)
     verb = str(next(iter(raw)))
-    if verb in BLOCKS:
-        return BLOCKS[verb]
-    if later := [key for key in raw if key in BLOCKS]:
+    if verb in models:
+        return models[verb]
+    if later := [key for key in raw if key in models]:
         raise telling(f"the first key of a step is its verb: put '{later[0]}' before {quoted(verb)}")
-    raise telling(f"unknown step {quoted(verb)}{did_you_mean(verb, BLOCKS)}")
+    raise telling(f"unknown step {quoted(verb)}{did_you_mean(verb, models)}")
 
 
 def _block(raw: object, info: ValidationInfo) -> BaseModel:
-    return block_model(raw).model_validate(raw, context=info.context)
+    context: Any = info.context
+    return block_model(raw, context[MODELS]).model_validate(raw, context=context)
 
 
 def _inside(raw: object, handler: ValidatorFunctionWrapHandler) -> Any:

@@ -6,10 +6,11 @@ name states.
 
 from __future__ import annotations
 
+from pydantic import BaseModel
+
 from bench.sequence.steps.blocks import Call, ForEach, Group, If, Parallel, Repeat, Retry, While
 from bench.sequence.steps.custom import Custom
 from bench.sequence.steps.measuring import Acquire, Measure, Tare
-from bench.sequence.steps.nested import BLOCKS
 from bench.sequence.steps.orienting import Orient
 from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.steps.talk import Alarm, Note, Prompt
@@ -25,10 +26,10 @@ STEPS: dict[str, type[Step]] = {
     "soak": Soak, "wait": Wait, "wait_until": WaitUntil, "acquire": Acquire, "measure": Measure, "tare": Tare,
     "prompt": Prompt, "note": Note, "alarm": Alarm, "custom": Custom,
 }  # fmt: skip
-BLOCKS.update({
+BLOCKS: dict[str, type[BaseModel]] = {
     **STEPS, "for_each": ForEach, "repeat": Repeat, "group": Group, "if": If, "while": While, "parallel": Parallel,
     "call": Call, "retry": Retry,
-})  # fmt: skip
+}  # fmt: skip
 
 # Capability of its role that a verb needs.
 NEEDS: dict[str, tuple[str, ...]] = {

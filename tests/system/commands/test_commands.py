@@ -13,14 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.report.verify import verify
+from bench.report.revision import verify
 from bench.store.reader import RunReader
-from tests.support.runs import ROOT, run_short
-
-
-@pytest.fixture(scope="module")
-def smoke_run(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("runs"), sequence="smoke", units=("QF-0001",))
+from tests.support.runs import ROOT
 
 
 def test_run_prints_the_results_on_stdout_and_the_way_on_stderr(tmp_path, bench_here):
@@ -33,15 +28,27 @@ def test_run_prints_the_results_on_stdout_and_the_way_on_stderr(tmp_path, bench_
     assert str(next(tmp_path.iterdir()) / "report.html") in done.stderr
 
 
+def test_without_a_report_a_run_is_sealed_and_verifies_and_the_report_can_be_written_later(tmp_path, bench_here):
+    done = bench_here("run", "smoke", "--runs", tmp_path, "--no-report")
+    (path,) = tmp_path.iterdir()
+    assert (done.returncode, "\nreport " in done.stderr, (path / "report.html").exists()) == (0, False, False)
+    assert bench_here("runs", "verify", path).returncode == 0
+    assert json.loads((path / "manifest.json").read_text("utf-8"))["problems"] == []
+    assert bench_here("report", path).returncode == 0
+    assert (path / "report.html").exists()
+    assert bench_here("runs", "verify", path).returncode == 0
+
+
 def test_json_is_alone_on_stdout(tmp_path, bench_command):
-    done = bench_command("run", "smoke", "--bench", "simulated", "--runs", tmp_path, "--json")
+    done = bench_command("run", "smoke", "--bench", "simulated", "--runs", tmp_path, "--no-report", "--json")
     content = json.loads(done.stdout)
     assert content["results"]["verdict"] == "PASS"
     assert content["run"] == str(next(tmp_path.iterdir()))
 
 
 def test_the_bench_comes_from_the_environment_when_no_option_names_it(tmp_path, bench_here):
-    done = bench_here("run", "smoke", "--runs", tmp_path, env={"BENCH_FILE": str(ROOT / "config/simulated.yaml")})
+    environment = {"BENCH_FILE": str(ROOT / "config/simulated.yaml")}
+    done = bench_here("run", "smoke", "--runs", tmp_path, "--no-report", env=environment)
     assert done.returncode == 0
     assert "running on the shipped" not in done.stderr
 
@@ -51,7 +58,7 @@ def test_a_failed_limit_is_exit_code_1(tmp_path, bench_here):
     sequence.write_text(
         (ROOT / "sequences/smoke.yaml").read_text("utf-8").replace("min: -5 mg, max: 5 mg", "max: 5 µg")
     )
-    done = bench_here("run", sequence, "--bench", "simulated", "--runs", tmp_path / "runs")
+    done = bench_here("run", sequence, "--bench", "simulated", "--runs", tmp_path / "runs", "--no-report")
     assert done.returncode == 1
     assert "Verdict: FAIL" in done.stdout
     assert "1020" in done.stdout or "10" in done.stdout
@@ -74,7 +81,7 @@ def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_here, filters, 
 
 
 @pytest.mark.parametrize(
-    ("filters", "told"),
+    ("filters", "reported"),
     [
         (
             ("--verdict", "PASSED"),
@@ -86,10 +93,10 @@ def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_here, filters, 
         ),
     ],
 )
-def test_a_filter_that_no_run_can_meet_is_refused(smoke_run, bench_here, filters, told):
+def test_a_filter_that_no_run_can_meet_is_refused(smoke_run, bench_here, filters, reported):
     done = bench_here("runs", "--runs", smoke_run.path.parent, *filters)
     assert (done.returncode, done.stdout) == (2, "")
-    assert told in done.stderr
+    assert reported in done.stderr
 
 
 def test_a_file_that_is_no_case_is_no_run_either(tmp_path, bench_here):
@@ -101,14 +108,14 @@ def test_a_file_that_is_no_case_is_no_run_either(tmp_path, bench_here):
 
 
 def test_the_status_of_a_run_is_text_for_people_and_json_for_programs(smoke_run, bench_here):
-    told = bench_here("status", smoke_run.path).stdout
-    assert told.startswith(f"{smoke_run.path.name}: completed, PASS\n")
-    assert "steps done  13" in told
+    reported = bench_here("status", smoke_run.path).stdout
+    assert reported.startswith(f"{smoke_run.path.name}: completed, PASS\n")
+    assert "steps done  13" in reported
     assert json.loads(bench_here("status", smoke_run.path, "--json").stdout)["done"] == 13
 
 
-def test_the_program_names_its_version(bench_command):
-    assert bench_command("--version").stdout.startswith("inertial-test-bench 0.")
+def test_the_program_names_its_version(bench_here):
+    assert bench_here("--version").stdout.startswith("inertial-test-bench 0.")
 
 
 def test_a_run_verifies_until_somebody_touches_it(smoke_run, tmp_path, bench_here):
@@ -244,7 +251,7 @@ def test_the_digest_of_a_damaged_run_is_refused_or_marked(smoke_run, tmp_path, b
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "reported"),
     [
         (os.mkfifo, "is not a regular file; remove it, then"),
         (Path.mkdir, "is a folder; remove it, then"),
@@ -253,9 +260,9 @@ def test_the_digest_of_a_damaged_run_is_refused_or_marked(smoke_run, tmp_path, b
         (lambda path: path.write_text("PASS", "utf-8"), "has changed since it was written;"),
     ],
 )
-def test_what_is_in_the_place_of_a_report_is_said(smoke_run, tmp_path, make, told):
+def test_what_is_in_the_place_of_a_report_is_said(smoke_run, tmp_path, make, reported):
     folder = shutil.copytree(smoke_run.path, tmp_path / smoke_run.path.name)
     (folder / "report.html").unlink()
     make(folder / "report.html")
     (problem,) = verify(folder)
-    assert problem == f"{folder / 'report.html'}: {told} 'bench report {folder.name}' writes it again"
+    assert problem == f"{folder / 'report.html'}: {reported} 'bench report {folder.name}' writes it again"

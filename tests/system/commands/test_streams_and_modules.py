@@ -12,7 +12,7 @@ import pytest
 from bench.cli import exits
 from tests.support.runs import ROOT
 
-SMOKE = ("run", "smoke", "--bench", "simulated")
+SMOKE = ("run", "smoke", "--bench", "simulated", "--no-report")
 
 
 def done(closed, *arguments, **env):

@@ -117,10 +117,10 @@ def test_another_request_than_the_recorded_one_is_told_and_not_answered(trace: P
 
 def test_a_run_is_recorded(tmp_path: Path) -> None:
     path = tmp_path / "smoke.trace"
-    done = invoked("run", "smoke", "--runs", str(tmp_path), "--trace", str(path))
+    done = invoked("run", "smoke", "--runs", str(tmp_path), "--no-report", "--trace", str(path))
     assert done.returncode == 0, done
     assert {each.sign for each in read_trace_file(path)} == {OPENED, CLOSED, SENT, RECEIVED}
-    again = invoked("run", "smoke", "--runs", str(tmp_path), "--trace", str(path))
+    again = invoked("run", "smoke", "--runs", str(tmp_path), "--no-report", "--trace", str(path))
     assert again.returncode == 2
     assert "cannot be written: File exists" in again.stderr
 
@@ -130,7 +130,7 @@ def traced(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A run that acquires, and its trace."""
     folder = tmp_path_factory.mktemp("traced")
     path = folder / "smoke.trace"
-    assert invoked("run", "smoke", "--runs", str(folder / "runs"), "--trace", str(path)).returncode == 0
+    assert invoked("run", "smoke", "--runs", str(folder / "runs"), "--no-report", "--trace", str(path)).returncode == 0
     (run,) = (folder / "runs").iterdir()
     return run, path
 

@@ -36,18 +36,18 @@ SETTINGS = {"scale_tolerance": 1e-4, "k": 2.0, "output_limit_g": 9.6e-3, "outlie
             "platform_rad": None, "platform_u_rad": 0.0}  # fmt: skip
 
 
-def calibrated(folder, bench, settings=SHORT, edits=(), sequence="indexing_static", **wishes):
+def calibrated(folder, bench, settings=SHORT, edits=(), sequence="indexing_static", **options):
     path = full_bench(folder / "config", bench)
     for file, old, new in edits:
         text = (folder / "config" / file).read_text("utf-8")
         assert old in text, old
         (folder / "config" / file).write_text(text.replace(old, new), "utf-8")
-    return run_short(folder / "runs", bench=path, sequence=sequence, settings=settings, **wishes)
+    return run_short(folder / "runs", bench=path, sequence=sequence, settings=settings, **options)
 
 
 @pytest.fixture(scope="module")
 def volts(tmp_path_factory):
-    return calibrated(tmp_path_factory.mktemp("volts"), "indexing")
+    return calibrated(tmp_path_factory.mktemp("volts"), "indexing", no_report=False)
 
 
 @pytest.fixture(scope="module")
@@ -247,10 +247,10 @@ def test_the_loop_of_a_unit_with_hysteresis_is_found_without_an_excursion_beyond
 
 def test_what_came_to_every_angle_from_below_is_not_called_hysteresis(tmp_path):
     path = both_passes_from_below(tmp_path)
-    wishes = {"settings": (*SHORT, "max_repeats=0"), "sequence": path}
+    options = {"settings": (*SHORT, "max_repeats=0"), "sequence": path}
     with pytest.raises(InputError, match=r"to 0\.0\d+ g, and its range is ±0\.01 g"):
-        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], **wishes)
-    run = calibrated(tmp_path, "indexing", edits=[HYSTERETIC, NO_RANGE], **wishes)
+        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], no_report=False, **options)
+    run = calibrated(tmp_path, "indexing", edits=[HYSTERETIC, NO_RANGE], **options)
     assert run.problems == []
     results = read_json(run, "results.json")
     assert "hysteresis" not in {finding["quantity"] for finding in results["findings"]}
@@ -272,7 +272,7 @@ def test_the_record_tells_from_where_the_head_came_and_while_it_stood(data):
 
 def test_ends_that_differ_are_measured_again_and_then_marginal(tmp_path):
     coupled = ("uut/micro_g.yaml", "Kip: {mean: 0 µg/g², sd: 10 µg/g²}", "Kip: 500 µg/g²")
-    run = calibrated(tmp_path, "indexing", (*SHORTEST, "max_repeats=1"), [coupled])
+    run = calibrated(tmp_path, "indexing", (*SHORTEST, "max_repeats=1"), [coupled], no_report=False)
     assert run.problems == []
     with RunReader(run.path) as reader:
         decisions = [event.data["value"] for event in reader.events("step_ended") if event.data.get("as") == "decision"]
@@ -296,7 +296,7 @@ def test_what_does_not_become_stable_is_not_fitted(tmp_path):
 def test_the_bench_must_say_what_1_g_is(tmp_path):
     bench = full_bench(tmp_path, "indexing")
     bench.write_text(bench.read_text("utf-8").replace("resistor: 1 kΩ, ", ""), "utf-8")
-    with pytest.raises(Exception, match=r"places\.a of the bench file has no nominal K1 and resistor"):
+    with pytest.raises(InputError, match=r"places\.a of the bench file has no nominal K1 and resistor"):
         run_short(tmp_path / "runs", bench=bench, sequence="indexing_static")
 
 

@@ -11,20 +11,14 @@ from bench.reduce.evaluate import evaluate
 from bench.reduce.journal import JournalRecords
 from bench.reduce.stored_run import open_run
 from campaigns.truth.signs import differences, negated
-from tests.support.runs import run_short
 
 
-@pytest.fixture(scope="module")
-def ran(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("runs"))
+def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(tumble_run):
+    assert list(differences(tumble_run.path)) == []
 
 
-def test_a_unit_of_the_other_sign_differs_in_its_sign_alone(ran):
-    assert list(differences(ran.path)) == []
-
-
-def test_what_compares_dwells_has_the_heads_repeatability_in_its_budget(ran):
-    found = {each.quantity: each for each in ran.results.units[0].findings}
+def test_what_compares_dwells_has_the_heads_repeatability_in_its_budget(tumble_run):
+    found = {each.quantity: each for each in tumble_run.results.units[0].findings}
     for quantity in ("K0", "K0/closure", "K0/model_residual"):
         assert "head: repeatability" in {line.source for line in found[quantity].budget}, quantity
 
@@ -34,8 +28,8 @@ def test_what_compares_dwells_has_the_heads_repeatability_in_its_budget(ran):
     [(1.0, OTHER_SIGN), (-1.0, None), (-9.80665, OTHER_SIZE), (-1e-3, OTHER_SIZE), (-1.6, None)],
     ids=["stated positive", "stated as it is", "per m/s² for g", "a thousandth", "by 60 %"],
 )
-def test_a_scale_factor_that_is_not_the_stated_one_is_flagged(ran, factor, flag):
-    with open_run(ran.path) as stored:
+def test_a_scale_factor_that_is_not_the_stated_one_is_flagged(tumble_run, factor, flag):
+    with open_run(tumble_run.path) as stored:
 
         def inverted(label):
             was = stored.data(label)

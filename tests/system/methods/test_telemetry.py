@@ -56,7 +56,7 @@ def by_quantity(run):
 @pytest.fixture(scope="module")
 def tumble(tmp_path_factory):
     folder = tmp_path_factory.mktemp("telemetry")
-    run = run_short(folder / "runs", bench=edited(folder / "config"), settings=SHORT)
+    run = run_short(folder / "runs", bench=edited(folder / "config"), settings=SHORT, no_report=False)
     (folder / "config" / "telemetry.dbc").unlink()  # the run has kept its own
     return run
 

@@ -25,7 +25,9 @@ RESULT = "results:\n  - {method: temperature_tumble, data: tumble, settings: {de
 
 @pytest.fixture(scope="module")
 def tumble(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("volts"), bench=ROOT / "config/volts.yaml", settings=SHORT)
+    return run_short(
+        tmp_path_factory.mktemp("volts"), bench=ROOT / "config/volts.yaml", settings=SHORT, no_report=False
+    )
 
 
 def test_a_tumble_in_volts_finds_the_truth(tumble):

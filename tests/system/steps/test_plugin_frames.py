@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bench.app.execute import RunResult
-from bench.app.new_driver import write_driver
+from bench.app.new_package import write_driver
 from bench.config.bench import load_bench
 from bench.errors import InputError
 from bench.reduce.reduced_again import reduced_again
@@ -70,7 +70,7 @@ def bench_with_the_plugin(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def run(plugin: None, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """The smoke test on the plug-in's counter, of whose frames one is lost."""
-    right = CanNode._carried
+    right = CanNode._with_bus_faults
 
     def one_lost(self: CanNode, frames: FrameBlock) -> FrameBlock:
         came = right(self, frames)
@@ -79,15 +79,14 @@ def run(plugin: None, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
 
     folder = tmp_path_factory.mktemp("run")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(CanNode, "_carried", one_lost)
+        monkeypatch.setattr(CanNode, "_with_bus_faults", one_lost)
         return run_short(folder / "runs", bench=bench_with_the_plugin(folder), sequence="smoke")
 
 
-def test_it_is_acquired_and_a_method_reduces_it_like_what_a_shipped_counter_counts(run, tmp_path):
+def test_it_is_acquired_and_a_method_reduces_it_like_what_a_shipped_counter_counts(run, smoke_run):
     assert (run.outcome.how, run.problems) == ("completed", [])
-    shipped = run_short(tmp_path, sequence="smoke")
     found, expected = (
-        {each.quantity: each.value for each in result.results.units[0].findings} for result in (run, shipped)
+        {each.quantity: each.value for each in result.results.units[0].findings} for result in (run, smoke_run)
     )
     assert found.keys() == expected.keys()
     assert found["K1"] == pytest.approx(expected["K1"], rel=1e-4)

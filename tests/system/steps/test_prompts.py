@@ -19,13 +19,13 @@ UP = "{move: head, to: 90°}"
 COUNT = "{measure: counter.x, for: 5 s, as: rate, limits: {max: 0 pulse/s}}"
 
 
-def ran(tmp_path, *lines, answers=None, **wishes):
+def ran(tmp_path, *lines, answers=None, **options):
     path = tmp_path / "s.yaml"
     path.write_text(steps(*lines) + OFF + TAIL, "utf-8")
     if answers is not None:
-        wishes["answers"] = tmp_path / "answers.yaml"
-        wishes["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
-    return run_short(tmp_path / "runs", sequence=str(path), **wishes)
+        options["answers"] = tmp_path / "answers.yaml"
+        options["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
+    return run_short(tmp_path / "runs", sequence=str(path), **options)
 
 
 def ended(result):
@@ -108,7 +108,7 @@ def test_nobody_told_what_to_do_after_a_failure_stops_the_run(tmp_path):
 @pytest.mark.integration
 def test_the_report_counts_from_the_start_also_in_real_time(tmp_path):
     ask = {"steps/prompt": {"after": "1 s", "by": "A. Quick"}}
-    result = ran(tmp_path, "note: Here.", "{prompt: Ready?}", answers=ask, speed="1")
+    result = ran(tmp_path, "note: Here.", "{prompt: Ready?}", answers=ask, speed="1", no_report=False)
     report = (result.path / "report.html").read_text("utf-8")
     assert re.search(r"Here\. \(\d\d? s after the start\)", report)
     assert re.search(r"A\. Quick</td><td class=\"n whole\">0:00:\d\d</td>", report)

@@ -23,16 +23,11 @@ from tests.support.flags import texts
 from tests.support.runs import ROOT, SHORT, copy_bench, read_json, run_short
 
 
-@pytest.fixture(scope="module")
-def short_run(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("runs"), units=("QF-0001",), operator="Ada")
-
-
-def test_it_completes_with_a_verdict_and_leaves_everything_behind(short_run):
-    assert short_run.outcome.how == "completed"
-    assert short_run.problems == []
-    assert short_run.results.verdict == "PASS"
-    left = {path.name for path in short_run.path.iterdir()}
+def test_it_completes_with_a_verdict_and_leaves_everything_behind(tumble_run):
+    assert tumble_run.outcome.how == "completed"
+    assert tumble_run.problems == []
+    assert tumble_run.results.verdict == "PASS"
+    left = {path.name for path in tumble_run.path.iterdir()}
     assert left >= {
         "results.json", "report.html", "manifest.json", "run.db", "truth.json", "sequence.yaml", "bench.yaml",
         "if_counter.dbc", "run.lock",
@@ -40,8 +35,8 @@ def test_it_completes_with_a_verdict_and_leaves_everything_behind(short_run):
     assert "reserve.bin" not in left
 
 
-def test_the_manifest_says_who_what_when_and_on_what(short_run):
-    manifest = read_json(short_run, "manifest.json")
+def test_the_manifest_says_who_what_when_and_on_what(tumble_run):
+    manifest = read_json(tumble_run, "manifest.json")
     assert (manifest["state"], manifest["verdict"], manifest["operator"]) == ("completed", "PASS", "Ada")
     assert manifest["units"] == [
         {"place": "a", "uut": "QF-0001", "type": "accelerometer channel", "channel": "x", "mount_angle_deg": 0.0,
@@ -55,13 +50,13 @@ def test_the_manifest_says_who_what_when_and_on_what(short_run):
     source = manifest["instruments"]["source"]
     assert (source["model"], source["serial"], source["serial_verified"]) == ("MODEL 6220", "SIM-6220-01", True)
     for name, stated in manifest["hashes"].items():
-        assert stated == "sha256:" + hashlib.sha256((short_run.path / name).read_bytes()).hexdigest(), name
-    with RunReader(short_run.path) as reader:
+        assert stated == "sha256:" + hashlib.sha256((tumble_run.path / name).read_bytes()).hexdigest(), name
+    with RunReader(tumble_run.path) as reader:
         assert manifest["digest"] == reader.digest()
 
 
-def test_results_have_the_form_of_the_reference(short_run):
-    results = read_json(short_run, "results.json")
+def test_results_have_the_form_of_the_reference(tumble_run):
+    results = read_json(tumble_run, "results.json")
     assert results["schema"] == "itb-results/1"
     quantities = [finding["quantity"] for finding in results["findings"]]
     for quantity in ("K0", "K1", "K1_si", "K2", "misalignment"):
@@ -95,13 +90,13 @@ def test_results_have_the_form_of_the_reference(short_run):
     assert "NaN" not in json.dumps(results)
 
 
-def test_the_results_agree_with_the_truth(short_run):
-    for comparison in compare_one(short_run.path, read_json(short_run, "results.json")):
+def test_the_results_agree_with_the_truth(tumble_run):
+    for comparison in compare_one(tumble_run.path, read_json(tumble_run, "results.json")):
         assert abs(comparison.ratio) < 4, comparison
 
 
-def test_the_journal_tells_every_step_in_order(short_run):
-    with RunReader(short_run.path) as reader:
+def test_the_journal_tells_every_step_in_order(tumble_run):
+    with RunReader(tumble_run.path) as reader:
         begun = [event.step for event in reader.events("step_begins")]
         ended = [event.step for event in reader.events("step_ended")]
         kinds = [event.kind for event in reader.events()]
@@ -113,19 +108,19 @@ def test_the_journal_tells_every_step_in_order(short_run):
     assert kinds.count("identified") == 5
 
 
-def test_named_readings_cover_the_whole_run_every_second(short_run):
-    with RunReader(short_run.path) as reader:
+def test_named_readings_cover_the_whole_run_every_second(tumble_run):
+    with RunReader(tumble_run.path) as reader:
         unit = reader.series("unit_temperature")
         chamber = reader.series("chamber.process_value")
     assert unit.unit == chamber.unit == "°C"
     steps = unit.at_s[1:] - unit.at_s[:-1]
     assert steps.max() < 1.5
-    assert unit.at_s[-1] > short_run.bench_s - 3
+    assert unit.at_s[-1] > tumble_run.bench_s - 3
     assert (chamber.at_s[1:] - chamber.at_s[:-1]).max() < 11
 
 
-def test_frames_are_kept_only_during_acquisitions_and_none_is_missing(short_run):
-    with RunReader(short_run.path) as reader:
+def test_frames_are_kept_only_during_acquisitions_and_none_is_missing(tumble_run):
+    with RunReader(tumble_run.path) as reader:
         frames = reader.frames_by_step()
     assert set(frames) == {step for step in frames if step.endswith("/acquire")}
     assert len(frames) == 24
@@ -135,13 +130,14 @@ def test_frames_are_kept_only_during_acquisitions_and_none_is_missing(short_run)
         assert (block.ids == 0x101).sum() == (block.ids == 0x100).sum()
 
 
-def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path, bench_command):
+def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path, bench_command, bench_here):
     paths = []
     for name in ("one", "two"):
-        done = bench_command("run", "smoke", "--bench", "simulated", "--runs", tmp_path / name, "--seed", "7")
+        words = ("run", "smoke", "--bench", "simulated", "--no-report", "--seed", "7")
+        done = bench_command(*words, "--runs", tmp_path / name)
         assert done.returncode == 0, done.stderr
         paths.append(next((tmp_path / name).iterdir()))
-    digests = [bench_command("runs", "digest", path).stdout for path in paths]
+    digests = [bench_here("runs", "digest", path).stdout for path in paths]
     assert digests[0] == digests[1]
     assert len(digests[0]) == 65
     assert (paths[0] / "results.json").read_bytes() == (paths[1] / "results.json").read_bytes()
@@ -245,7 +241,7 @@ def test_a_mistake_in_a_reduction_ends_a_run_that_says_so(tmp_path, monkeypatch)
 
 
 def test_a_store_that_fails_is_told_once(tmp_path, monkeypatch):
-    append, commits, said = RunWriter._append, [], []
+    append, commits, message = RunWriter._append, [], []
 
     def full(self, group):
         commits.append(group)
@@ -255,12 +251,12 @@ def test_a_store_that_fails_is_told_once(tmp_path, monkeypatch):
 
     class Told(Quiet):
         def notice(self, text):
-            said.append(text)
+            message.append(text)
 
     monkeypatch.setattr(RunWriter, "_append", full)
-    result = execute.execute(prepare(RunRequest("smoke", runs=tmp_path)), Told())
+    result = execute.execute(prepare(RunRequest("smoke", runs=tmp_path, no_report=True)), Told())
     assert [text for text in result.problems if "No space left" in text] == result.problems[:1]
-    assert [text for text in said if "No space left" in text] == result.problems[:1]
+    assert [text for text in message if "No space left" in text] == result.problems[:1]
 
 
 def test_results_that_cannot_be_written_are_no_pass(tmp_path, monkeypatch):
@@ -298,6 +294,6 @@ def test_the_bench_is_held_until_it_is_safe_and_free_while_the_report_is_written
     monkeypatch.setattr(execute, "real_addresses", lambda _bench: {"head": address})
     monkeypatch.setattr(execute, "run_plan", looked_at)
     monkeypatch.setattr("bench.report.write.write_report", look)
-    assert run_short(tmp_path, sequence="smoke").problems == []
+    assert run_short(tmp_path, sequence="smoke", no_report=False).problems == []
     held = f"{address} is in use by a run of smoke"
     assert in_use == [held, held, ""]

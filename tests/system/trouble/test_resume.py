@@ -7,12 +7,14 @@ import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from bench.app.drawn_faults import with_drawn_faults
+from bench.app.execute import RunResult
 from bench.app.request import RunRequest, prepare
-from bench.app.resume import prepared_again, read_interrupted
+from bench.app.resume import prepare_again, read_interrupted
 from bench.cli.main import main
 from bench.engine.state import replayed
 from bench.errors import InputError
@@ -25,7 +27,7 @@ from bench.store.runs import RunDirectory
 from bench.store.verify import examine
 from campaigns.truth.resumed import stepping_bench
 from tests.support.killed import ended, interrupted, interrupted_again, journal, resumed
-from tests.support.runs import ROOT, copy_bench, run_short
+from tests.support.runs import ROOT, copy_bench
 from tests.support.sequences import TAIL, steps
 
 BENCH = ROOT / "config" / "simulated.yaml"
@@ -42,10 +44,10 @@ needs: {table: rate_table, counter: pulse_counter, supply: power_supply}
 """
 
 
-def cut(folder: Path, at_s: float, *lines: str, tail: str = OFF + TAIL, bench: Path = BENCH) -> Path:
+def cut(folder: Path, at_s: float, *lines: str, tail: str = OFF + TAIL, bench: Path = BENCH, **wishes: Any) -> Path:
     path = folder / "s.yaml"
     path.write_text(steps(*lines) + tail, "utf-8")
-    return interrupted(folder / "runs", at_s, path, bench)
+    return interrupted(folder / "runs", at_s, path, bench, **wishes)
 
 
 def after(path: Path) -> list[str]:
@@ -60,9 +62,9 @@ def values(path: Path) -> dict[str, tuple[float, float]]:
     return {each["id"]: (each["value"], each["expanded"]) for each in found if each["quantity"] == "K0"}
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run_short(tmp_path_factory.mktemp("whole"), sequence="smoke").path
+@pytest.fixture
+def undisturbed(smoke_run: RunResult) -> Path:
+    return smoke_run.path
 
 
 @pytest.mark.parametrize("at_s", WHERE_S)
@@ -97,7 +99,7 @@ def test_the_bench_is_restored_in_full_before_anything_is_done(tmp_path):
 
 @SLOW
 def test_a_resumed_run_is_read_back_as_it_was_written(tmp_path):
-    path = interrupted(tmp_path, 50.0, "smoke", BENCH)
+    path = interrupted(tmp_path, 50.0, "smoke", BENCH, no_report=False)
     resumed(path)
     manifest = json.loads((path / "manifest.json").read_text("utf-8"))
     assert manifest["digest"] == digest_of(path)
@@ -109,7 +111,7 @@ def test_a_resumed_run_is_read_back_as_it_was_written(tmp_path):
 
 def test_with_a_stated_repeatability_over_power_cycles_a_resumed_run_is_judged(tmp_path):
     bench = stepping_bench(tmp_path / "config")
-    path = interrupted(tmp_path / "runs", 50.0, "smoke", bench)
+    path = interrupted(tmp_path / "runs", 50.0, "smoke", bench, no_report=False)
     result = resumed(path)
     assert result.results is not None
     assert result.results.verdict == "PASS"
@@ -140,7 +142,9 @@ def test_a_supply_is_on_since_the_resumption(tmp_path):
 
 @SLOW
 def test_an_attempt_that_was_cut_short_is_named_as_superseded(tmp_path):
-    path = cut(tmp_path, 25.0, ON, "{wait: 5 s}", "{acquire: counter, for: 30 s, label: a}", "{wait: 2 s}")
+    path = cut(
+        tmp_path, 25.0, ON, "{wait: 5 s}", "{acquire: counter, for: 30 s, label: a}", "{wait: 2 s}", no_report=False
+    )
     result = resumed(path)
     assert result.results is not None
     (found,) = result.results.journal_records.superseded
@@ -264,7 +268,15 @@ GROUP = "{group: order, restart_at: %s, steps: [{acquire: counter, for: 20 s, la
 
 
 def test_a_group_with_a_restart_point_is_done_again_as_a_whole(tmp_path):
-    path = cut(tmp_path, 50.0, ON, "{acquire: counter, for: 10 s, label: first}", GROUP % "begin", "{wait: 5 s}")
+    path = cut(
+        tmp_path,
+        50.0,
+        ON,
+        "{acquire: counter, for: 10 s, label: first}",
+        GROUP % "begin",
+        "{wait: 5 s}",
+        no_report=False,
+    )
     assert ended(journal(path))["steps/order/acquire"] == 1
     result = resumed(path)
     assert result.outcome.how == "completed"
@@ -425,5 +437,5 @@ def test_drawn_faults_of_a_rehearsal_are_drawn_again(tmp_path):
     prepared = prepare(RunRequest("smoke", bench=str(BENCH), runs=tmp_path))
     twice = [with_drawn_faults(prepared, 5).loaded.bench.simulation.faults for _ in range(2)]
     found = interrupted(tmp_path / "runs", 8.0, "smoke", BENCH, rehearsed=5)
-    again = prepared_again(read_interrupted(found))
+    again = prepare_again(read_interrupted(found))
     assert [again.loaded.bench.simulation.faults] * 2 == twice

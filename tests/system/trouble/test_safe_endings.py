@@ -18,13 +18,13 @@ from bench.app.request import RunRequest, prepare
 from bench.cli.exits import of_run
 from bench.config.bench import load_bench
 from bench.engine import stepper
-from bench.report.verify import examined
+from bench.report.revision import examined
 from bench.rig import OPEN_S
 from bench.runner import run as runner
 from bench.runner.quiet import Quiet
 from bench.runner.signals import TEXTS
 from bench.store.reader import RunReader
-from bench.store.unsafe import kept_unsafe
+from bench.store.unsafe import read_unsafe
 from bench.store.user_state import state_folder
 from bench.store.writer import RunWriter
 from tests.support.engines import run_plan
@@ -65,8 +65,8 @@ class Sends(Quiet):
                 os.kill(os.getpid(), number)
 
 
-def smoke(tmp_path, observer, bench=ROOT / "config/simulated.yaml", *, sequence="smoke", settings=(), trace=None):
-    request = RunRequest(sequence, bench=str(bench), runs=tmp_path / "runs", settings=settings, trace=trace)
+def smoke(tmp_path, observer, bench=ROOT / "config/simulated.yaml", *, sequence="smoke", no_report=True, **wishes):
+    request = RunRequest(sequence, bench=str(bench), runs=tmp_path / "runs", no_report=no_report, **wishes)
     return execute(prepare(request), observer)
 
 
@@ -142,7 +142,7 @@ def test_a_signal_while_results_are_written_hides_nothing_and_drops_the_report(t
         return write(*arguments)
 
     monkeypatch.setattr(finish, where, disturbed)
-    result = smoke(tmp_path, Quiet())
+    result = smoke(tmp_path, Quiet(), no_report=False)
     assert (of_run(result), *ended_by(result)) == (3, "completed", "PASS", None)
     assert read_json(result, "results.json")["verdict"] == "PASS"
     assert result.report is None
@@ -158,7 +158,7 @@ def test_a_signal_while_the_report_is_written_is_the_reason_in_the_manifest(tmp_
         os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr("bench.report.write.write_report", disturbed)
-    result = smoke(tmp_path, Quiet())
+    result = smoke(tmp_path, Quiet(), no_report=False)
     assert (of_run(result), *ended_by(result)) == (3, "completed", "PASS", None)
     assert "no report was written, because a signal arrived meanwhile (SIGINT)" in result.problems[0]
     assert read_json(result, "manifest.json")["problems"] == result.problems
@@ -284,7 +284,7 @@ def test_what_is_not_safe_is_recorded_elsewhere_where_the_directory_takes_nothin
     result = smoke(tmp_path, Quiet(), bench, settings=("soak=10 min",))
     assert of_run(result) == 6
     assert "manifest.json: cannot be written" in result.problems
-    assert "no answer" in kept_unsafe(result.path)["supply"]
+    assert "no answer" in read_unsafe(result.path)["supply"]
 
 
 def test_what_opened_is_made_safe_when_an_instrument_is_missing(tmp_path):
@@ -306,7 +306,7 @@ def test_what_opened_is_made_safe_when_an_instrument_is_missing(tmp_path):
 def test_an_instrument_that_the_sequence_does_not_use_may_be_missing(tmp_path):
     observer = Quiet()
     bench = copy_bench(tmp_path / "config", faults="[{device: source, kind: silent, at: 0 s}]")
-    result = smoke(tmp_path, observer, bench)
+    result = smoke(tmp_path, observer, bench, no_report=False)
     assert of_run(result) == 0
     assert list(read_json(result, "manifest.json")["not_reached"]) == ["source"]
     assert any("The run does not use source and goes on without it." in text for text in observer.notices)
@@ -338,7 +338,7 @@ def test_a_thread_of_the_store_that_dies_keeps_nobody_waiting(tmp_path, monkeypa
 def test_a_sequence_without_limits_is_not_judged(tmp_path, bench_here):
     path = tmp_path / "waits.yaml"
     path.write_text("schema: itb-sequence/1\ntitle: T\nneeds: {}\nsteps:\n  - wait: 1 s\n", "utf-8")
-    result = smoke(tmp_path, Quiet(), sequence=str(path))
+    result = smoke(tmp_path, Quiet(), sequence=str(path), no_report=False)
     assert (of_run(result), *ended_by(result)) == (5, "completed", "NOT JUDGED", None)
     page = (result.path / "report.html").read_text("utf-8")
     assert '<div class="verdict NOT-JUDGED">NOT JUDGED</div>' in page
@@ -352,4 +352,6 @@ def test_a_poll_that_the_making_safe_cuts_short_is_no_fault(tmp_path):
     run = run_short(tmp_path / "runs", sequence=str(path))
     assert run.problems == []
     with RunReader(run.path) as reader:
-        assert [event.data for event in reader.events("fault", "device_left_out")] == []
+        kinds = [event.kind for event in reader.events()]
+    assert "made_safe" in kinds
+    assert not {"fault", "device_left_out"} & set(kinds)

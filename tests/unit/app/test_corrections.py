@@ -15,7 +15,7 @@ from bench.metrology.acquisition import Voltages
 from bench.reduce.corrections import corrections_of
 from bench.reduce.stored_run import open_run
 from bench.store.reader import Series
-from simulators.physics.corrections import lacking_deg, read_of
+from simulators.physics.corrections import correction_deg, read_of
 from tests.support.runs import ROOT, copy_bench, read_json, run_short
 
 HEAD_U = "U: {zero: 10 arcsec, harmonics: [2 arcsec, 2 arcsec, 2 arcsec, 2 arcsec], repeatability: 0.2 arcsec}"
@@ -62,7 +62,7 @@ def test_the_simulated_instruments_need_what_their_certificates_say(bench):
     assert known.temperatures(series(*read_c)).values == pytest.approx(true_c, abs=1e-9)
     assert not np.allclose(read_c, true_c, atol=0.1)
     read_deg = np.linspace(-400, 800, 97)
-    true_deg = read_deg + lacking_deg(read_deg, settings.axes["head"].table)
+    true_deg = read_deg + correction_deg(read_deg, settings.axes["head"].table)
     assert [known.angle_deg("head", each) for each in read_deg] == pytest.approx(true_deg.tolist(), abs=1e-12)
 
 
@@ -101,7 +101,7 @@ def test_a_table_that_cannot_be_is_refused(tmp_path, edit, problem):
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("corrected")
     bench = copy_bench(folder / "config", CLOCK, HEAD, THERMOMETER, PAST_DUE)
-    return run_short(folder, bench=bench, sequence="smoke", past_due="mark")
+    return run_short(folder, bench=bench, sequence="smoke", past_due="mark", no_report=False)
 
 
 def test_the_report_tells_each_correction_and_where_a_table_ended(run):
@@ -124,10 +124,9 @@ def test_readings_beyond_a_table_are_told(tmp_path):
     assert "outside the table: there its end values were used." in line
 
 
-def test_without_corrections_and_past_due_certificates_nothing_is_told(tmp_path):
-    plain = run_short(tmp_path, sequence="smoke")
-    assert read_json(plain, "results.json")["corrections"] == []
-    assert read_json(plain, "results.json")["past_due"] == {}
+def test_without_corrections_and_past_due_certificates_nothing_is_told(smoke_run):
+    assert read_json(smoke_run, "results.json")["corrections"] == []
+    assert read_json(smoke_run, "results.json")["past_due"] == {}
 
 
 def test_what_is_stored_stays_as_it_was_read(run):

@@ -36,6 +36,7 @@ def test_equations_that_are_cited_are_in_a_page(path):
     cited = [
         number for found in CITED.findall(path.read_text("utf-8")) for number in re.findall(r"\d+(?:\.\d+)?", found)
     ]
+    assert cited
     assert [number for number in cited if number not in known] == []
 
 

@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
+import ast
 import re
+import subprocess
+import sys
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Annotated, Literal
 
 import pytest
 from pydantic import Field
 
-import bench.cli.main  # noqa: F401  which knows all commands
 from bench.app.reference import benches, sequences
 from bench.app.reference.keys import keys, part, table
-from bench.cli.reference import PAGES, page_text, write_pages
+from bench.cli import reference
+from bench.cli.reference import PAGES
+from bench.cli.table import ALL
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.sequence.language import expressions
-from bench.sequence.load import load_plan
 from bench.sequence.steps.custom import StepDescription
-from bench.sequence.steps.nested import BLOCKS
+from bench.sequence.steps.verbs import BLOCKS
 from drivers.description import DriverDescription, known_drivers
 from drivers.quantity import units
 from drivers.schema.fields import Celsius, Flag, InUnit, Name, Seconds, StrictModel, WholeNumber
 from tests.support.runs import ROOT
+from tests.support.sequences import load_plan
 
 FOLDER = ROOT / "docs/reference"
+page_text = partial(reference.page_text, commands=ALL)
+write_pages = partial(reference.write_pages, commands=ALL)
 AGAIN = "the models have changed; write the pages again with: bench reference --out docs/reference"
 
 # Keys whose meaning only their model's sentence, their type and the example tell. May shrink, must not grow.
@@ -72,9 +79,10 @@ def test_every_key_says_what_it_means_but_those_listed_here():
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_row_of_a_table_has_as_many_cells_as_its_head(name):
-    for block in page_text(name).split("\n\n"):
-        rows = [re.split(r"(?<!\\)\|", line) for line in block.splitlines() if line.startswith("|")]
-        assert {len(row) for row in rows} <= {len(rows[0])} if rows else True
+    tables = [block.splitlines() for block in page_text(name).split("\n\n") if block.startswith("|")]
+    assert tables
+    for rows in tables:
+        assert len({len(re.split(r"(?<!\\)\|", row)) for row in rows}) == 1, rows[0]
 
 
 def test_every_link_leads_somewhere():
@@ -125,6 +133,16 @@ def test_every_command_is_told():
     assert "| `--bench FILE` |  | The bench file; default: $BENCH_FILE, or the shipped simulated bench. |" in page
     assert "| `--strict` |  |" in page
     assert r"| `--format text\|json\|sarif\|github` | `text` |" in page
+
+
+def test_a_fresh_process_tells_every_command_that_a_module_has():
+    program = "import bench.cli.reference as r, bench.cli.table as t; print(r.page_text('commands', t.ALL), end='')"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True)
+    trees = [ast.parse(path.read_text("utf-8")) for path in (ROOT / "bench/cli").glob("*.py")]
+    calls = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    commands = [ast.literal_eval(call.args[0]) for call in calls if getattr(call.func, "id", "") == "Command"]
+    assert len(commands) > 30
+    assert sorted(re.findall(r"^## bench (.*)$", done.stdout, re.MULTILINE)) == sorted(commands)
 
 
 # How a model is told

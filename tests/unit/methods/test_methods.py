@@ -15,8 +15,7 @@ from bench.figures.languages import catalogue_of, language, tr
 from bench.figures.numbers import scale_shown
 from bench.methods.tumble.method import TEMPERATURE_TUMBLE
 from bench.metrology.results.flag import Flag
-from bench.offline.case import reduce_case, reductions
-from bench.offline.outcome import lacking, outcome
+from bench.offline.case import reduce_case, reduced_case, reductions
 from bench.report import flag_words
 from bench.report.flag_words import flag_in_words
 from bench.sequence.checks.rules import every_rule, judge
@@ -74,8 +73,11 @@ NOISE = MethodDescription(
 )
 """
 PARTS = """\
+from bench.metrology.results.flag import Flag
 from bench.offline.case_file import Reduction, Settings
 from bench.sequence.checks.remarks import Rule
+
+SHALLOW = "shallow: {depth} m"
 
 
 class CaseSettings(Settings):
@@ -91,7 +93,7 @@ def too_deep(plan, bench):
 def reduced(case):
     rest = case.record("rest", "U_V")
     depth = case.settings(CaseSettings).depth
-    flags = ["shallow"] if depth < 2 else []
+    flags = [Flag(SHALLOW, values={"depth": depth})] if depth < 2 else ["any_missing", "this is: invalid"]
     mean, parts = rest.numbers("U_V").mean(), [None] if depth > 8 else [1]
     return {"depth": depth, "mean": mean, "parts": parts, "flags": flags, "notes": [], "doubts": []}
 
@@ -106,7 +108,7 @@ WORDS = {
 }
 CHINESE = {"It hears nothing at {n} Hz.": "在 {n} Hz 听不到。", "fan": "风扇", "hum": "嗡声", "Dwell": "Mine"}
 TRANSLATIONS = {"zh": CHINESE}
-REDUCTIONS = {("NOISE", ""): Reduction(reduced, ("rest",), parts=("parts",), lacking="^shallow$")}
+REDUCTIONS = {("NOISE", ""): Reduction(reduced, ("rest",), parts=("parts",), lacking=frozenset({SHALLOW}))}
 """
 
 
@@ -121,11 +123,7 @@ def test_a_plug_in_cannot_take_the_name_of_a_shipped_method(plugin, monkeypatch)
 
 
 def test_every_driver_package_is_in_the_table_of_shipped_ones():
-    packages = {
-        path.parent.name
-        for path in (ROOT / "drivers/dialects").glob("*/*.py")
-        if "DriverDescription(" in path.read_text()
-    }
+    packages = {path.parent.name for path in (ROOT / "drivers/dialects").glob("*/description.py")}
     assert packages == {target.split(".")[2] for target in DRIVERS.values()}
 
 
@@ -227,11 +225,12 @@ def test_a_plug_in_reduces_cases_of_its_own(plugin, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("depth", "expected"), [(3, ("REDUCED", [])), (1, ("INCOMPLETE", ["shallow"])), (9, ("INCOMPLETE", ["nothing"]))]
+    ("depth", "expected"),
+    [(3, ("REDUCED", [])), (1, ("INCOMPLETE", ["shallow: 1 m"])), (9, ("INCOMPLETE", ["nothing"]))],
 )
 def test_it_says_itself_which_of_its_cases_lack_something(plugin, tmp_path, depth, expected):
     (tmp_path / "rest.csv").write_text("U_V\n1.0\n2.0\n")
     case = {"schema": "itb-case/1", "method": "NOISE", "settings": {"depth": depth}, "records": {"rest": "rest.csv"}}
     (tmp_path / "case.json").write_text(json.dumps(case))
-    found = reduce_case(tmp_path / "case.json")
-    assert (outcome(found), lacking(found)) == expected
+    found = reduced_case(tmp_path / "case.json")
+    assert (found.outcome, list(found.lacking)) == expected

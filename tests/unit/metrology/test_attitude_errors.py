@@ -90,4 +90,4 @@ def test_errors_of_one_kind_are_left_out_and_lines_keep_their_names():
     assert {(line.source, line.shared) for line in lines} == {
         ("outer: zero", "outer.zero"), ("outer: repeatability", None), ("fixture: azimuth", "fixture.azimuth"),
     }  # fmt: skip
-    assert {each.cause.name for each in errors.sources} - {line.source for line in lines} == {"fixture: level"}
+    assert {each.cause.source.source for each in errors.sources} - {line.source for line in lines} == {"fixture: level"}

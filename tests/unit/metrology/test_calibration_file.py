@@ -18,7 +18,6 @@ from bench.metrology.calibration.second_order import NAMES, second_order
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
 from bench.offline.calibration_file import compensated, read_calibration
-from tests.support.runs import run_short
 
 POLYNOMIAL = {
     "unit": "pulse/s/g", "centre": 20.0, "scale": 50.0, "coefficients": [11300.0, -30.0, 2.0], "valid_c": [-30, 70],
@@ -158,8 +157,8 @@ def test_whoever_uses_it_is_warned_of_simulation_and_of_a_verdict(tmp_path):
 
 
 @pytest.mark.lengthy
-def test_a_run_writes_one_that_gives_back_the_gravity_it_was_made_in(tmp_path):
-    result = run_short(tmp_path)
+def test_a_run_writes_one_that_gives_back_the_gravity_it_was_made_in(tmp_path, tumble_run):
+    result = tumble_run
     (path,) = result.path.glob("calibration_*.json")
     assert result.results is not None
     manifest = json.loads((result.path / "manifest.json").read_text("utf-8"))
@@ -171,17 +170,17 @@ def test_a_run_writes_one_that_gives_back_the_gravity_it_was_made_in(tmp_path):
     assert float(row["value"]) == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+@pytest.fixture
+def finished(tumble_run):
     """The directory of a run that has written a calibration; not to be changed."""
-    return run_short(tmp_path_factory.mktemp("runs"), units=("QF-7",)).path
+    return tumble_run.path
 
 
 @pytest.mark.lengthy
 def test_a_calibration_that_was_edited_in_its_run_is_refused(tmp_path, finished):
     path = Path(shutil.copytree(finished, tmp_path / finished.name)) / "calibration_a.json"
-    assert read_calibration(path).uut == "QF-7"
-    path.write_text(path.read_text("utf-8").replace('"QF-7"', '"QF-8"'), "utf-8")
+    assert read_calibration(path).uut == "QF-0001"
+    path.write_text(path.read_text("utf-8").replace('"QF-0001"', '"QF-8"'), "utf-8")
     with pytest.raises(StoreError, match=r"calibration_a\.json: has changed since it was written; 'bench runs verify"):
         read_calibration(path)
 
@@ -201,7 +200,7 @@ def test_an_edited_copy_of_what_a_run_has_written_is_refused(tmp_path, finished,
     copy = tmp_path / "copy.json"
     content = json.loads((finished / "calibration_a.json").read_text("utf-8"))
     copy.write_text(json.dumps(dict(sorted(content.items()))), "utf-8")  # another order and other blanks are no edit
-    assert read_calibration(copy).uut == "QF-7"
+    assert read_calibration(copy).uut == "QF-0001"
     edit(content)
     copy.write_text(json.dumps(content), "utf-8")
     with pytest.raises(InputError, match=r"copy\.json: was edited after a run had written it: .* the run 2"):

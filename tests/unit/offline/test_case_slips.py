@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from bench.methods.indexing.doubts import sweep
-from bench.offline.case import reduce_case, reductions
-from bench.offline.outcome import outcome
+from bench.metrology.results.flag import Flag
+from bench.offline.case import reduce_case, reduced_case, reductions
 from campaigns.trials.slips_in_cases import SLIPS, missed, no_cell_is_trusted
 from tests.support.any_case import KINDS, good_case
 
+OTHERWISE = "in other words"
 JUDGED = {("M3", "gyro_range"), ("M3", "acc_range"), ("M4", "dynamic")}
 
 
@@ -24,8 +25,8 @@ def test_a_good_case_raises_no_doubt_and_neither_does_one_that_reads_downwards(t
         case[column] = lambda values: -values
     if "K1_V_per_g" in case.settings:
         case.settings["K1_V_per_g"] *= -1
-    result = reduce_case(case.write(tmp_path))
-    assert (result["flags"], outcome(result)) == ([], "PASS" if kind in JUDGED else "REDUCED")
+    found = reduced_case(case.write(tmp_path))
+    assert (found.content["flags"], found.outcome) == ([], "PASS" if kind in JUDGED else "REDUCED")
 
 
 @pytest.mark.parametrize("slip", SLIPS, ids=lambda slip: f"{slip.method} {slip.sub} {slip.name}")
@@ -54,22 +55,39 @@ def test_an_output_that_never_changes_neither_passes_nor_is_reduced(tmp_path, me
     for value in (0.0, 0.25):
         case = good_case(method, sub)
         case[column] = lambda values, value=value: np.full_like(values, value)
-        assert outcome(reduce_case(case.write(tmp_path))) in ("INCOMPLETE", "FAIL"), value
+        assert reduced_case(case.write(tmp_path)).outcome in ("INCOMPLETE", "FAIL"), value
 
 
 def test_a_radius_of_a_dead_output_is_not_determined(tmp_path):
     case = good_case("M3", "acc_range")
     case["acc_g"] = np.zeros_like
-    assert "invalid" in reduce_case(case.write(tmp_path))["flags"]
+    found = reduced_case(case.write(tmp_path))
+    assert found.lacking[:2] == ("radius_not_determined", "invalid")
+    assert list(found.lacking) == found.content["flags"]
+
+
+def test_the_wording_of_a_flag_decides_nothing(tmp_path, monkeypatch):
+    paths = {}
+    for kind in KINDS:
+        case = good_case(*kind)
+        case.first_rows(1)
+        (folder := tmp_path / "_".join(kind)).mkdir()
+        paths[kind] = case.write(folder)
+    told = {kind: reduced_case(path) for kind, path in paths.items()}
+    monkeypatch.setattr(Flag, "__str__", lambda _: OTHERWISE)
+    otherwise = {kind: reduced_case(path) for kind, path in paths.items()}
+    assert sum(OTHERWISE in found.lacking for found in otherwise.values()) > len(KINDS) / 2
+    for kind, found in otherwise.items():
+        assert (found.outcome, len(found.lacking)) == (told[kind].outcome, len(told[kind].lacking)), kind
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_record_of_one_row_or_none_is_not_complete(tmp_path, kind):
     case = good_case(*kind)
     case.first_rows(1)
-    assert outcome(reduce_case(case.write(tmp_path))) == ("REDUCED" if kind == ("M3", "two_sample") else "INCOMPLETE")
+    assert reduced_case(case.write(tmp_path)).outcome == ("REDUCED" if kind == ("M3", "two_sample") else "INCOMPLETE")
     case.first_rows(0)
-    assert outcome(reduce_case(case.write(tmp_path))) == "INCOMPLETE"
+    assert reduced_case(case.write(tmp_path)).outcome == "INCOMPLETE"
 
 
 def test_hostile_cells_are_refused_or_left_out():
@@ -112,8 +130,8 @@ def test_equal_rows_of_an_inertial_unit_are_told(tmp_path):
     once, twice = pasted_twice(tmp_path, "M2", "")
     assert not any("pasted twice" in note for note in once["notes"])
     rows = len(good_case("M2").records["positions"]["pos"])
-    told = f"positions.csv: rows that are equal to an earlier one in every cell, {rows}; they were not left out"
-    assert any(note.startswith(told) for note in twice["notes"])
+    reported = f"positions.csv: rows that are equal to an earlier one in every cell, {rows}; they were not left out"
+    assert any(note.startswith(reported) for note in twice["notes"])
 
 
 def test_equal_rows_of_two_samples_stay_in_their_places_and_are_told(tmp_path):

@@ -1,29 +1,22 @@
 """A stored run reduced again: what of it has changed."""
 
 import json
-import shutil
 
 import pytest
 
 from bench.errors import StoreError
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
-from tests.support.runs import run_short, sealed_anew
+from tests.support.runs import sealed_anew
 
 pytestmark = pytest.mark.slow
 
 K0 = "tumble/a/K0@temperature=20"
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("reduced"), sequence="smoke")
-
-
 @pytest.fixture
-def folder(run, tmp_path):
-    shutil.copytree(run.path, tmp_path / run.path.name)
-    return tmp_path / run.path.name
+def folder(smoke_copy):
+    return smoke_copy
 
 
 def again(folder):
@@ -43,10 +36,10 @@ def plant(folder, **changes):
     return before
 
 
-def test_nothing_has_changed(run):
-    found = again(run.path)
+def test_nothing_has_changed(smoke_run):
+    found = again(smoke_run.path)
     assert found.changes == ()
-    assert list(found.in_words()) == [f"{run.path.name}: nothing changed, PASS"]
+    assert list(found.in_words()) == [f"{smoke_run.path.name}: nothing changed, PASS"]
 
 
 def test_a_value_that_has_changed_is_named_with_by_how_much(folder):
@@ -102,21 +95,21 @@ def test_it_is_told_on_the_command_line(folder, bench_here):
     done = bench_here("reduce", folder)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines()[-1] == f"{folder.name}: 1 of 5 findings changed, PASS"
-    told = json.loads(bench_here("reduce", folder.name, "--runs", folder.parent, "--json").stdout)
-    assert told["verdict"] == {"before": "PASS", "now": "PASS"}
-    assert [(change["id"], change["before"]["value"]) for change in told["changes"]] == [(K0, 0.0)]
+    reported = json.loads(bench_here("reduce", folder.name, "--runs", folder.parent, "--json").stdout)
+    assert reported["verdict"] == {"before": "PASS", "now": "PASS"}
+    assert [(change["id"], change["before"]["value"]) for change in reported["changes"]] == [(K0, 0.0)]
     assert {name: (folder / name).stat().st_mtime_ns for name in before} == before
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (("case.json",), "give --out DIR to write result.json, or --json to print it"),
         (("last", "--out", "there"), "'bench report last --format json' writes the results of a run"),
         (("last",), "there is no run yet"),
     ],
 )
-def test_what_is_missing_is_told(tmp_path, bench_here, arguments, told):
+def test_what_is_missing_is_told(tmp_path, bench_here, arguments, reported):
     done = bench_here("reduce", *arguments, cwd=tmp_path)
     assert done.returncode == 2
-    assert told in done.stderr
+    assert reported in done.stderr

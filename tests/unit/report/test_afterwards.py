@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -14,15 +15,15 @@ from bench.reduce.stored_run import open_run
 from bench.report.write import write_report
 from bench.store.followed import FOLLOWED
 from bench.store.verify import examine
-from tests.support.runs import run_short
 
 AT = "2026-03-01T05:06:07.000+00:00"
 SCRIPT = "<script>alert(1)</script>"
 
 
 @pytest.fixture(scope="module")
-def sealed(tmp_path_factory) -> Path:
-    return run_short(tmp_path_factory.mktemp("after"), sequence="smoke").path
+def sealed(shared_runs, tmp_path_factory) -> Path:
+    smoke_run = shared_runs.smoke()
+    return Path(shutil.copytree(smoke_run.path, tmp_path_factory.mktemp("after") / smoke_run.path.name))
 
 
 @pytest.fixture
@@ -57,9 +58,9 @@ LATE = {"event": "not_arrived", "why": "the air does not approach", "air_c": 60.
 
 def test_a_look_that_failed_is_no_end_of_a_hold(run):
     unseen = {"event": "not_seen", "why": "it does not answer"}
-    told = after(written(run, {"event": "held", "set_point_c": 60.0, "air_c": 59.8}, unseen, COMMANDED))
-    assert "was held until" not in told
-    assert "the safe set point was commanded" in told
+    reported = after(written(run, {"event": "held", "set_point_c": 60.0, "air_c": 59.8}, unseen, COMMANDED))
+    assert "was held until" not in reported
+    assert "the safe set point was commanded" in reported
 
 
 def test_without_a_record_nothing_is_said(run):

@@ -2,10 +2,14 @@
 
 import ast
 import re
+import shutil
 from collections import Counter
+from dataclasses import replace
+from pathlib import Path
 from string import Formatter
 from typing import get_args
 
+import numpy as np
 import pypdf
 import pytest
 from jinja2 import Environment, nodes
@@ -14,10 +18,16 @@ from bench.config.document import read_document
 from bench.config.fixture import Compass, Direction
 from bench.figures import after_run, languages, svg, words
 from bench.figures.languages import LANGUAGES, catalogue_of, language, tr
+from bench.methods.channel.words import NO_RATE, SERVES_TOO, SLOPE_FROM
+from bench.methods.imu.words import FEW_TEMPERATURES, HEADINGS_UNKNOWN
+from bench.methods.indexing.words import FEW_ANGLES, WARMED
+from bench.metrology.least_squares import NotDetermined
+from bench.metrology.nonlinear import NotConverged
+from bench.metrology.results.curves import Equation
 from bench.metrology.results.flag import Flag
 from bench.reduce.stored_run import open_run
-from bench.report import flag_words, note_words
-from bench.report.tables import VARIABLES, WORST
+from bench.report import flag_words
+from bench.report.tables import VARIABLES, WORST, model_sheet
 from bench.report.write import write_report
 from bench.sequence.method import known_methods, texts_of
 from bench.web import news, sentence
@@ -36,12 +46,12 @@ GENERIC_WORDS = (
         "READINGS": flag_words._READINGS._generic,
         "QUANTITIES": flag_words._QUANTITIES._generic,
         "VARIABLES": VARIABLES._generic,
-        "NOTES": note_words.NOTES,
+        "NOTES": flag_words.NOTES,
         "SOURCES": words.SOURCES,
     },
 )
 KINDS = (
-    *GENERIC_WORDS[0], "UNITS", "PARTS", "NAMES", "FINDINGS", "FORMS", "WHERE", "CONDITIONS",
+    *GENERIC_WORDS[0], "UNITS", "PARTS", "NAMES", "FORMS", "WHERE", "CONDITIONS",
 )  # fmt: skip
 
 
@@ -70,13 +80,14 @@ def missing(monkeypatch):
     return catalogue.missed
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("languages"), units=(HOSTILE,), operator=HOSTILE)
+@pytest.fixture
+def run(tumble_run, tmp_path):
+    """The directory of a tumble; reports are written into it."""
+    return Path(shutil.copytree(tumble_run.path, tmp_path / tumble_run.path.name))
 
 
 def report(run, form, lang):
-    with open_run(run.path) as stored:
+    with open_run(run) as stored:
         return write_report(stored, form, lang)
 
 
@@ -110,7 +121,7 @@ def texts_in_tables():
         flag_words._UNITS,
         flag_words._QUANTITIES,
         flag_words._PARTS,
-        note_words.WHERE,
+        flag_words._WHERE,
         VARIABLES,
         WORST,
         sentence.NOW,
@@ -124,9 +135,8 @@ def texts_in_tables():
     for table in tables:
         yield from table.values()
     yield from (
-        *texts_of("NOTES", note_words.NOTES),
+        *texts_of("NOTES", flag_words.NOTES),
         *texts_of("FORMS", ()),
-        *texts_of("FINDINGS", ()),
         *texts_of("SOURCES", words.SOURCES),
         *get_args(Direction),
         *get_args(Compass),
@@ -177,7 +187,7 @@ def sources_of_uncertainty():
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
                 called = getattr(node.func, "id", getattr(node.func, "attr", ""))
-                if called in ("BudgetLine", "Source", "line"):
+                if called in ("BudgetLine", "common"):
                     yield node.args[0].value
 
 
@@ -185,9 +195,9 @@ def test_every_source_of_uncertainty_is_told_in_chinese(missing):
     sources = set(sources_of_uncertainty())
     assert len(sources) > 30
     with language("zh"):
-        told = {source: words.source_in_words(source) for source in sources}
+        reported = {source: words.source_in_words(source) for source in sources}
     assert sorted(missing) == []
-    assert [source for source, shown in told.items() if re.search("[a-z]{3}", shown.replace("alias", ""))] == []
+    assert [source for source, shown in reported.items() if re.search("[a-z]{3}", shown.replace("alias", ""))] == []
 
 
 def test_what_a_source_is_of_and_the_signs_between_are_in_the_language_of_the_report():
@@ -199,35 +209,56 @@ def test_what_a_source_is_of_and_the_signs_between_are_in_the_language_of_the_re
 
 
 @pytest.mark.parametrize(
-    ("note", "chinese"),
+    ("flag", "chinese"),
     [
-        ("skew: no decision: a rate is 0", "skew：不作结论：有脉冲频率为 0"),
-        ("the gyros do not tell the headings of 4 of 96 attitudes", "96 个位置中有 4 个无法由陀螺仪得出方位"),
-        ("end up: fewer than 3 different angles are left", "+Z 向上：剩余的不同角度少于 3 个"),
-        ("T=20: the thermometer of acc_x gave fewer than half of its readings", "T=20：acc_x 的温度计读数不足一半"),
-        ("of a plug-in: something it says", "of a plug-in: something it says"),
-        ("{0.__class__}: the temperature changed by {x} °C", "{0.__class__}：温度变化了 {x} °C"),
+        (Flag(NO_RATE, at="skew"), "skew：不作结论：有脉冲频率为 0"),
+        (Flag(HEADINGS_UNKNOWN, values={"untold": 4, "count": 96}), "96 个位置中有 4 个无法由陀螺仪得出方位"),
+        (Flag(FEW_ANGLES, at="end up", values={"least": 3}), "+Z 向上：剩余的不同角度少于 3 个"),
+        (Flag(FEW_TEMPERATURES, at="T=20", values={"sensor": "acc_x"}), "T=20：acc_x 的温度计读数不足一半"),
+        (Flag("of a plug-in: something it says"), "of a plug-in: something it says"),
+        (Flag(WARMED, at=HOSTILE, values={"change": "{x}"}), f"{HOSTILE}：温度变化了 {{x}} °C"),
+        (replace(NotDetermined(["a", "b"], rank=1, of=2, condition=np.inf).note, at="clock"), None),
+        (replace(NotConverged(Flag("no step makes the residuals smaller")).note, at="model"), None),
     ],
 )
-def test_sentences_of_analyses_are_in_the_language_of_the_report(note, chinese):
-    assert flag_words.flag_in_words(Flag(note)) == note
+def test_sentences_of_analyses_are_in_the_language_of_the_report(flag, chinese):
+    assert flag_words.flag_in_words(flag).endswith(flag.code.format(**flag.values))
     with language("zh"):
-        assert flag_words.flag_in_words(Flag(note)) == chinese
+        told = flag_words.flag_in_words(flag)
+    assert CHINESE.search(told) if chinese is None else told == chinese
+
+
+def test_every_sentence_that_a_reduction_gives_as_a_flag_is_translated():
+    """One that is neither a name nor among the words of its method would stay English."""
+    known = {*flag_words._UNITS, *flag_words._PARTS, *texts_of("NOTES", flag_words.NOTES), flag_words.SAMPLES}
+    calls = [
+        (path.name, node.args[0].value)
+        for path in [*(ROOT / "bench/metrology").rglob("*.py"), *(ROOT / "bench/methods").glob("*/reduction/*.py")]
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Flag" and node.args
+        if isinstance(node.args[0], ast.Constant)
+    ]
+    assert len(calls) > 30
+    assert [call for call in calls if " " in call[1] and call[1] not in known] == []
 
 
 def test_what_people_type_stays_as_they_typed_it_and_what_the_program_says_is_told_in_the_language():
     with language("zh"):
-        said = [words.said_in_words(text) for text in ("done", "scripted technician", "air", "93 °", HOSTILE)]
-    assert said == ["已完成", "脚本模拟的操作员", "air", "93 °", HOSTILE]
+        message = [words.answer_text(text) for text in ("done", "scripted technician", "air", "93 °", HOSTILE)]
+    assert message == ["已完成", "脚本模拟的操作员", "air", "93 °", HOSTILE]
 
 
 def test_an_equation_keeps_its_symbols_and_tells_what_they_are():
-    form = "up_1g: D = D_ref + k · (T - T_ref), slope from up_1g, which serves this level too"
+    clauses = (Flag(SLOPE_FROM, values={"level": "up_1g"}), Flag(SERVES_TOO), Flag("x = y, unknown"))
+    model = Equation("id", "uut", "rate", "up_1g: D = D_ref + k · (T - T_ref)", {}, {}, clauses=clauses)
     with language("zh"):
-        assert note_words.form_in_words(form) == (
-            "up_1g: D = D_ref + k · (T - T_ref)，采用 up_1g 的斜率，该斜率同样适用于本量级"
-        )
-    assert note_words.form_in_words(form) == form
+        told = model_sheet(model).title
+    assert told.endswith(
+        "up_1g: D = D_ref + k · (T - T_ref)，采用 up_1g 的斜率，该斜率同样适用于本量级，x = y, unknown"
+    )
+    form = "up_1g: D = D_ref + k · (T - T_ref), slope from up_1g, which serves this level too, x = y, unknown"
+    assert model.to_json()["form"] == form
+    assert model_sheet(model).title.endswith(form)
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -249,11 +280,17 @@ def test_a_report_misses_no_word_and_is_in_chinese(run, missing):
         assert text in page
     for text in ("Decision rule", "degrees of freedom", "Serial number", "temperature of the unit"):
         assert text not in page
-    assert "{text.__class__}&lt;b&gt;，安装位置 a" in page
+    assert "QF-0001，安装位置 a" in page
     assert ">被测件温度<" in page  # the legend of the course
     english = report(run, "html", "en")
     assert english.name == "report.html"
     assert not CHINESE.search(english.read_text("utf-8"))
+
+
+def test_names_with_braces_and_markup_are_text_in_every_language(tmp_path):
+    run = run_short(tmp_path, sequence="smoke", units=(HOSTILE,), operator=HOSTILE)
+    assert "{text.__class__}&lt;b&gt;，安装位置 a" in report(run.path, "html", "zh").read_text("utf-8")
+    assert "{text.__class__}&lt;b&gt; in place a" in report(run.path, "html", "en").read_text("utf-8")
 
 
 def test_a_text_without_translation_stays_english(missing):
@@ -282,8 +319,8 @@ def test_without_a_font_the_figures_are_english_and_the_page_says_so(run, monkey
 
 @pytest.mark.lengthy
 @pytest.mark.peer("pango", "a Chinese font")
-def test_a_pdf_brings_the_chinese_characters_that_it_uses(tmp_path):
-    path = report(run_short(tmp_path, sequence="smoke"), "pdf", "zh")
+def test_a_pdf_brings_the_chinese_characters_that_it_uses(smoke_copy):
+    path = report(smoke_copy, "pdf", "zh")
     reader = pypdf.PdfReader(path)
     fonts = {}
     for page in reader.pages:

@@ -28,6 +28,7 @@ from bench.report.terminal import results_text
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet
 from tests.support.runs import ROOT, copy_bench, read_json, run_short, sealed_anew
+from tests.support.shared_runs import SMOKE
 
 SCRIPT = "<script>alert(1)</script>"
 SHOWN_FACTORS = {
@@ -89,6 +90,11 @@ def rewritten(folder):
         return Page(write_report(stored).read_text("utf-8"))
 
 
+def run_reported(folder, **wishes):
+    """The smoke sequence with its report."""
+    return run_short(folder, no_report=False, **{"sequence": "smoke", **wishes})
+
+
 def run_limited(folder, limits):
     """The smoke sequence with other limits."""
     text = (ROOT / "sequences" / "smoke.yaml").read_text("utf-8")
@@ -97,15 +103,15 @@ def run_limited(folder, limits):
     return execute(prepare(RunRequest(str(sequence), bench=str(ROOT / "config/simulated.yaml"), runs=folder)), Quiet())
 
 
-@pytest.fixture(scope="module")
-def tumble(tmp_path_factory):
-    """Three dwells, up and down, of a unit and by an operator with hostile names."""
-    return run_short(tmp_path_factory.mktemp("tumble"), units=(SCRIPT,), operator=SCRIPT)
+@pytest.fixture
+def tumble(tumble_run):
+    """Three dwells, up and down."""
+    return tumble_run
 
 
-@pytest.fixture(scope="module")
-def smoke(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("smoke"), sequence="smoke")
+@pytest.fixture
+def smoke(smoke_run):
+    return smoke_run
 
 
 # What the page is
@@ -132,8 +138,9 @@ def test_its_ids_are_its_own_and_every_reference_finds_one(tumble):
     assert referred <= set(page.ids)
 
 
-def test_names_that_look_like_markup_are_text(tumble):
-    page = page_of(tumble.path)
+def test_names_that_look_like_markup_are_text(tmp_path):
+    page = page_of(run_reported(tmp_path, units=(SCRIPT,), operator=SCRIPT).path)
+    assert page.count("script") == 0
     assert f"Operator {SCRIPT}" in page.text
     assert f"{SCRIPT} in place a" in page.text
 
@@ -146,7 +153,7 @@ def test_no_number_is_missing(tumble, smoke):
 
 
 def test_equal_runs_give_equal_pages(smoke, tmp_path):
-    again = run_short(tmp_path, sequence="smoke")
+    again = run_reported(tmp_path, **SMOKE)
     first, second = (
         run.path.joinpath("report.html").read_text("utf-8").replace(run.path.name, "RUN").splitlines()
         for run in (smoke, again)
@@ -239,16 +246,18 @@ def test_limits_stand_in_the_report_as_they_are_declared_and_why_a_value_was_not
     assert re.search(r"µrad at most 320 guard band 2 u FAIL marginal dwell 0.* inside its limits, but within", text)
     assert "misalignment: inside its limits, but within their guard band" in page.parts["unit-a-0"]
     assert "JCGM 106" in page.parts["meaning"]
-    told = results_text(run.results)
-    assert re.search(r"K1 per local g +\d+\.\d+ ± \d\.\d+ +pulse/s/g +PASS +11300 ± 56.5; guard band 2 u, marg", told)
-    assert re.search(r"misalignment .* FAIL marginal +at most 320; guard band 2 u; inside its limits, but", told)
+    reported = results_text(run.results)
+    assert re.search(
+        r"K1 per local g +\d+\.\d+ ± \d\.\d+ +pulse/s/g +PASS +11300 ± 56.5; guard band 2 u, marg", reported
+    )
+    assert re.search(r"misalignment .* FAIL marginal +at most 320; guard band 2 u; inside its limits, but", reported)
     (found,) = [found for found in read_json(run, "results.json")["findings"] if found["quantity"] == "misalignment"]
     assert (found["limits"], found["guard"], found["verdict"]) == ({"max": 320e-6}, 2, "FAIL")
     assert found["flags"] == ["guard_band"]
 
 
 def test_a_dwell_that_was_left_out_and_a_limit_that_nothing_could_be_held_against(tmp_path):
-    run = run_short(tmp_path, sequence="smoke", settings=("positions=[0°, 90°, 180°, 180.01°]",))
+    run = run_reported(tmp_path, settings=("positions=[0°, 90°, 180°, 180.01°]",))
     page = page_of(run.path)
     assert ("div", {"class": "verdict INCOMPLETE"}) in page.tags
     assert "Dwell 0 is left out: no usable reading near these angles in °: 270." in page.parts["note"]
@@ -257,7 +266,7 @@ def test_a_dwell_that_was_left_out_and_a_limit_that_nothing_could_be_held_agains
 
 
 def test_a_model_without_degrees_of_freedom_has_no_residuals_to_draw(tmp_path):
-    run = run_short(tmp_path, sequence="smoke", settings=("temperatures=[20 °C, 22 °C]",))
+    run = run_reported(tmp_path, settings=("temperatures=[20 °C, 22 °C]",))
     page = page_of(run.path)
     assert "K0: straight line" in page.text
     assert "Residual standard deviation not known with 0 degrees of freedom" in page.text
@@ -266,7 +275,7 @@ def test_a_model_without_degrees_of_freedom_has_no_residuals_to_draw(tmp_path):
 
 
 def test_two_dwells_at_one_temperature_are_drawn_without_a_model(tmp_path):
-    run = run_short(tmp_path, sequence="smoke", settings=("temperatures=[20 °C, 20 °C]",))
+    run = run_reported(tmp_path, settings=("temperatures=[20 °C, 20 °C]",))
     page = page_of(run.path)
     assert "Bias K0, over temperature." in page.text
     assert "Models over temperature" not in page.text
@@ -282,7 +291,7 @@ def test_each_unit_has_its_sections(tmp_path):
         ("certificate: SIM-2026-0101, laboratory: none, date: 2026-01-01, due: 2030-12-31",
          "certificate: SIM-2025-0101, laboratory: none, date: 2025-01-01, due: 2025-12-31"),
     )  # fmt: skip
-    run = run_short(tmp_path, bench=bench, sequence="smoke", units=("a=QF-1", "b=QF-2"), past_due="mark")
+    run = run_reported(tmp_path, bench=bench, units=("a=QF-1", "b=QF-2"), past_due="mark")
     page = page_of(run.path)
     assert {"unit-a-0", "unit-b-1"} <= set(page.ids)
     assert "QF-2: No dwell has more readings than unknowns" in page.parts["note"]
@@ -295,7 +304,7 @@ def test_each_unit_has_its_sections(tmp_path):
 
 def test_a_bench_that_failed_says_why_on_top(tmp_path):
     bench = copy_bench(tmp_path / "config", faults="[{device: counter, kind: silent, at: 40 s}]")
-    run = run_short(tmp_path, bench=bench, sequence="smoke")
+    run = run_reported(tmp_path, bench=bench)
     page = page_of(run.path)
     assert ("div", {"class": "verdict ERROR"}) in page.tags
     assert run.problems[0] in page.parts["alert"]
@@ -307,7 +316,7 @@ def test_a_bench_that_failed_says_why_on_top(tmp_path):
 
 def test_a_bench_that_could_not_be_opened(tmp_path):
     bench = copy_bench(tmp_path / "config", faults="[{device: head, kind: silent, at: 0 s}]")
-    run = run_short(tmp_path, bench=bench, sequence="smoke")
+    run = run_reported(tmp_path, bench=bench)
     page = page_of(run.path)
     assert ("div", {"class": "verdict ERROR"}) in page.tags
     assert run.problems[0] in page.parts["alert"]
@@ -364,7 +373,7 @@ def test_a_report_that_cannot_be_written_takes_no_results_away(tmp_path, monkeyp
         raise OSError("the disk is full")
 
     monkeypatch.setattr("bench.report.write.write_report", refuse)
-    run = run_short(tmp_path, sequence="smoke")
+    run = run_reported(tmp_path)
     assert run.results.verdict == "PASS"
     assert (run.report, of_run(run)) == (None, 3)
     assert run.problems == [f"no report could be written (the disk is full); 'bench report {run.path}' tries again"]

@@ -7,16 +7,16 @@ import pty
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 
 from bench.errors import InUseError
-from bench.runner.held import address_lock
-from bench.runner.whereabouts import marks
+from bench.runner.held import Kind, address_lock, marks, owners
 from drivers.transport.address import Address
 from tests.support.guardians import stop
 from tests.support.runs import ROOT
@@ -70,6 +70,24 @@ def refused(text: str) -> str:
 def test_this_machine_is_one_place_however_it_is_spelled(other: str) -> None:
     with hold(f"tcp://localhost:{PORT}"):
         assert f"is in use by somebody, process {os.getpid()}." in refused(other.format(PORT))
+
+
+@pytest.mark.parametrize("words", ["a short look of it", "in other words", "two\nlines"])
+@pytest.mark.parametrize("kind", Kind)
+def test_the_kind_of_an_owner_does_not_depend_on_its_words(words: str, kind: Kind) -> None:
+    at = [Address.parse(HOST)]
+    with address_lock(at, words, kind):
+        (owner,) = owners(at)
+    assert (owner.words, owner.kind) == (words.replace("\n", "?"), kind)
+
+
+def test_a_short_reading_by_another_program_is_waited_for() -> None:
+    with ExitStack() as held:
+        held.enter_context(address_lock([Address.parse(HOST)], "somebody", Kind.VISIT))
+        ending = threading.Timer(0.5, held.close)
+        ending.start()
+        with hold(HOST):
+            ending.join()
 
 
 def test_an_own_address_of_this_machine_is_this_machine() -> None:

@@ -9,14 +9,8 @@ import pytest
 
 from bench.store.reader import RunReader
 from tests.support.how_to import FOLDER
-from tests.support.runs import run_short
 
 PROGRAM = re.compile(r"^```python\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return run_short(tmp_path_factory.mktemp("raw"), sequence="smoke").path
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +22,8 @@ def page():
     return found
 
 
-def test_it_reads_what_the_program_reads(run, page):
+def test_it_reads_what_the_program_reads(smoke_run, page):
+    run = smoke_run.path
     with RunReader(run) as reader:
         blocks = [block for stream, _, block in reader.blocks() if stream == "counter"]
         step = next(step for _, step, _ in reader.blocks())
@@ -42,9 +37,9 @@ def test_it_reads_what_the_program_reads(run, page):
     assert len(page["read_frames"](run, "nobody")) == 0
 
 
-def test_it_says_that_a_block_is_damaged(run, page):
-    with closing(sqlite3.connect(run / "run.db")) as database:
+def test_it_says_that_a_block_is_damaged(smoke_copy, page):
+    with closing(sqlite3.connect(smoke_copy / "run.db")) as database:
         database.execute("UPDATE block SET crc = crc + 1 WHERE seq = 1")
         database.commit()
     with pytest.raises(ValueError, match="block 1 is damaged"):
-        page["read_frames"](run, "counter")
+        page["read_frames"](smoke_copy, "counter")

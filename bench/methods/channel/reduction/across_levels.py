@@ -16,11 +16,13 @@ import numpy as np
 from bench.methods.channel.reduction.compared_levels import READ_OUT, Compared, Level
 from bench.methods.channel.reduction.decision import ChannelDrift
 from bench.methods.channel.reduction.findings import ChannelFindings
+from bench.methods.channel.words import OWN_SLOPE, SERVES_TOO, SLOPE_FROM
 from bench.metrology.calibration.temperature import Compensation, Curve
 from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation, TemperatureModel
 from bench.metrology.results.finding import Finding
+from bench.metrology.results.flag import Flag
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,7 @@ class ChannelConclusions:
                 *_named(theirs, ours, abs(value / (per[1] * reference**2))),
                 self.of_levels.drift_line(value / reference * (ours.drifted_share - theirs.drifted_share)),
             ]
-            name = f"of the slope of {ours.name} from that of {theirs.name}"
-            flags = ("marginal",) if compared.marginal else ()
+            name, flags = "of the slope from that of the reference", ("marginal",) if compared.marginal else ()
             steps = (*ours.data.steps, *theirs.data.steps)
             yield self.of_levels.finding(quantity, name, at, deviation.value, "1", lines, steps, flags)
 
@@ -137,7 +138,7 @@ class ChannelConclusions:
         for factor, level in zip(gain.tolist(), self._usable, strict=True):
             for line in level.slope_lines:
                 if line.kind == READ_OUT:
-                    yield BudgetLine(f"{level.name}: {line.source}", line.type, abs(factor) * line.u, line.dof)
+                    yield line.times(factor, f"{level.name}: {line.source}")
                 else:
                     together[line.source] = together.get(line.source, 0.0) + factor * line.u
         for source, u in together.items():
@@ -147,7 +148,7 @@ class ChannelConclusions:
         """Line of a level; if it shares the model of its reference, with the slope of that."""
         slope_from = self._slope_from(level, compared)
         shares = slope_from is not level
-        slope_text = f"from {slope_from.name}, which serves this level too" if shares else "its own"
+        of_other = (Flag(SLOPE_FROM, values={"level": slope_from.name}), Flag(SERVES_TOO))
         rate = self.of_levels.rate(level)
         if shares and self.of_levels.settings["compare_basis"] == "raw":
             form, symbol, slope = "D = D_ref + k · (T - T_ref)", "k", self.of_levels.slope(slope_from)
@@ -157,7 +158,8 @@ class ChannelConclusions:
             id=f"{rate.id}/model",
             uut=rate.uut,
             quantity="rate",
-            form=f"{level.name}: {form}, slope {slope_text}",
+            form=f"{level.name}: {form}",
+            clauses=of_other if shares else (Flag(OWN_SLOPE),),
             constants={
                 "D_ref": Constant(rate.value, rate.unit, rate.u),
                 symbol: Constant(slope.value, slope.unit, slope.u),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from bench.methods.channel.reduction.line import ChannelRun
+from bench.methods.channel.words import NO_RATE, OTHER_INVALID, OTHER_POLARITY, OWN_INVALID, UNCERTAIN_SLOPE
 from bench.metrology.least_squares import Array, least_squares
 from bench.metrology.results.coverage import coverage_factor, effective_dof
 
@@ -28,8 +29,6 @@ MISFIT_PROBABILITY = 0.01
 LEAST_LEVEL_G = 0.1  # below this a bias may be as large as the input
 LARGEST_BIAS_G = 0.5
 PROPORTION = 0.1  # maximum relative deviation of a rate per g from that of the other runs
-
-OTHER_POLARITY = "keeps its own model: at the other polarity the converter has another scale factor"
 
 
 class RelativeDeviation(NamedTuple):
@@ -114,10 +113,10 @@ def _dof(run: ChannelRun, reference: ChannelRun) -> int | None:
 def _problems(run: ChannelRun, reference: ChannelRun, certain: bool, deciding: RelativeDeviation) -> tuple[str, ...]:
     """Reasons why no decision is possible."""
     problems = {
-        "no decision: its own run is not valid": not run.valid,
-        "no decision: the run it is compared with is not valid": not reference.valid,
-        "no decision: the slope it is compared with is less than three times its uncertainty": not certain,
-        "no decision: a rate is 0": certain and np.isnan(deciding.value),
+        OWN_INVALID: not run.valid,
+        OTHER_INVALID: not reference.valid,
+        UNCERTAIN_SLOPE: not certain,
+        NO_RATE: certain and np.isnan(deciding.value),
     }
     return tuple(problem for problem, holds in problems.items() if holds)[:1]
 

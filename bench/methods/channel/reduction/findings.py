@@ -17,7 +17,7 @@ from bench.methods.channel.reduction.transfer_meter import believes_meter, stand
 from bench.metrology.bench_uncertainty import SourceRecord
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.instrument import instrument_lines
-from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.results.finding import Finding
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -56,25 +56,20 @@ class ChannelFindings:
     def rate(self, level: Level) -> Finding:
         """Rate at the reference temperature."""
         run, name = level.run, f"{self.output} at {self.reference_c:g} °C"
-        offset_u, gain_u = self._thermometer
+        gain, offset = self._thermometer
         rate, slope = abs(run.rate), abs(run.slope_per_c)
-        reading = self.unit.converter
         lines = [
             BudgetLine(SCATTER, "A", level.scatter.scatter_rate, level.scatter.dof),
             BudgetLine(resolution_of(self.unit), "B", level.scatter.counting_rate),
-            *self._instrument_lines(rate),
-            BudgetLine(f"{reading}: offset", "B", slope * offset_u, None, f"{reading}.offset"),
-            BudgetLine(f"{reading}: gain", "B", slope * gain_u * abs(self.reference_c), None, f"{reading}.gain"),
+            *instrument_lines(self.unit, self.data.bench, rate, 1.0),
+            offset.times(slope),
+            gain.times(slope).times(self.reference_c),
             *self._input_lines(level),
             *(line.times(self._away_c(level)) for line in level.input_lines),
             self.drift_line(slope * level.drifted_c),
             LAG,
         ]
         return self._of_level("rate", name, level, run.rate, self.unit.output_unit, lines)
-
-    def _instrument_lines(self, rate: float) -> Iterator[BudgetLine]:
-        """Lines from the certificate of the instrument that measures the output."""
-        yield from instrument_lines(self.unit, self.data.bench, rate, 1.0)
 
     def _away_c(self, level: Level) -> float:
         """Reference temperature minus the middle of a run; through it, errors of the slope enter the rate."""
@@ -83,17 +78,15 @@ class ChannelFindings:
     def _input_lines(self, level: Level) -> Iterator[BudgetLine]:
         """Uncertainty of the input of a level: the source by its certificate, gravity by the level of the slab."""
         rate, at = abs(level.run.rate), level.data.level
-        certificate = self.certificate
         if not level.is_source:
-            tilt, level_g = np.radians(self.data.bench.level_u_deg), abs(at.level_g)
+            tilt, level_g = self.data.bench.level.u, abs(at.level_g)
             tilted_g = np.hypot(np.sqrt(max(1 - level_g**2, 0.0)) * tilt, level_g * tilt**2 / np.sqrt(2))
-            yield BudgetLine("fixture: level", "B", float(rate * tilted_g / level_g), None, "fixture.level")
-        elif certificate is not None:
+            yield common("fixture: level", rate * tilted_g / level_g)
+        elif self.certificate is not None:
             source = self.standard
-            yield BudgetLine(f"{source}: gain", "B", rate * certificate.gain_u, None, f"{source}.gain")
-            offset = abs(rate / at.current_a) * certificate.offset_u_a
-            yield BudgetLine(f"{source}: offset", "B", offset, None, f"{source}.offset")
+            gain, offset = self.data.bench.current(source)
             drifted = level.drift_u_per_h * self._hours_of_run(level)
+            yield from (gain.times(rate), offset.times(rate / at.current_a))
             yield BudgetLine(f"{source}: drift since the run began", "B", rate * drifted, None, f"{source}.drift")
         if level.is_source and level.data.metered is not None and believes_meter(self.unit, self.settings):
             scatter = level.data.metered.mean_u_a / abs(at.current_a)
@@ -128,8 +121,7 @@ class ChannelFindings:
 
     def thermometer_gain(self, slope: float) -> BudgetLine:
         """Effect of the gain of the thermometer on a slope, common to all levels."""
-        gain_u = self._thermometer[1]
-        return BudgetLine(f"{self.unit.converter}: gain", "B", abs(slope) * gain_u, None, f"{self.unit.converter}.gain")
+        return self._thermometer[0].times(slope)
 
     def drift_line(self, u: float) -> BudgetLine:
         """Line for the drift of the thermometer within the run."""
@@ -162,11 +154,8 @@ class ChannelFindings:
         if read is None or not read.is_enough:
             return
         source_a = level.data.level.source_a
-        known = self.data.bench.sources.get(meter)
-        lines = [BudgetLine(f"{meter}: scatter of the mean", "A", read.mean_u_a)]
-        if known is not None:
-            lines.append(BudgetLine(f"{meter}: gain", "B", abs(read.mean_a) * known.gain_u, None, f"{meter}.gain"))
-            lines.append(BudgetLine(f"{meter}: offset", "B", known.offset_u_a, None, f"{meter}.offset"))
+        gain, offset = self.data.bench.current(meter)
+        lines = [BudgetLine(f"{meter}: scatter of the mean", "A", read.mean_u_a), gain.times(read.mean_a), offset]
         name = f"mean by the ammeter; the source says {MA_PER_A * source_a:.7g} mA"
         yield self._of_level("current", name, level, read.mean_a, "A", lines)
         relative = [line.times(1 / abs(source_a)) for line in lines]
@@ -198,12 +187,12 @@ class ChannelFindings:
             return
         at = {"run": ZERO}
         first, last = points[0], points[-1]
-        offset = self._output_per_a * self._source_offset_u_a
+        _, offset = self.data.bench.current(self.standard)
         fed = self._output_per_a * self._zero_a
         lines = [
             *self._point_lines(first),
-            *(() if self.unit.is_counted else self._instrument_lines(first.rate)),
-            BudgetLine(f"{self.standard}: offset", "B", offset, None, f"{self.standard}.offset"),
+            *(() if self.unit.is_counted else instrument_lines(self.unit, self.data.bench, first.rate, 1.0)),
+            offset.times(self._output_per_a),
         ]
         unit = self.unit.output_unit
         name = f"{self.output} with the source at 0 A"
@@ -259,13 +248,9 @@ class ChannelFindings:
         return float(self.settings["reference_temperature_c"])
 
     @property
-    def _thermometer(self) -> tuple[float, float]:
-        """Offset (°C) and gain of the thermometer at the converter, as standard uncertainties."""
-        return self.data.bench.thermometer_u(self.unit.converter)
-
-    @property
-    def _source_offset_u_a(self) -> float:
-        return self.certificate.offset_u_a if self.certificate is not None else 0.0
+    def _thermometer(self) -> tuple[BudgetLine, BudgetLine]:
+        """Errors of the thermometer at the converter: of its gain and of its offset."""
+        return self.data.bench.thermometer(self.unit.converter)
 
     @property
     def standard(self) -> str:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.methods.channel.words import FEW_GATES, HARDLY_ANY_GATES, MANY_OUTLIERS, THERMOSTAT
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import (
     EXCESSIVE_OUTLIERS,
@@ -25,9 +26,10 @@ from bench.metrology.least_squares import (
     reject_outliers,
 )
 from bench.metrology.pulse_counts import LEAST_SHARE, STANDSTILL_PERIODS
+from bench.metrology.results.flag import INVALID, Flag
 from bench.metrology.temperature_checks import broken_on_a_ramp, rates_c_per_s
 
-NARROW, FAST, INVALID = "insufficient_temperature_span", "ramp_too_fast", "invalid"
+NARROW, FAST = "insufficient_temperature_span", "ramp_too_fast"
 RAMP_SLACK = 1.02  # relative to the ramp's limit
 LEAST_GATES = 3  # fewer leave no scatter for an uncertainty
 ABORT_SHARE = 0.1  # share of gates with the accelerometer off temperature from which the run should have ended
@@ -93,7 +95,7 @@ class ChannelRun:
     span_c: float
     ramp_c_per_h: float
     flags: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Flag, ...]
     excluded: dict[str, int]
     gates: Gates = field(compare=False, repr=False)
     dof_slope: int | None = None
@@ -284,18 +286,16 @@ def ramp_of(time_s: Array, temperature_c: Array) -> ConverterRamp:
     return ConverterRamp(-usual if np.mean(falls) > 0.5 else usual, fastest)
 
 
-def _shortage(used: int, scheduled: int, outliers: int) -> tuple[str, ...]:
+def _shortage(used: int, scheduled: int, outliers: int) -> tuple[Flag, ...]:
     """Reason why too little of the run is left (equations 1.8, 1.10); empty if it is valid."""
     if used < LEAST_GATES:
-        return (f"only {used} of {scheduled} gates could be used",)
+        return (Flag(HARDLY_ANY_GATES, values={"used": used, "count": scheduled}),)
     if used < LEAST_SHARE * scheduled:
-        return (f"fewer than half of its gates could be used, {used} of {scheduled}",)
+        return (Flag(FEW_GATES, values={"used": used, "count": scheduled}),)
     if outliers > EXCESSIVE_OUTLIERS * (used + outliers):
-        return (f"too many outliers, {outliers} of {used + outliers} gates",)
+        return (Flag(MANY_OUTLIERS, values={"outliers": outliers, "count": used + outliers}),)
     return ()
 
 
-def _thermostat_notes(away: int, scheduled: int) -> tuple[str, ...]:
-    if away <= ABORT_SHARE * scheduled:
-        return ()
-    return (f"the accelerometer was not at its temperature in {away} of {scheduled} gates; that should end a run",)
+def _thermostat_notes(away: int, scheduled: int) -> tuple[Flag, ...]:
+    return (Flag(THERMOSTAT, values={"away": away, "count": scheduled}),) if away > ABORT_SHARE * scheduled else ()

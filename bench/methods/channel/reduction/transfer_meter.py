@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.channel.reduction.line import INVALID, ChannelRun
+from bench.methods.channel.reduction.line import ChannelRun
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array
+from bench.metrology.results.flag import INVALID
 from bench.metrology.run_data import UnitUnderTest
 
 FEWEST_READINGS = 3  # with fewer readings their scatter about a line is unknown

@@ -12,7 +12,7 @@ import numpy as np
 from bench.methods.imu.reduction.windows import Turning
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
-from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import quantisation_by_level
 
@@ -46,8 +46,8 @@ class OwnErrors:
     def clock(self, size: float) -> BudgetLine:
         """Line for the effect of the clock of this channel on a quantity of this size."""
         if self.is_sent:
-            return shared_line("computer: clock", abs(size) * self.bench.host_clock_u)
-        return shared_line("counter: time base", abs(size) * self.bench.time_base_u)
+            return common("computer: clock", size * self.bench.host_clock_u)
+        return BudgetLine("counter: time base", "B", float(size * self.bench.time_base_u), None, "counter.time base")
 
     def hidden(
         self, windows: Sequence[Acquisition | None], gain: Array, level: Array | None = None
@@ -83,11 +83,6 @@ def scatter_line(noise: tuple[float, int], gain: Array) -> BudgetLine:
     return BudgetLine(READINGS, "A", sd * float(np.linalg.norm(gain)), dof, kind=POOLED)
 
 
-def shared_line(name: str, u: float | np.floating | Array) -> BudgetLine:
-    """Type B line of an error common to several findings."""
-    return BudgetLine(name, "B", float(u), None, name.replace(": ", "."))
-
-
 def rate_weights(rates: Sequence[Turning]) -> Array:
     """Relative sensitivity of a scale factor to an error of each rate in °/s, (r,)."""
     rate_dps = np.array([each.rate_dps for each in rates])
@@ -95,17 +90,16 @@ def rate_weights(rates: Sequence[Turning]) -> Array:
     return np.asarray(away / np.sum(away**2))
 
 
-def harmonics_of_rates(rates: Sequence[Turning], bench: BenchRecord) -> dict[str, float]:
-    """Relative effect of encoder harmonics on the scale factor, by source: zero over exactly whole turns."""
-    weights, found = rate_weights(rates), {}
+def harmonics_of_rates(rates: Sequence[Turning], bench: BenchRecord) -> Iterator[BudgetLine]:
+    """Lines of encoder harmonics, relative to the scale factor: zero over exactly whole turns."""
+    weights = rate_weights(rates)
     for role, axis in bench.axes.items():
         changes = [
             weights @ np.array([_change(each, role, order) for each in rates])
             for order in range(1, len(axis.harmonics_u_deg) + 1)
         ]
         parts = np.array(axis.harmonics_u_deg) * changes
-        found[f"{role}: harmonics"] = float(np.linalg.norm(parts))  # cosine and sine together
-    return found
+        yield common(f"{role}: harmonics", float(np.linalg.norm(parts)))  # cosine and sine together
 
 
 def _change(turning: Turning, role: str, order: int) -> complex:

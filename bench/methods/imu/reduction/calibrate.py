@@ -18,6 +18,15 @@ from numpy.typing import NDArray
 from bench.methods.imu.reduction.attitude_check import doubtful_attitudes, exchanged_headings
 from bench.methods.imu.reduction.attitudes import AXES, NAMES, NORTH, SPECIFIC_FORCE_G, block
 from bench.methods.imu.reduction.records import ImuReadings, RateReadings
+from bench.methods.imu.words import (
+    FEW_TEMPERATURES,
+    HEADINGS_UNKNOWN,
+    INCONSISTENT,
+    MISSING_POSITION,
+    MISSING_RATE,
+    NO_LATITUDE,
+    NORTH_ELSEWHERE,
+)
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
 from bench.metrology.results.flag import Flag
 from bench.metrology.temperature_checks import broken_at_rest
@@ -123,7 +132,7 @@ class ImuCalibration:
     points: tuple[SetPoint, ...]
     scatter: tuple[Scatter, ...]
     flags: tuple[Flag, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Flag, ...]
     excluded: Mapping[str, int]
 
     def over_temperature(self, axis: int) -> list[AxisCalibration]:
@@ -160,7 +169,7 @@ class _Remarks:
 
     excluded: Counter[str]
     flags: list[Flag] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    notes: list[Flag] = field(default_factory=list)
 
 
 def _axis(
@@ -171,26 +180,22 @@ def _axis(
     problems = list(_problems(readings.accelerometer_output[point], axis, doubted))
     turning = _turning(readings.rates[point][axis])
     if turning is None:
-        problems.append(("missing_rate", AXES[axis]))
-    remarks.flags += [
-        Flag(f"T={{set_c}}:{problem}:{{what}}", values={"set_c": set_c, "what": what}) for problem, what in problems
-    ]
+        problems.append((MISSING_RATE, AXES[axis]))
+    remarks.flags += [Flag(problem, values={"set_c": set_c, "what": what}) for problem, what in problems]
     if problems or turning is None:
         return None
     accelerometer_c, gyro_c = (_mean(told, remarks.excluded) for told in readings.temperatures_c(point, axis))
     for kind, celsius in (("acc", accelerometer_c), ("gyro", gyro_c)):
         if math.isnan(celsius):
-            remarks.notes.append(
-                f"T={set_c}: the thermometer of {kind}_{AXES[axis]} gave fewer than half of its readings"
-            )
+            remarks.notes.append(Flag(FEW_TEMPERATURES, f"T={set_c}", values={"sensor": f"{kind}_{AXES[axis]}"}))
     return AxisCalibration(accelerometer_c, gyro_c, *_at_rest(readings, point, axis), turning)
 
 
 def _problems(accelerometer_output: Array, axis: int, doubted: NDArray[np.bool_]) -> Iterator[tuple[str, str]]:
     """Problems of the eight attitudes of an axis, each with its attitude; readings are (24, 3), of one set point."""
     own = range(len(NAMES))[block(axis)]
-    yield from (("missing_position", NAMES[i]) for i in own if np.isnan(accelerometer_output[i, axis]))
-    yield from (("attitude_inconsistent", NAMES[i]) for i in own if doubted[i])
+    yield from ((MISSING_POSITION, NAMES[i]) for i in own if np.isnan(accelerometer_output[i, axis]))
+    yield from ((INCONSISTENT, NAMES[i]) for i in own if doubted[i])
 
 
 def _at_rest(readings: ImuReadings, point: int, axis: int) -> tuple[LinearFit, LinearFit]:
@@ -219,10 +224,10 @@ def _turning(readings: RateReadings) -> LinearFit | None:
         return None
 
 
-def _check_headings(readings: ImuReadings, points: list[SetPoint], latitude_deg: float | None) -> Iterator[str]:
+def _check_headings(readings: ImuReadings, points: list[SetPoint], latitude_deg: float | None) -> Iterator[Flag]:
     """Add exchanged headings to the doubted attitudes; return notes on them."""
     if latitude_deg is None:
-        yield "headings were not checked: the latitude is not known"
+        yield Flag(NO_LATITUDE)
         return
     untold = 0
     for number, point in enumerate(points):
@@ -232,9 +237,9 @@ def _check_headings(readings: ImuReadings, points: list[SetPoint], latitude_deg:
         if exchanged:
             point.doubted[exchanged] = True
             names = ", ".join(NAMES[i] for i in exchanged)
-            yield f"T={point.set_c:.10g}: the horizontal gyros saw north elsewhere than scheduled: {names}"
+            yield Flag(NORTH_ELSEWHERE, f"T={point.set_c:.10g}", values={"axes": names})
     if untold:
-        yield f"the gyros do not tell the headings of {untold} of {len(points) * len(NAMES)} attitudes"
+        yield Flag(HEADINGS_UNKNOWN, values={"untold": untold, "count": len(points) * len(NAMES)})
 
 
 def _scatter(calibrated: Sequence[AxisCalibration]) -> Scatter:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.methods.imu.reduction.attitudes import AXES
+from bench.methods.imu.reduction.dead_band import is_near_zero
 from bench.methods.imu.reduction.table_errors import table_errors
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.bench_uncertainty import BenchRecord
@@ -33,12 +34,16 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """Properties of one accelerometer: pulse/s per g, scatter in pulse/s with degrees of freedom, g/°C of its bias."""
+    """Properties of one accelerometer: pulse/s per g, scatter in pulse/s with degrees of freedom, g/°C of its bias.
+
+    `dead_band_g` is that of its converter, 0 without one.
+    """
 
     per_g: float
     scatter: float
     dof: int
     bias_g_per_c: float
+    dead_band_g: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +122,7 @@ def _changes(
     for index, (quantity, of) in enumerate(first.names):
         change = float(last.fit.coefficients[index] - first.fit.coefficients[index])
         lines = [*_scatter(first, last, index, sensitive), *_of_table(first, last, index, unit, data.bench)]
+        lines += _dead_bands(first, last, index, unit, sensitive)
         at: dict[str, str] = {"direction": of}
         name = "change of the tilt of the table from the beginning of the run to its end; positive raises that side"
         if quantity == "K0":
@@ -139,6 +145,23 @@ def _scatter(first: _Entry, last: _Entry, index: int, sensitive: Mapping[int, Se
             square += (float(weight) * known.scatter / known.per_g) ** 2
             dofs.append(known.dof)
     yield BudgetLine(READINGS, "A", math.sqrt(square), max(dofs))
+
+
+def _dead_bands(
+    first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, sensitive: Mapping[int, Sensitivity]
+) -> Iterator[BudgetLine]:
+    """Lines of the accelerometers near zero: at each time the input may be anywhere in the dead band (rectangular)."""
+    for axis, known in sensitive.items():
+        channel, square = unit.channels[f"acc_{AXES[axis]}"], 0.0
+        for entry in (first, last):
+            weight = math.fsum(
+                float(each)
+                for each, (window, of) in zip(entry.fit.gain[index], entry.readings, strict=True)
+                if of == axis and is_near_zero(window.windows[channel], known.per_g, known.dead_band_g)
+            )
+            square += (weight * known.dead_band_g) ** 2 / 3
+        if square:
+            yield BudgetLine(f"{channel}: dead band", "B", math.sqrt(square))
 
 
 def _of_table(first: _Entry, last: _Entry, index: int, unit: UnitUnderTest, bench: BenchRecord) -> Iterator[BudgetLine]:

@@ -17,7 +17,6 @@ from bench.methods.imu.reduction.budget import (
     harmonics_of_rates,
     rate_weights,
     scatter_line,
-    shared_line,
 )
 from bench.methods.imu.reduction.calibrate import AxisCalibration
 from bench.methods.imu.reduction.noise import Noise, about_another
@@ -32,6 +31,7 @@ from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import quantisation_by_level
 
 UP = np.array([0.0, 0.0, 1.0])
+PARTIAL_TURNS = "earth rate in partial turns"
 UNITS = {
     "K0": "g", "D0": "°/s", "K2": "g/g²", "misalignment": "rad", "gyro_misalignment": "rad", "g_sensitivity": "°/s/g",
 }  # fmt: skip
@@ -109,9 +109,9 @@ class AxisAtVisit:
         clock = self._of("acc").clock_of_scale(k1)
         scale = self._finding("K1", k1, [*lines(gain[1]), *clock, self._thermometer("K1", one.accelerometer_c)])
         yield scale
-        g, u_g = self.bench.gravity_mps2, self.bench.gravity_u_mps2
-        gravity = shared_line("site: gravity", k1 / g * u_g / g)
-        yield self._finding("K1_si", k1 / g, [BudgetLine("K1", "B", scale.u / g, scale.dof, scale.id), gravity])
+        g = self.bench.gravity_mps2
+        lines_si = [BudgetLine("K1", "B", scale.u / g, scale.dof, scale.id), self.bench.gravity(k1 / g)]
+        yield self._finding("K1_si", k1 / g, lines_si)
 
     def _gyro(self) -> Iterator[Finding]:
         one, kg = self.calibration, self.calibration.kg_pulse_per_deg
@@ -137,8 +137,8 @@ class AxisAtVisit:
                 scatter_line(self.noise.gyro_turning, turning),
                 *self._of("gyro").clock_of_scale(kg),
                 *self._of("gyro").hidden([each.acquisition for each in rates], rate_weights(rates)),
-                *(shared_line(name, abs(kg) * u) for name, u in harmonics_of_rates(rates, self.bench).items()),
-                shared_line("earth rate in partial turns", abs(kg) * self._leakage(rates)),
+                *(line.times(kg) for line in harmonics_of_rates(rates, self.bench)),
+                BudgetLine(PARTIAL_TURNS, "B", kg * self._leakage(rates), None, PARTIAL_TURNS),
                 self._thermometer("KG", one.gyro_c),
                 self._warming(self._slope("KG") * (self._turned_c(rates) - one.gyro_c)),
             ],
@@ -232,7 +232,6 @@ class AxisAtVisit:
         return OwnErrors(self.unit, self.bench, f"{sensor}_{AXES[self.axis]}")
 
     def _windows(self, attitudes: Iterable[int]) -> list[Acquisition]:
-        """Windows of the attitudes that were measured."""
         return [window for index in attitudes if (window := self.visit.window_of(index)) is not None]
 
     @property
@@ -248,8 +247,7 @@ class AxisAtVisit:
         name = self.unit.temperature if quantity in ("K0", "K1") else self.unit.gyro_temperature
         slope = self.slopes.get(quantity, math.nan)
         per_c = self.per_c_u[quantity] if math.isnan(slope) else abs(slope)
-        u = per_c * self.bench.temperature_u_c(name, temperature_c)
-        return BudgetLine(f"{name}: offset, gain", "B", u, None, name)
+        return self.bench.temperature(name, temperature_c).times(per_c)
 
     def _slope(self, quantity: str) -> float:
         """Slope over temperature; 0 if unknown."""

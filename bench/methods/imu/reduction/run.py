@@ -19,6 +19,7 @@ from bench.methods.imu.reduction.attitudes import AXES, NAMES
 from bench.methods.imu.reduction.budget import POOLED, READINGS, gyro_scale_unit
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate
 from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
+from bench.methods.imu.reduction.dead_band import dead_band_of, near_zero, near_zero_flags
 from bench.methods.imu.reduction.findings import AxisAtVisit
 from bench.methods.imu.reduction.knots import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
 from bench.methods.imu.reduction.noise import noise_of
@@ -64,6 +65,7 @@ class _Unit:
         self._visits = visits(data, unit)
         self._readings = readings(self._visits, unit, settings["rate_tolerance"])
         self._found = calibrate(self._readings, settings["attitude_tolerance_g"], data.bench.latitude_deg)
+        self._near_zero = [self._silent(number) for number in range(len(self._visits))]
         self._fits = [self._fitted(number) for number in range(len(self._visits))]
         gyros = [fits.gyros for _, fits in self._fits]
         self._noise = [
@@ -94,7 +96,8 @@ class _Unit:
             left_out=tuple(self._left_out()),
             flags=(
                 *self._found.flags,
-                *map(Flag, self._found.notes),
+                *self._found.notes,
+                *self._near_zero_flags(),
                 *unplaced,
                 *(Flag("moved", of=quantity) for quantity in moved),
             ),
@@ -107,7 +110,8 @@ class _Unit:
         for axis in range(len(AXES)):
             every, (scatter, dof) = self._found.over_temperature(axis), self._noise[axis].accelerometer
             if every:
-                yield axis, Sensitivity(every[0].k1_per_g, scatter, dof, self._slope("K0", axis, every[0]))
+                own_g = dead_band_of(self._unit, axis, self._settings["dead_band_g"])
+                yield axis, Sensitivity(every[0].k1_per_g, scatter, dof, self._slope("K0", axis, every[0]), own_g)
 
     def _left_out(self) -> Iterator[str]:
         """Axes without a calibration at a set point."""
@@ -147,11 +151,21 @@ class _Unit:
         """Fits over the attitudes of a visit without doubtful ones; mask of the readings used (24, 3)."""
         point = self._found.points[number]
         doubted = point.doubted[:, np.newaxis]
-        accelerometers = np.where(doubted, np.nan, self._readings.accelerometer_output[number])
+        left_out = doubted | self._near_zero[number]
+        accelerometers = np.where(left_out, np.nan, self._readings.accelerometer_output[number])
         gyros = np.where(doubted, np.nan, self._readings.gyro_output[number])
         scale = np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes])
         fits = fit_attitudes(accelerometers, gyros, self._data.bench.latitude_deg, scale)
         return np.isfinite(accelerometers), fits
+
+    def _silent(self, number: int) -> NDArray[np.bool_]:
+        """Mask of the readings of a visit (24, 3) that are in the dead band of their converter, or near it."""
+        per_g = np.array([axis.k1_per_g if axis else np.nan for axis in self._found.points[number].axes])
+        return near_zero(self._visits[number], self._unit, per_g, self._settings["dead_band_g"])
+
+    def _near_zero_flags(self) -> Iterator[Flag]:
+        for visit, silent in zip(self._visits, self._near_zero, strict=True):
+            yield from near_zero_flags(visit.set_c, silent)
 
     def _per_c_u(self, calibration: AxisCalibration) -> dict[str, float]:
         """Standard uncertainty of each quantity per 1 °C, where the run does not determine its slope."""

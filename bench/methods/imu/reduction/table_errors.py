@@ -19,7 +19,7 @@ import numpy as np
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import unit_axes
-from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.run_data import UnitUnderTest
 
 EAST, NORTH, UP = np.eye(3)
@@ -43,14 +43,10 @@ class Cause(NamedTuple):
     kind: Kind
 
     @property
-    def name(self) -> str:
-        """Its name in a budget."""
-        return f"{self.of}: {self.kind.value}"
-
-    @property
-    def shared(self) -> str | None:
-        """Identifier shared by findings with it; an error independent for each attitude has none."""
-        return None if self.kind is Kind.REPEATABILITY else f"{self.of}.{self.kind.value}"
+    def source(self) -> BudgetLine:
+        """Its line in a budget, for an effect of 1; findings share it unless it is independent for each attitude."""
+        name = f"{self.of}: {self.kind.value}"
+        return BudgetLine(name, "B", 1.0) if self.kind is Kind.REPEATABILITY else common(name, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +102,7 @@ class TableErrors:
     def lines(self, effects: Sequence[Array], weights: Array) -> Iterator[BudgetLine]:
         """The same as lines of a budget, of one result with the weights (n,)."""
         for cause, u in self.propagated(effects, weights).items():
-            yield BudgetLine(cause.name, "B", float(u), None, cause.shared)
+            yield cause.source.times(float(u))
 
 
 def table_errors(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> TableErrors:

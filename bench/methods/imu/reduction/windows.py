@@ -11,11 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bench.methods.imu.reduction.attitudes import AXES, BODY_AXES, NAMES
+from bench.methods.imu.reduction.attitudes import AXES, BLOCK, BODY_AXES, NAMES
 from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateReadings, RateRecord, arrange
-from bench.metrology.acquisition import Acquisition, Array
+from bench.metrology.acquisition import Acquisition, Array, Integers
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import unit_axes
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -183,10 +184,12 @@ def _arranged(visit: Visit, unit: UnitUnderTest, rate_tolerance: float) -> ImuRe
     """One visit as the readings of one set point, with its own number."""
     resting = [each.acquisition for each in visit.at_rest]
     turned = [each.acquisition for each in visit.turning]
-    at_rest, turning = _counted(resting, unit), _counted(turned, unit)
+    attitude = np.array([each.attitude for each in visit.at_rest], dtype=np.int_)
+    turned_axis = np.array([each.axis for each in visit.turning], dtype=np.int_)
+    at_rest, turning = _counted(resting, unit, attitude // BLOCK), _counted(turned, unit, turned_axis)
     positions = PositionRecord(
         set_c=np.zeros(len(resting)),
-        attitude=np.array([each.attitude for each in visit.at_rest], dtype=np.int_),
+        attitude=attitude,
         dwell_s=at_rest.span_s,
         accelerometer_counts=at_rest.accelerometers,
         gyro_counts=at_rest.gyros,
@@ -195,7 +198,7 @@ def _arranged(visit: Visit, unit: UnitUnderTest, rate_tolerance: float) -> ImuRe
     )
     rates = RateRecord(
         set_c=np.zeros(len(turned)),
-        axis=np.array([each.axis for each in visit.turning], dtype=np.int_),
+        axis=turned_axis,
         command_dps=np.array([each.command_dps for each in visit.turning]),
         rate_dps=np.array([each.rate_dps for each in visit.turning]),
         dwell_s=turning.span_s,
@@ -222,12 +225,17 @@ class _Counted:
     gyro_c: Array
 
 
-def _counted(acquisitions: Sequence[Acquisition], unit: UnitUnderTest) -> _Counted:
+def _counted(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, vertical: Integers) -> _Counted:
+    """Windows of which `vertical` (n,) is the vertical axis: all others may be silent, gyros at rest too."""
     empty = (len(acquisitions), len(AXES))
     span_s = np.array([_span_s(each, unit) for each in acquisitions])
+    level = vertical[:, np.newaxis] != np.arange(len(AXES))
 
-    def net(channels: Sequence[str], harmless: frozenset[str]) -> Array:
-        means = [[_mean(each, unit.channels[name], harmless) for name in channels] for each in acquisitions]
+    def net(channels: Sequence[str], silent: NDArray[np.bool_]) -> Array:
+        means = [
+            [_mean(each, unit.channels[name], may) for name, may in zip(channels, of, strict=True)]
+            for each, of in zip(acquisitions, silent, strict=True)
+        ]
         return np.asarray(np.array(means).reshape(empty) * span_s[:, np.newaxis])
 
     def celsius(name: str) -> Array:
@@ -236,8 +244,8 @@ def _counted(acquisitions: Sequence[Acquisition], unit: UnitUnderTest) -> _Count
 
     return _Counted(
         span_s=span_s,
-        accelerometers=net(ACCELEROMETERS, frozenset()),
-        gyros=net(GYROS, frozenset({"dead_band"})),  # a gyro at rest may give no pulse for long
+        accelerometers=net(ACCELEROMETERS, level),
+        gyros=net(GYROS, np.full(empty, True)),
         accelerometer_c=celsius(unit.temperature),
         gyro_c=celsius(unit.gyro_temperature),
     )
@@ -247,10 +255,10 @@ def _span_s(acquisition: Acquisition, unit: UnitUnderTest) -> float:
     return max((acquisition.windows[channel].span_s for channel in unit.channels.values()), default=0.0)
 
 
-def _mean(acquisition: Acquisition, channel: str, harmless: frozenset[str]) -> float:
+def _mean(acquisition: Acquisition, channel: str, may_be_silent: np.bool_) -> float:
     """Mean output of a channel in its window; NaN if it cannot be used."""
     window = acquisition.windows[channel]
-    return np.nan if set(window.problems) - harmless else window.mean
+    return np.nan if set(window.problems) - ({"dead_band"} if may_be_silent else set()) else window.mean
 
 
 def _mean_c(values: Array) -> float:

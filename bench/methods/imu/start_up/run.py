@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +40,7 @@ SCATTER = "readings: scatter about the courses"
 MODEL = "readings: their courses with other time constants"
 OTHERWISE = math.sqrt(3)  # factor on the time constants, which are usually a factor of three apart
 UP = np.array([0.0, 0.0, 1.0])
+Sources = Mapping[BudgetLine, Array]  # gains (m,) of a time history at the times of the grid, by source
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,15 +66,6 @@ class StartUpDetail:
     """Data for the report: quantities after each power-on, with the set point of the chamber."""
 
     power_ons: tuple[tuple[float, tuple[Watched, ...]], ...]
-
-
-class _Source(NamedTuple):
-    """Contribution to the uncertainty of a time history: standard uncertainties at the times of the grid, (m,)."""
-
-    name: str
-    u: Array
-    dof: int | None = None
-    shared: str | None = None
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -144,8 +136,8 @@ class _Watch:
         nominal = 1.0 if part == "scale" else 0.0
         off = courses.of(part, grid_s) - nominal
         apart = np.abs(otherwise.of(part, grid_s) - courses.of(part, grid_s))
-        sources = [_Source(MODEL, apart), *self._sources(quantity, axis, readings, courses)]
-        u = np.sqrt(sum(source.u**2 for source in sources))
+        sources = {BudgetLine(MODEL, "B", 1.0): apart, **dict(self._sources(quantity, axis, readings, courses))}
+        u = np.sqrt(sum((source.u * gain) ** 2 for source, gain in sources.items()))
         limit = float(self._settings[LIMITS[quantity]])
         found = settling(grid_s, off, u, limit)
         points = courses.points(part) - nominal
@@ -158,7 +150,7 @@ class _Watch:
         yield self._settling(quantity, axis, found, sources, grid_s, u, steps)
 
     def _settling(
-        self, quantity: str, axis: int, found: Settling, sources: Sequence[_Source], grid_s: Array, u: Array,
+        self, quantity: str, axis: int, found: Settling, sources: Sources, grid_s: Array, u: Array,
         steps: tuple[str, ...],
     ) -> Finding:  # fmt: skip
         """Settling time of a quantity, with the shares of its sources at that time."""
@@ -179,33 +171,38 @@ class _Watch:
         interval = Interval(max(range_s.low - aside_s, 0.0), range_s.high + aside_s, range_s.from_scatter)
         return self._finding(f"{quantity}/settling", axis, SETTLING, found.at_s, "s", lines, steps, flags, interval)
 
-    def _sources(self, quantity: str, axis: int, readings: Readings, courses: Courses) -> Iterator[_Source]:
-        """Contributions to the uncertainty of a time history."""
+    def _sources(
+        self, quantity: str, axis: int, readings: Readings, courses: Courses
+    ) -> Iterator[tuple[BudgetLine, Array]]:
+        """Sources of uncertainty of a time history, with its gains (m,)."""
         weights = courses.weights(PARTS[quantity], courses.grid_s)
         fit, always = courses.fit, np.ones(len(courses.grid_s))
         scatter = max(fit.residual_sd if fit.dof else 0.0, readings.alone)
-        yield _Source(SCATTER, scatter * np.linalg.norm(weights, axis=-1), fit.dof or None)
+        yield (
+            BudgetLine(SCATTER, "A" if fit.dof else "B", 1.0, fit.dof or None),
+            scatter * np.linalg.norm(weights, axis=-1),
+        )
         own = OwnErrors(self._unit, self._bench, f"{'gyro' if quantity in GYRO else 'acc'}_{AXES[axis]}")
         if own.is_sent:
-            yield _Source(own.steps, readings.hidden(weights))
+            yield BudgetLine(own.steps, "B", 1.0), readings.hidden(weights)
         if PARTS[quantity] == "scale":
-            yield from (_Source(each.source, each.u * always, None, each.shared) for each in own.clock_of_scale(1.0))
+            yield from ((each, always) for each in own.clock_of_scale(1.0))
         if quantity == "KG":
             return  # of whole turns by the table's own angle
         earth_dps = local_earth_rate_dps(self._bench.latitude_deg)
         errors = table_errors(readings.windows, self._unit, self._bench)
         seen = errors.seen(earth_dps if quantity == "D0" else UP, axis)
         for cause, u_seen in errors.propagated(seen, weights).items():  # each is one rotation in every attitude
-            yield _Source(cause.name, u_seen, None, cause.shared)
+            yield cause.source, u_seen
         if quantity == "D0":  # rotated by half a turn about east, it senses north with the other sign; the mean cancels
             across_dps = np.delete(errors.axes @ earth_dps, axis, axis=-1)
             across = np.linalg.norm(weights @ across_dps, axis=-1)
-            yield _Source("gyro: earth rate across its axis", across * self._settings["misalignment_rad"])
+            yield BudgetLine("gyro: earth rate across its axis", "B", self._settings["misalignment_rad"]), across
         if quantity == "K1":
             known_mps2 = self._released.gravity_mps2
             if not math.isnan(known_mps2) and known_mps2 != self._bench.gravity_mps2:  # otherwise the same survey
                 u = math.hypot(self._bench.gravity_u_mps2, self._released.gravity_u_mps2) / known_mps2
-                yield _Source("site: gravity, against that of the calibration", u * always)
+                yield BudgetLine("site: gravity, against that of the calibration", "B", u), always
 
     def _finding(
         self, quantity: str, axis: int, name: str, value: float, unit: str, lines: Sequence[BudgetLine],
@@ -216,9 +213,6 @@ class _Watch:
         return subject.finding(quantity, name, value, unit, lines, at, steps, visit.tail, flags, interval)
 
 
-def _lines(sources: Sequence[_Source], index: int, factor: float) -> list[BudgetLine]:
+def _lines(sources: Sources, index: int, factor: float) -> list[BudgetLine]:
     """Budget of a time history at one time of the grid, times a factor."""
-    return [
-        BudgetLine(each.name, "B" if each.dof is None else "A", factor * float(each.u[index]), each.dof, each.shared)
-        for each in sources
-    ]
+    return [source.times(float(gain[index])).times(factor) for source, gain in sources.items()]

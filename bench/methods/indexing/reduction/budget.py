@@ -10,18 +10,17 @@ approached from above have a common error, the backlash.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bench.methods.indexing.reduction.readings import IndexingReading
 from bench.metrology.bench_uncertainty import BenchRecord
-from bench.metrology.instrument import STEPS, instrument_lines, shared_as
+from bench.metrology.instrument import STEPS, instrument_lines
 from bench.metrology.least_squares import Array
 from bench.metrology.orientation import by_harmonics
 from bench.metrology.propagation import Estimate
-from bench.metrology.results.budget import BudgetLine, combined
+from bench.metrology.results.budget import BudgetLine, combined, common
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import quantisation_by_angle
 from bench.metrology.thermometer_drift import source_of
@@ -29,19 +28,7 @@ from bench.metrology.thermometer_drift import source_of
 SCATTER = "readings: scatter"
 BACKLASH = "head: backlash"
 LEVEL = "fixture: level"
-
-
-class Source(NamedTuple):
-    """A source of uncertainty by its name in a budget, and what findings share by it: None where each has its own."""
-
-    name: str
-    shared: str | None = None
-    is_scatter: bool = False
-
-    @classmethod
-    def of(cls, name: str) -> Source:
-        """An error that all findings have."""
-        return cls(name, shared_as(name))
+TILT = "tilt"  # the kind of the lines of the tilt of the seat
 
 
 @dataclass(frozen=True)
@@ -59,25 +46,25 @@ class IndexingBudget:
     scale: float
     moves_scatter: bool
 
-    def sources(self, gain: Array) -> Mapping[Source, Array]:
-        """Standard uncertainties by source of a result with sensitivities `gain` (n,) to the readings.
+    def sources(self, gain: Array) -> Mapping[BudgetLine, Array]:
+        """Gains, by source, of a result with sensitivities `gain` (n,) to the readings.
 
-        Several of one source are independent of each other. Their signs determine correlations between results.
+        Several of one source are those to independent errors of it. Their signs determine correlations between results.
         """
         head_rad = np.array([each.head_rad for each in self.readings])
         turned = gain * np.array([each.turn for each in self.readings]) * self.scale
         head, values = self.bench.head, np.array([each.output for each in self.readings])
-        together = float(turned.sum())
+        together, level_drift = np.array([turned.sum()]), self.bench.level_drift
         from_above = np.array([each.came_from != "below" for each in self.readings])
         return {
-            Source(SCATTER, is_scatter=True): gain * self.sd,
-            Source.of("head: zero"): np.array([together * np.radians(head.zero_u_deg)]),
-            Source.of("head: harmonics"): by_harmonics(turned, head_rad, head.harmonics_u_deg),
-            Source("head: repeatability"): self._by_stand(turned) * np.radians(head.repeatability_u_deg),
-            Source.of(BACKLASH): np.array([float(turned[from_above].sum()) * np.radians(head.backlash_u_deg or 0.0)]),
-            Source.of(LEVEL): np.array([together * np.radians(self.bench.level_u_deg)]),
-            Source.of(source_of(LEVEL, self.bench.level_drift)): np.array(
-                [float(turned @ [each.run_share for each in self.readings]) * np.radians(self.bench.level_drift.u)]
+            BudgetLine(SCATTER, "A", 1.0, self.dof or None): gain * self.sd,
+            common("head: zero", np.radians(head.zero_u_deg), TILT): together,
+            common("head: harmonics", 1.0, TILT): by_harmonics(turned, head_rad, head.harmonics_u_deg),
+            BudgetLine("head: repeatability", "B", float(np.radians(head.repeatability_u_deg))): self._by_stand(turned),
+            common(BACKLASH, np.radians(head.backlash_u_deg or 0.0)): np.array([turned[from_above].sum()]),
+            replace(self.bench.level, kind=TILT): together,
+            common(source_of(LEVEL, level_drift), np.radians(level_drift.u)): np.array(
+                [turned @ [each.run_share for each in self.readings]]
             ),
             **self._instrument(gain, values, head_rad),
         }
@@ -88,29 +75,28 @@ class IndexingBudget:
         scattered = np.array([self.moves_scatter and each.kind == "sweep" for each in self.readings], dtype=np.bool_)
         return np.asarray(np.bincount(stand[~scattered], turned[~scattered], minlength=1), np.float64)
 
-    def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[Source, Array]:
+    def _instrument(self, gain: Array, values: Array, head_rad: Array) -> Mapping[BudgetLine, Array]:
         if self.unit.telemetry is not None:
             quantisation_u = np.array([each.quantisation_u for each in self.readings])
-            return {Source(f"{self.unit.telemetry}{STEPS}"): quantisation_by_angle(gain, quantisation_u, head_rad)}
+            steps = BudgetLine(f"{self.unit.telemetry}{STEPS}", "B", 1.0)
+            return {steps: quantisation_by_angle(gain, quantisation_u, head_rad)}
         lines = instrument_lines(self.unit, self.bench, float(gain @ values), float(gain.sum()))
-        return {Source(line.source, line.shared): np.array([line.u]) for line in lines}
+        return {line: np.ones(1) for line in lines}
 
-    def lines(self, result: Estimate, without: Sequence[str] = ()) -> tuple[BudgetLine, ...]:
-        """Budget of a result; `without` are sources that are part of the quantity, not errors of it."""
+    def lines(self, result: Estimate, without: str = "") -> tuple[BudgetLine, ...]:
+        """Budget of a result; sources of the kind `without` are part of the quantity, not errors of it."""
         return combined([
-            self._line(source, float(np.linalg.norm(parts)))
-            for source, parts in self.sources(result.gain).items()
-            if source.name not in without
+            replace(source, u=float(np.linalg.norm(source.u * gains)))
+            for source, gains in self.sources(result.gain).items()
+            if not without or source.kind != without
         ])  # fmt: skip
-
-    def _line(self, source: Source, u: float) -> BudgetLine:
-        if source.is_scatter:
-            return BudgetLine(source.name, "A", u, self.dof or None)
-        return BudgetLine(source.name, "B", u, None, source.shared)
 
     def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:
         """Correlation matrix of results, from all their sources."""
-        rows = np.array([np.concatenate([*self.sources(result.gain).values()]) for result in results])
+        rows = np.array([
+            np.concatenate([source.u * gains for source, gains in self.sources(result.gain).items()])
+            for result in results
+        ])  # fmt: skip
         sizes = np.linalg.norm(rows, axis=1)
         matrix = rows @ rows.T / np.outer(sizes, sizes) if np.all(sizes) else np.eye(len(rows))
         return tuple(tuple(float(value) for value in row) for row in matrix)

@@ -7,7 +7,7 @@ coupling; all dwells together give the model with the terms asked for.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -23,10 +23,13 @@ from bench.methods.indexing.reduction.two_ends import (
     combine,
     fit_clocking,
 )
+from bench.methods.indexing.words import DRIFTS, LEFT_OUT, NO_DWELL, REPEATS, WARMED
 from bench.metrology.least_squares import CONDITION_LIMIT, OUTLIER_SIGMAS, Array, NotDetermined
 from bench.metrology.propagation import Measured
+from bench.metrology.results.flag import ILL_CONDITIONED, INVALID, Flag
 
 ENDS = ("up", "down")
+END_MISSING = {"up": "end_up_missing", "down": "end_down_missing"}
 LARGEST_CHANGE_C = 0.5
 
 
@@ -57,7 +60,7 @@ class StaticCalibration:
     model: SweepModel
     excluded: Mapping[str, int]
     flags: tuple[str, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Flag, ...]
 
 
 def calibrate(
@@ -78,9 +81,9 @@ def calibrate(
         both, settings.agreement, invalid=invalid, missing=None in ends.values(), warmed=bool(warmed_c)
     )
     flags = {
-        **{f"end_{name}_missing": end is None for name, end in ends.items()},
-        "invalid": invalid,
-        "ill_conditioned": model.doubt is not None or problem != "",
+        **{END_MISSING[name]: end is None for name, end in ends.items()},
+        INVALID: invalid,
+        ILL_CONDITIONED: model.doubt is not None or problem is not None,
         "hysteresis:equal_histories": _equal_histories(ends),
         "marginal": decision == "marginal" or bool(warmed_c),
     }
@@ -93,11 +96,11 @@ def calibrate(
         flags=tuple(flag for flag, raised in flags.items() if raised),
         notes=(
             *_notes_on_rows(excluded),
-            *(f"end {name}: none of its dwells can be used" for name in _swept(record) if ends[name] is None),
-            *(note for name, end in ends.items() if end for note in _notes_on_end(f"end {name}: ", end)),
-            *(f"end {name}: the temperature changed by {change_c:.2f} °C" for name, change_c in warmed_c.items()),
-            *(f"model: {found}" for found in dict.fromkeys([str(model.doubt or ""), model.problem]) if found),
-            *([f"clock: {problem}"] if problem else []),
+            *(Flag(NO_DWELL, f"end {name}") for name in _swept(record) if ends[name] is None),
+            *(replace(note, at=f"end {name}") for name, end in ends.items() if end for note in _notes_on_end(end)),
+            *(Flag(WARMED, f"end {name}", values={"change": f"{each:.2f}"}) for name, each in warmed_c.items()),
+            *(replace(note, at="model") for note in model.notes),
+            *([replace(problem.note, at="clock")] if problem is not None else []),
         ),
     )
 
@@ -133,16 +136,16 @@ def _model(ends: Mapping[str, EndSweep | None], settings: CalibrationSettings, f
     )
 
 
-def _seat(clocking: tuple[Array, Array] | None, output_limit_v: float) -> tuple[Clocking | None, str]:
+def _seat(clocking: tuple[Array, Array] | None, output_limit_v: float) -> tuple[Clocking | None, NotDetermined | None]:
     """Fit over the clocking, or the reason why there is none."""
     if clocking is None:
-        return None, ""
+        return None, None
     psi_rad, output_v = clocking
     good = np.isfinite(psi_rad) & np.isfinite(output_v) & (np.abs(output_v) < output_limit_v)
     try:
-        return fit_clocking(psi_rad[good], output_v[good]), ""
+        return fit_clocking(psi_rad[good], output_v[good]), None
     except NotDetermined as problem:
-        return None, str(problem)
+        return None, problem
 
 
 def _both(ends: Mapping[str, EndSweep | None], mounting: Mounting) -> TwoEnds | None:
@@ -166,21 +169,16 @@ def _equal_histories(ends: Mapping[str, EndSweep | None]) -> bool:
     return both_ways and not any(len(fit.loop_v) for fit in fits)
 
 
-def _notes_on_rows(excluded: Mapping[str, int]) -> Iterator[str]:
-    if excluded["missing"]:
-        yield f"rows left out because something is missing in them: {excluded['missing']}"
-    if excluded["duplicate"]:
-        yield f"rows left out because they are there twice: {excluded['duplicate']}"
+def _notes_on_rows(excluded: Mapping[str, int]) -> Iterator[Flag]:
+    for reason, note in LEFT_OUT.items():
+        if excluded[reason]:
+            yield Flag(note, values={"count": excluded[reason]})
 
 
-def _notes_on_end(where: str, end: EndSweep) -> Iterator[str]:
-    if end.fit is None:
-        yield where + end.why
-        return
-    if end.fit.drift_v is not None:
-        yield f"{where}the bias drifts by {end.fit.drift_v:.3g} V per dwell; b_V is the bias at the first dwell of all"
-    if end.fit.pattern is not None:
-        yield (
-            f"{where}the residuals repeat themselves {end.fit.pattern.periods} times over the angles; see whether the "
-            "output beats with the sampling, or resonates"
-        )
+def _notes_on_end(end: EndSweep) -> Iterator[Flag]:
+    if end.why is not None:
+        yield end.why
+    if end.fit is not None and end.fit.drift_v is not None:
+        yield Flag(DRIFTS, values={"drift": f"{end.fit.drift_v:.3g}"})
+    if end.fit is not None and end.fit.pattern is not None:
+        yield Flag(REPEATS, values={"periods": end.fit.pattern.periods})

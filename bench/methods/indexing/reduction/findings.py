@@ -11,28 +11,29 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.indexing.reduction.budget import BACKLASH, SCATTER
+from bench.methods.indexing.reduction.budget import BACKLASH, SCATTER, TILT
 from bench.methods.indexing.reduction.calibrate import StaticCalibration
 from bench.methods.indexing.reduction.estimates import IndexingEstimates
 from bench.methods.indexing.reduction.model import SweepModel
 from bench.methods.indexing.reduction.readings import IndexingReading
 from bench.methods.indexing.reduction.sweep import EndFit
 from bench.methods.indexing.reduction.two_ends import BothEnds
+from bench.methods.indexing.words import ENDS, ON_THE_GROUND, ORBIT
 from bench.metrology.extremes import interval_of_largest, largest_u
 from bench.metrology.least_squares import Array
 from bench.metrology.nonlinear import NonlinearFit
 from bench.metrology.propagation import Estimate, Measured
-from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import Finding, Interval
+from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 SELECTION = "readings: scatter makes the largest of many larger"
 TILT_SOURCES = {"b3": "fixture: level", "b4": "platform: angle"}
 TILT_NAMES = {"b3": "tilt by the level of the fixture", "b4": "tilt of the platform"}
-TILTS = ("head: zero", "head: harmonics", "fixture: level")  # contributions to the tilt of the seat
-ORBIT = "a = (U - b) / K1, U the output, a along the input axis in g"
-MODEL = "U = c0 + c1·a + cxz·a·a_z, a = sin(θ + s·δ), a_z = s·cos(θ + s·δ), s = +1 with +Z up, -1 with it down"
+LINE = "a = (U - b) / K1"
+INPUTS = ("a = sin(θ + s·δ)", "a_z = s·cos(θ + s·δ)")
 
 
 @dataclass(frozen=True)
@@ -99,11 +100,7 @@ class IndexingFindings:
     def _per_mps2(self, k1: Finding) -> Finding:
         bench, unit = self.data.bench, f"{self.unit.output_unit}/(m/s²)"
         value = k1.value / bench.gravity_mps2
-        gravity = abs(value) * bench.gravity_u_mps2 / bench.gravity_mps2
-        lines = [
-            BudgetLine("K1", "B", k1.u / bench.gravity_mps2, None, k1.id),
-            BudgetLine("site: gravity", "B", gravity, None, "site.gravity"),
-        ]
+        lines = [BudgetLine("K1", "B", k1.u / bench.gravity_mps2, None, k1.id), bench.gravity(value)]
         return self._of("K1_si", "scale factor of the channel, per m/s²", value, unit, lines, self._at)
 
     def _of_the_mounting(self, both: BothEnds) -> Iterator[Finding]:
@@ -120,7 +117,7 @@ class IndexingFindings:
         if both.beyond is not None:
             known = tuple(_tilt_line(*each, scale.value) for each in self.estimates.tilts.items())
             name = "tilt of the seat beyond b3 and b4, by clocking"
-            yield self._finding("b5", name, both.beyond, output, at, known, without=TILTS)
+            yield self._finding("b5", name, both.beyond, output, at, known, without=TILT)
             yield from self._seat_tilt(scale.value)
 
     def _unknown_tilt(self, both: BothEnds, factor: float = 1.0) -> tuple[BudgetLine, ...]:
@@ -167,7 +164,7 @@ class IndexingFindings:
         lines = [
             BudgetLine(SCATTER, "A", by_scatter, self.estimates.budget.dof or None),
             BudgetLine(SELECTION, "A", by_selection),
-            BudgetLine(BACKLASH, "B", np.radians(self.data.bench.head.backlash_u_deg or 0.0), None, "head.backlash"),
+            common(BACKLASH, np.radians(self.data.bench.head.backlash_u_deg or 0.0)),
         ]
         value = float(np.max(np.abs(every_g)))
         name = "largest difference between readings at one angle, come to from below and from above"
@@ -209,8 +206,8 @@ class IndexingFindings:
             yield self._equation("orbit", "acceleration", ORBIT, both.corrected, both.scale, known)
         for name in self.estimates.fits:
             bias, scale = self.estimates.line(name)
-            form = f"{ORBIT}, on the ground with +Z {name}"
-            yield self._equation(f"end_{name}", f"acceleration_{name}", form, bias, scale)
+            clauses = (*ORBIT, ON_THE_GROUND[name])
+            yield self._equation(f"end_{name}", f"acceleration_{name}", clauses, bias, scale)
         model = self.found.model
         if model.fit is not None and both is not None:
             units = {"c0": output, "delta": "rad", "cxz": f"{output}/g²", "c2": f"{output}/g²", "c3": f"{output}/g³"}
@@ -218,15 +215,17 @@ class IndexingFindings:
                 id=self._id("equation/all"),
                 uut=self.unit.serial,
                 quantity="output",
-                form=MODEL if "c2" not in model.terms else MODEL.replace(" + cxz", " + c2·a² + c3·a³ + cxz"),
+                form=f"U = c0 + c1·a{' + c2·a² + c3·a³' if 'c2' in model.terms else ''} + cxz·a·a_z",
                 constants=_constants(model, model.fit, units, f"{output}/g"),
                 valid=self._valid,
                 correlation=tuple(tuple(float(value) for value in row) for row in _correlation(model.fit.covariance)),
+                clauses=tuple(map(Flag, (*INPUTS, *ENDS))),
             )
 
     def _equation(
-        self, name: str, quantity: str, form: str, bias: Estimate, scale: Estimate, known: tuple[BudgetLine, ...] = ()
-    ) -> Equation:
+        self, name: str, quantity: str, clauses: tuple[str, ...], bias: Estimate, scale: Estimate,
+        known: tuple[BudgetLine, ...] = (),
+    ) -> Equation:  # fmt: skip
         output, budget = self.unit.output_unit, self.estimates.budget
         u_bias, u_scale = (
             float(np.sqrt(sum(line.u**2 for line in (*budget.lines(each), *more))))
@@ -236,10 +235,11 @@ class IndexingFindings:
             id=self._id(f"equation/{name}"),
             uut=self.unit.serial,
             quantity=quantity,
-            form=form,
+            form=LINE,
             constants={"b": Constant(bias.value, output, u_bias), "K1": Constant(scale.value, f"{output}/g", u_scale)},
             valid=self._valid,
             correlation=budget.correlation([bias, scale]),
+            clauses=tuple(map(Flag, clauses)),
         )
 
     @property
@@ -258,10 +258,8 @@ class IndexingFindings:
 
     def _thermometer(self, per_c: float) -> Iterator[BudgetLine]:
         """Line for the temperature of a result that changes by `per_c` with 1 °C."""
-        thermometer, at_c = self.unit.temperature, self._at.get("at_c")
-        if at_c is not None:
-            u_c = self.data.bench.temperature_u_c(thermometer, at_c)
-            yield BudgetLine(f"{thermometer}: offset, gain", "B", abs(per_c) * u_c, None, thermometer)
+        if (at_c := self._at.get("at_c")) is not None:
+            yield self.data.bench.temperature(self.unit.temperature, at_c).times(per_c)
 
     def _id(self, quantity: str) -> str:
         return self.data.subject(self.unit).id(quantity)
@@ -274,7 +272,7 @@ class IndexingFindings:
         unit: str,
         at: Mapping[str, Any],
         known: tuple[BudgetLine, ...] = (),
-        without: Sequence[str] = (),
+        without: str = "",
         flags: tuple[str, ...] = (),
     ) -> Finding:
         lines = [*self.estimates.budget.lines(result, without), *known]
@@ -300,8 +298,7 @@ class IndexingFindings:
 
 
 def _tilt_line(quantity: str, tilt: Measured, scale: float) -> BudgetLine:
-    source = TILT_SOURCES[quantity]
-    return BudgetLine(source, "B", abs(scale) * tilt.u, None, source.replace(": ", "."))
+    return common(TILT_SOURCES[quantity], scale * tilt.u)
 
 
 def _constants(model: SweepModel, fit: NonlinearFit, units: Mapping[str, str], otherwise: str) -> dict[str, Constant]:

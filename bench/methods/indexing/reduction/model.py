@@ -14,6 +14,7 @@ import numpy as np
 
 from bench.metrology.least_squares import Array, NotDetermined
 from bench.metrology.nonlinear import Model, NonlinearFit, NotConverged, fit_nonlinear
+from bench.metrology.results.flag import Flag
 
 TERMS = ("c0", "c1", "c2", "c3", "cxz", "delta")
 HELD = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0)  # values of terms that are not fitted
@@ -24,14 +25,19 @@ DRIFT = "seq"
 class SweepModel:
     """Fitted terms, and `seq`, the change of c0 from dwell to dwell, if a drift is fitted.
 
-    Terms are in V per power of g, δ in rad. `fit` is None when no solution was found: `problem`. `doubt` names terms
-    that the readings cannot separate.
+    Terms are in V per power of g, δ in rad. `fit` is None when no solution was found, for the reason `problem`. `doubt`
+    names terms that the readings cannot separate.
     """
 
     terms: tuple[str, ...]
     fit: NonlinearFit | None
     doubt: NotDetermined | None
-    problem: str
+    problem: NotDetermined | NotConverged | None = None
+
+    @property
+    def notes(self) -> tuple[Flag, ...]:
+        """Remarks on the doubt and on the problem."""
+        return tuple(dict.fromkeys(each.note for each in (self.doubt, self.problem) if each is not None))
 
     def value(self, term: str) -> float | None:
         """One of the terms; None if it was not requested or not found."""
@@ -60,8 +66,8 @@ def fit_sweeps(
         fit = fit_nonlinear(model, output_v, start, names=names, condition_limit=condition_limit)
     except (NotDetermined, NotConverged) as problem:
         doubt = problem if isinstance(problem, NotDetermined) else problem.doubt
-        return SweepModel(names, None, doubt, str(problem))
-    return SweepModel(names, fit, fit.doubt, "")
+        return SweepModel(names, None, doubt, problem)
+    return SweepModel(names, fit, fit.doubt)
 
 
 def _model(angle_rad: Array, side: Array, terms: Sequence[str], since_first: Array | None) -> Model:

@@ -95,7 +95,6 @@ def _settings(
 
 
 def _limit(unit: UnitUnderTest, settings: Mapping[str, Any]) -> float:
-    """Output limit of the fit."""
     limit_g, per_g = settings["output_limit_g"], unit.nominal_per_g
     return np.inf if limit_g is None or per_g is None else float(limit_g * abs(per_g))
 
@@ -146,7 +145,7 @@ def _flags(attempts: Sequence[Attempt], clocked: Sequence[IndexingReading]) -> l
         flags.append(Flag("no_clocking"))
     if found.both is not None and "c2" not in found.model.terms:
         flags.append(Flag("K2_K3:range_too_small"))
-    return [*flags, *map(Flag, found.notes)]
+    return [*flags, *found.notes]
 
 
 def _compensations(both: BothEnds | None, unit: UnitUnderTest) -> tuple[Compensation, ...]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import betainc
 
 from bench.methods.indexing.reduction.residual_spectrum import SpectralLine, conspicuous_line
+from bench.methods.indexing.words import FEW_ANGLES, MANY_OUTLIERS, NO_LINE, NOT_FOLLOWING
 from bench.metrology.least_squares import (
     EXCESSIVE_OUTLIERS,
     Array,
@@ -25,6 +26,7 @@ from bench.metrology.least_squares import (
     least_squares,
     reject_outliers,
 )
+from bench.metrology.results.flag import Flag
 from bench.metrology.temperature_checks import broken_at_rest
 
 LEAST_ANGLES = 3
@@ -186,7 +188,7 @@ class EndSweep:
     dwells: SweepRecord
     outliers: int
     fit: EndFit | None
-    why: str = ""
+    why: Flag | None = None
 
     def with_drift(self, first: float) -> EndSweep:
         """The same with a drift in the line, if it is determined, and b for the sequence number `first`."""
@@ -201,18 +203,19 @@ class EndSweep:
 def reduce_end(dwells: SweepRecord, *, outlier_k: float) -> EndSweep:
     """Remove outliers from the usable dwells (n,) of one end and fit the line."""
     if len(np.unique(_same_angle(dwells.angle_deg))) < LEAST_ANGLES:
-        return EndSweep(dwells, 0, None, f"fewer than {LEAST_ANGLES} different angles are left")
+        return EndSweep(dwells, 0, None, Flag(FEW_ANGLES, values={"least": LEAST_ANGLES}))
     good = _without_outliers(dwells, outlier_k)
     outliers = len(dwells) - int(np.sum(good))
     kept = dwells.rows(good)
     if outliers > EXCESSIVE_OUTLIERS * len(dwells):
-        return EndSweep(kept, outliers, None, f"{outliers} of {len(dwells)} dwells are outliers")
+        of_all = {"outliers": outliers, "count": len(dwells)}
+        return EndSweep(kept, outliers, None, Flag(MANY_OUTLIERS, values=of_all))
     try:
         fit = fit_line(kept)
     except NotDetermined:
-        return EndSweep(kept, outliers, None, "its angles do not determine a line")
+        return EndSweep(kept, outliers, None, Flag(NO_LINE))
     if not abs(fit.scale_v_per_g) * np.ptp(np.sin(kept.angle_rad)) > _rounding(kept):  # NaN counts as not following
-        return EndSweep(kept, outliers, None, "its output does not follow the angle")
+        return EndSweep(kept, outliers, None, Flag(NOT_FOLLOWING))
     return EndSweep(kept, outliers, fit)
 
 

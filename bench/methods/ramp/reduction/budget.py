@@ -19,9 +19,8 @@ from bench.methods.ramp.reduction.reduced import ReducedRamp
 from bench.methods.ramp.reduction.samples import RampLeg
 from bench.methods.ramp.reduction.scatter import SlopeScatter, slope_scatter, sum_scatter
 from bench.metrology.extremes import scatter_sd
-from bench.metrology.instrument import shared_line
 from bench.metrology.least_squares import Array
-from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.results.finding import Subject
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun, source_of
@@ -105,7 +104,7 @@ class RampBudget:
         as_found, of_level = figure(self.ramp), source_of(LEVEL, self.data.bench.level_drift)
         by_level = abs(figure(self._tilted) - as_found)
         by_thermometer = self._drift.line(figure(self._drifted) - as_found)
-        return [by_thermometer, shared_line(of_level, by_level)]
+        return [by_thermometer, common(of_level, by_level)]
 
     @property
     def _drift(self) -> DriftInRun:

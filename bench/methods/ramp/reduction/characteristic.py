@@ -14,6 +14,7 @@ import numpy as np
 from bench.methods.ramp.reduction.jumps import find_jumps
 from bench.methods.ramp.reduction.legs import Leg, RampRecord, cut_into_legs
 from bench.metrology.least_squares import Array, NotDetermined, PolynomialFit, fit_polynomial, least_squares
+from bench.metrology.results.flag import INVALID
 from bench.metrology.temperature_checks import rates_c_per_s
 
 UG_PER_G = 1e6
@@ -135,10 +136,11 @@ def reduce_ramp(record: RampRecord, limits: RampLimits, *, turns: bool = False) 
     loops, changes = _loops(at_degrees), _changes(at_degrees)
     jumps = tuple(_jumps(legs, residuals_ug, limits))
     lag, loops_left = _lag_model(legs)
-    lost, judged = not all(leg.complete for leg in legs), _long_enough(legs, limits.jump_window)
+    lost = not all(leg.complete for leg in legs)
+    judged = any(len(leg.time_s) >= 2 * limits.jump_window for leg in legs)  # a jump could be detected
     flags = {
         "ill_conditioned": lag is None,
-        "invalid": lost or not judged,
+        INVALID: lost or not judged,
     }
     failed = (
         bool(jumps)
@@ -167,11 +169,6 @@ def _missing(loops: Sequence[Differences], changes: Sequence[Differences], limit
         yield "hysteresis: no temperature was passed rising and falling in one cycle"
     if limits.repeatability_ug is not None and not changes:
         yield "repeatability: no temperature was passed the same way in a second cycle"
-
-
-def _long_enough(legs: Sequence[Leg], jump_window: int) -> bool:
-    """True if a jump could be detected in any leg."""
-    return any(len(leg.time_s) >= 2 * jump_window for leg in legs)
 
 
 def _joined(parts: Iterable[Array]) -> Array:

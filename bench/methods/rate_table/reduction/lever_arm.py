@@ -25,7 +25,7 @@ from bench.methods.rate_table.reduction.response_points import (
 from bench.methods.rate_table.reduction.sampling import Factors, averaging
 from bench.methods.rate_table.reduction.sine_fit import resolved
 from bench.metrology.least_squares import Array
-from bench.metrology.results.flag import Flag
+from bench.metrology.results.flag import INVALID, Flag
 
 RAD_PER_DEG = np.pi / 180
 SHORT_ARM_M = 0.005
@@ -72,7 +72,7 @@ def accelerometer_response(record: TableRecord, sweep: AccelerometerSweep) -> tu
     levers = [nominal_hz for nominal_hz in blocks if np.isclose(nominal_hz, sweep.lever_hz, rtol=1e-6)]
     arm = lever_arm(blocks.pop(levers[0]), sweep, remarks) if levers else None
     if not arm:
-        remarks.flags.append(at_frequency("invalid", sweep.lever_hz))
+        remarks.flags.append(at_frequency(INVALID, sweep.lever_hz))
     elif abs(arm.y_m) < SHORT_ARM_M:
         remarks.flags.append(Flag("lever_arm_short"))
     if not arm or max(abs(arm.x_m), abs(arm.y_m)) < SHORT_ARM_M:
@@ -82,7 +82,7 @@ def accelerometer_response(record: TableRecord, sweep: AccelerometerSweep) -> tu
         if point:
             points.append(point)
         else:
-            remarks.flags.append(at_frequency("invalid", nominal_hz))
+            remarks.flags.append(at_frequency(INVALID, nominal_hz))
     return arm, frequency_response(points, remarks)
 
 

@@ -128,17 +128,15 @@ def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -
 
 def _radius(form: RangeFindings, blocks: RangeBlocks, low: Sequence[Turning], arm: Arm) -> Finding:
     """Finding of the arm as measured by the sensor itself; it contains the error of the scale factor."""
-    bench, radius_m = form.data.bench, arm.radius_m
+    radius_m = arm.radius_m
     weights = np.array([each.steady.rate_dps**4 for each in low])
     harmonics = weights / weights.sum() * [2 * each.u_harmonics_dps / each.steady.rate_dps for each in low]
     lines = [
-        BudgetLine(noise_of(form.unit).replace("sensor", "low rates", 1), "A", arm.u_own_m),
+        BudgetLine(noise_of(form.unit, "low rates"), "A", arm.u_own_m),
         form.of_rest(blocks, arm.u_bias_m / blocks.bias.u_output if blocks.bias.u_output else 0.0),
         BudgetLine(HARMONICS, "B", abs(radius_m) * float(np.linalg.norm(harmonics))),
         *form.as_stated(radius_m, float(np.mean([each.temperature_c for each in low]))),
-        BudgetLine(
-            "site: gravity", "B", abs(radius_m) * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
-        ),
+        form.data.bench.gravity(radius_m),
         form.time_base(radius_m if form.unit.is_counted else 2 * radius_m),  # pulses are counted by the same clock
         *form.of_the_voltmeter(radius_m),
         BudgetLine("second-order nonlinearity of the sensor at low rates: contained", "alias", 0.0),

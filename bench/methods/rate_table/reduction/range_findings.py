@@ -21,7 +21,6 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 BIAS = "readings at rest"
 TILT = "axis: level, in readings at rest at one angle"
-WOBBLE = "axis: wobble"
 WARMER = "scale factor: temperature against that at the low rates"
 BY_RADIUS = "low rates: by way of the radius"
 OTHERWISE_WARM = "scale factor: temperature against that of the curve"
@@ -95,8 +94,8 @@ class RangeFindings:
     def of_the_voltmeter(self, value: float) -> Iterator[BudgetLine]:
         """Line for the gain of the voltmeter; its offset is in the readings at rest alike."""
         if self.unit.voltmeter is not None:
-            gain_u, _ = self.data.bench.voltmeters_u.get(self.unit.voltmeter, (0.0, 0.0))
-            yield BudgetLine("voltmeter: gain", "B", abs(value) * gain_u, None, f"{self.unit.voltmeter}.gain")
+            gain, _ = self.data.bench.voltmeter(self.unit.voltmeter)
+            yield gain.times(abs(value), "voltmeter: gain")
 
     def of_the_clock(self, value: float) -> Iterator[BudgetLine]:
         """Line for the clock of the table's rate, unless the rate of pulses depends on it too."""
@@ -105,10 +104,7 @@ class RangeFindings:
 
     def time_base(self, value: float) -> BudgetLine:
         """Line for the clock of the table measurement in a value proportional to it."""
-        clock = self.data.bench.clock(sent=self.unit.telemetry is not None)
-        return BudgetLine(
-            f"{clock.name}: time base", "B", abs(value) * clock.time_base_u, None, f"{clock.name}.time_base"
-        )
+        return self.data.bench.clock(sent=self.unit.telemetry is not None).time_base.times(abs(value))
 
     def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
         """Line for the bias, common to all readings."""
@@ -128,9 +124,8 @@ class RangeFindings:
         if self.symbol == "g" and blocks.rest is not None:
             lines += self._tilted(at_one_angle=blocks.rest.of_one_angle)
         if self.unit.voltmeter is not None:
-            _, offset_u_v = self.data.bench.voltmeters_u.get(self.unit.voltmeter, (0.0, 0.0))
-            offset_u = offset_u_v / self._scale.value
-            lines.append(BudgetLine("voltmeter: offset", "B", offset_u, None, f"{self.unit.voltmeter}.offset"))
+            _, offset = self.data.bench.voltmeter(self.unit.voltmeter)
+            lines.append(offset.times(1 / self._scale.value, "voltmeter: offset"))
             lines += self.of_the_voltmeter(blocks.bias.output)
         return self.subject.finding(
             quantity, name, blocks.bias.output, self.symbol, lines, {}, tuple(blocks.rest_steps)
@@ -145,8 +140,8 @@ class RangeFindings:
         bench = self.data.bench
         share = 1.0 if at_one_angle else 0.5
         if at_one_angle:
-            yield BudgetLine(TILT, "B", float(np.radians(bench.level_u_deg)), None, "fixture.level")
-        yield BudgetLine(WOBBLE, "B", share * float(np.radians(bench.head.wobble_u_deg)), None, "table.wobble")
+            yield bench.level.times(1.0, TILT)
+        yield bench.wobble.times(share)
 
     def errors(
         self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]
@@ -227,12 +222,10 @@ class RangeFindings:
             return
         per_c = true * float(self.settings["scale_per_c_u"])
         yield BudgetLine(OTHERWISE_WARM, "B", per_c * (turning.temperature_c - at_c), None, self._shared_per_degree)
-        u_c = self.data.bench.temperature_u_c(self.unit.temperature, at_c)
-        yield BudgetLine(self._thermometer, "B", abs(per_c) * u_c, None, self.unit.temperature)
+        yield self._thermometer(at_c).times(abs(per_c))
 
-    @property
-    def _thermometer(self) -> str:
-        return f"{self.unit.temperature}: offset, gain"
+    def _thermometer(self, at_c: float) -> BudgetLine:
+        return self.data.bench.temperature(self.unit.temperature, at_c)
 
     @property
     def _shared_per_degree(self) -> str:
@@ -255,8 +248,8 @@ class RangeFindings:
     @property
     def _in_proportion(self) -> frozenset[str]:
         """Sources of one relative error of all rates: voltmeter gain, a clock not shared by the output, thermometer."""
-        certified = (line.source for line in (*self.of_the_voltmeter(1.0), *self.of_the_clock(1.0)))
-        return frozenset((*certified, self._thermometer))
+        certified = (*self.of_the_voltmeter(1.0), *self.of_the_clock(1.0), self._thermometer(0.0))
+        return frozenset(line.source for line in certified)
 
     @property
     def _scale(self) -> Constant:
@@ -279,11 +272,11 @@ class RangeFindings:
         )  # fmt: skip
 
 
-def noise_of(unit: UnitUnderTest) -> str:
-    """Name in budgets of the scatter of an output."""
+def noise_of(unit: UnitUnderTest, what: str = "sensor") -> str:
+    """Name in budgets of the scatter of an output, of the sensor or of readings with it."""
     if unit.is_counted:
-        return "sensor: noise and steps of counting"
-    return "sensor: noise and steps of codes" if unit.telemetry is not None else "sensor and voltmeter: noise"
+        return f"{what}: noise and steps of counting"
+    return f"{what}: noise and steps of codes" if unit.telemetry is not None else f"{what} and voltmeter: noise"
 
 
 def _dof(blocks: RangeBlocks) -> int | None:

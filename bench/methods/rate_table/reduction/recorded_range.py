@@ -8,20 +8,27 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.methods.rate_table.reduction.bias_at_rest import RestReading
-from bench.methods.rate_table.reduction.blocks import TableRecord, cut_into_blocks
+from bench.methods.rate_table.reduction.blocks import Block, TableRecord, coarseness, cut_into_blocks
 from bench.methods.rate_table.reduction.radius import LEAST_LOW_RATES, Arm, RangeError, gyro_error
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning
-from bench.methods.rate_table.reduction.recorded_samples import recorded_samples
-from bench.methods.rate_table.reduction.samples import steady
+from bench.methods.rate_table.reduction.samples import TURN_DEG, TableSamples, is_saturated, steady, summed_up
+from bench.methods.rate_table.reduction.sampling import instantaneous
+from bench.methods.rate_table.reduction.temperatures import MeanTemperature
+from bench.metrology.least_squares import Array, GatedFit, NotDetermined, reject_outliers
 from bench.metrology.results.coverage import coverage_factor
-from bench.metrology.results.flag import Flag
+from bench.metrology.results.flag import INVALID, Flag
 
 BIAS = "bias"
+HARMLESS = 1e-5  # of the angle turned to either side of its middle; what is less moves the rate by less
+BLOCK_INVALID = "{block} invalid"
+TOO_FEW_LOW_RATES, RADIUS_NOT_DETERMINED = "too_few_low_rates", "radius_not_determined"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +107,9 @@ def accelerometer_range(
     low = [turning.steady for turning in _of_kind(blocks, "low") if turning.steady.rate_dps]
     arm = Arm(blocks.bias, low, local_g_mps2) if blocks.rest and low else None
     if len(low) < LEAST_LOW_RATES:
-        blocks.flags.append(Flag("too_few_low_rates"))
+        blocks.flags.append(Flag(TOO_FEW_LOW_RATES))
     elif arm and arm.is_uncertain:
-        blocks.flags.append(Flag("radius_not_determined"))
+        blocks.flags.append(Flag(RADIUS_NOT_DETERMINED))
     points = [RangePoint(each, arm.error(each.steady) if arm else None) for each in _of_kind(blocks, "run")]
     test = _test(blocks, [_judged(point, linearity) for point in points], excluded)
     return replace(test, radius_m=arm.radius_m, u_radius_m=arm.u_radius_m) if arm else test
@@ -133,7 +140,7 @@ def recorded_blocks(
     found.settle(resting, turning)
     usable = {each.step for each in found.turning} | ({BIAS} if resting else set())
     lost = [phase for phase in sorted(wanted, key=_order) if phase not in usable]
-    found.flags += [Flag("{block} invalid", values={"block": phase}) for phase in lost]
+    found.flags += [Flag(BLOCK_INVALID, values={"block": phase}) for phase in lost]
     return found, dict(excluded)
 
 
@@ -160,7 +167,7 @@ def _test(blocks: RangeBlocks, points: list[RangePoint], excluded: dict[str, int
         bias=blocks.rest.value if blocks.rest else None,
         points=tuple(points),
         passed=None if invalid else all(point.passed for point in points),
-        flags=(*blocks.flags, Flag("invalid")) if invalid else (),
+        flags=(*blocks.flags, Flag(INVALID)) if invalid else (),
         notes=tuple(
             f"{point.turning.step} is marginal: its limit is within the expanded uncertainty of its error"
             for point in points
@@ -174,3 +181,62 @@ def _order(phase: str) -> tuple[str, int]:
     """Of phases: by kind, then by number."""
     kind = phase.rstrip("0123456789")
     return kind, int(phase[len(kind) :] or 0)
+
+
+def recorded_samples(phase: str, block: Block, excluded: Counter[str], clip: float | None) -> TableSamples | None:
+    """The samples of `block`, whose table angles are in degrees and cumulative; None when the block is invalid.
+
+    The encoder of a case has any scatter, so that the rate is the slope of its angle, with the uncertainty of that.
+    """
+    if not block.complete:
+        return None
+    time_s = block.time_s - np.mean(block.time_s)
+    harmless = HARMLESS * np.array([0.0, np.ptp(time_s) / 2])
+    angle = reject_outliers(np.column_stack([np.ones_like(time_s), time_s]), block.table, harmless=harmless)
+    rate_dps, u_dps = float(angle.fit.coefficients[1]), float(np.sqrt(angle.fit.covariance[1, 1]))
+    saturated = clip is not None and is_saturated(block.output, clip)
+    # Where most samples sit at the clip level, the good ones look like outliers.
+    resolution = np.inf if saturated else coarseness(block.output)
+    output = _gated(block.output, rate_dps * (block.time_s - block.time_s[0]), resolution)
+    for gated in (angle, output):
+        excluded["outlier"] += len(gated.dropped)
+        if gated.excessive:
+            return None
+    return _samples(phase, block, output.kept, (rate_dps, u_dps))
+
+
+def _gated(output: Array, turned_deg: Array, resolution: float) -> GatedFit:
+    """The samples that are no outliers of their mean, and of what changes once a turn, if there is one.
+
+    Samples that see the table always at one angle cannot separate the two.
+    """
+    if abs(turned_deg[-1]) >= TURN_DEG:
+        angle = np.radians(turned_deg)
+        with suppress(NotDetermined):
+            design = np.column_stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
+            return reject_outliers(design, output, resolution=resolution)
+    return reject_outliers(np.ones((len(output), 1)), output, resolution=resolution)
+
+
+def _samples(phase: str, block: Block, kept: NDArray[np.bool_], rate: tuple[float, float]) -> TableSamples:
+    """Each sample stands for the interval before it; that of the first is as long as is usual.
+
+    `rate` is that of the table with its standard uncertainty, in °/s.
+    """
+    latch, time_s = np.flatnonzero(kept), block.time_s[kept]
+    interval_s = float(np.median(np.diff(time_s) / np.diff(latch)))
+    latch, time_s = np.append(latch[0] - 1, latch), np.append(time_s[0] - interval_s, time_s)
+    return TableSamples(
+        step=phase,
+        motion=None,
+        temperature=MeanTemperature.of(np.empty(0)),
+        time_s=time_s - time_s[0],
+        total=summed_up(np.append(0.0, block.output[kept]), latch, time_s),
+        angle_deg=rate[0] * (time_s - time_s[0]),
+        latch=latch,
+        interval_s=interval_s,
+        resolution_deg=0.0,
+        problems=(),
+        sampled=instantaneous,
+        rate_u_dps=rate[1],
+    )

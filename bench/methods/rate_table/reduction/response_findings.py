@@ -35,7 +35,7 @@ CHORD = "straight line between two frequencies, which the curve is not"
 SKEW = "encoder: time to the latch of the pulses"
 SKEW_OF_SAMPLES = "encoder: time to the end of the sample"
 HALF = "sample: half of its period, taken out"
-SHARED_SLOPE, SHARED_LEVEL, SHARED_WOBBLE = "table.harmonics", "fixture.level", "table.wobble"
+SHARED_SLOPE = "table.harmonics"
 DB_PER_RELATIVE = 20 / np.log(10)
 HALF_POWER_DB = 20 * np.log10(HALF_POWER)
 Relative = dict[str, BudgetLine]  # by source, relative to a gain
@@ -111,7 +111,7 @@ class ResponseFindings:
         else:
             lines.append(BudgetLine(SLOPE, "B", _slope_u(self._table, own.swing), None, SHARED_SLOPE))
             if not self.unit.is_counted:  # codes depend on no clock, unlike pulses: that of the table's rate remains
-                lines.append(self._time_base(1.0))
+                lines.append(self._clock.time_base)
         return {line.source: line for line in lines}
 
     def _relative_to_arm(self, arm: LeverArm, swing: Swing) -> Iterator[BudgetLine]:
@@ -120,9 +120,9 @@ class ResponseFindings:
         shared = self._subject.id("lever_arm/y")
         yield BudgetLine("lever arm: sensor", "A", arm.u_sensed_m[1] / y_m, None, shared)
         yield BudgetLine("lever arm: encoder", "A", arm.swing.u_relative, None, shared)
-        leak_m = self._leak_m(arm.swing)
-        yield BudgetLine("lever arm: level", "B", leak_m * self._level_u_rad / y_m, None, SHARED_LEVEL)
-        yield BudgetLine("lever arm: wobble", "B", leak_m * self._wobble_u_rad / y_m, None, SHARED_WOBBLE)
+        leak_m, bench = self._leak_m(arm.swing), self.data.bench
+        for source, name in ((bench.level, "lever arm: level"), (bench.wobble, "lever arm: wobble")):
+            yield BudgetLine(name, "B", leak_m * source.u / y_m, None, source.shared)
         yield BudgetLine(SLOPE, "B", _slope_u(self._table, swing, arm.swing), None, SHARED_SLOPE)
 
     def _of_phase(self, point: ResponsePoint) -> list[BudgetLine]:
@@ -139,14 +139,7 @@ class ResponseFindings:
         name = SKEW if self.unit.is_counted else SKEW_OF_SAMPLES
         yield BudgetLine(name, "B", turn_deg * clock.skew_u_s, None, f"{clock.name}.encoder_skew")
         if self.averaged_s:
-            yield BudgetLine(
-                HALF, "B", turn_deg * self.averaged_s / 2 * clock.time_base_u, None, self._time_base(1.0).shared
-            )
-
-    def _time_base(self, size: float) -> BudgetLine:
-        """Contribution of the clock to a value proportional to it by `size`."""
-        name = self._clock.name
-        return BudgetLine(f"{name}: time base", "B", size * self._clock.time_base_u, None, f"{name}.time_base")
+            yield clock.time_base.times(turn_deg * self.averaged_s / 2, HALF)
 
     @property
     def _clock(self) -> ClockRecord:
@@ -176,7 +169,7 @@ class ResponseFindings:
         bend_db = _bend([each.gain_db for each in points], points, index, found.frequency_hz)
         lines.append(BudgetLine(CHORD, "B", abs(bend_db / per_hz)))
         own_u_hz = float(np.linalg.norm([line.u for line in lines]))
-        lines.append(self._time_base(found.frequency_hz))
+        lines.append(self._clock.time_base.times(found.frequency_hz))
         steps = (self.steps[above.frequency_hz], self.steps[below.frequency_hz])
         bandwidth = self._subject.finding(
             "bandwidth", "where the gain first falls to 1/√2", found.frequency_hz, "Hz", lines, {}, steps
@@ -221,13 +214,11 @@ class ResponseFindings:
                 BudgetLine(self._noise, "A", sensed_m),
                 BudgetLine(ENCODER, "A", squares * size_m * swing.u_relative),
                 BudgetLine(SLOPE, "B", squares * size_m * _slope_u(self._table, swing), None, SHARED_SLOPE),
-                BudgetLine("axis: level", "B", level * self._level_u_rad, None, SHARED_LEVEL),
-                BudgetLine("axis: wobble", "B", leak_m * self._wobble_u_rad, None, SHARED_WOBBLE),
+                bench.level.times(level, "axis: level"),
+                bench.wobble.times(leak_m),
                 *(line.times(size_m) for line in self.of_scale),
-                BudgetLine(
-                    "site: gravity", "B", size_m * bench.gravity_u_mps2 / bench.gravity_mps2, None, "site.gravity"
-                ),
-                self._time_base(size_m if self.unit.is_counted else 2 * size_m),  # pulses are counted by the same clock
+                bench.gravity(size_m),
+                self._clock.time_base.times(size_m if self.unit.is_counted else 2 * size_m),  # the same counts pulses
                 BudgetLine("misalignment of the input axis: contained", "alias", 0.0),
             ]
             name = f"{axis} of the sensor from the axis of the table, in the frame of the fixture"
@@ -240,14 +231,6 @@ class ResponseFindings:
     @property
     def _table(self) -> AxisRecord:
         return self.data.bench.head
-
-    @property
-    def _level_u_rad(self) -> float:
-        return float(np.radians(self.data.bench.level_u_deg))
-
-    @property
-    def _wobble_u_rad(self) -> float:
-        return float(np.radians(self._table.wobble_u_deg))
 
     @property
     def _subject(self) -> Subject:

@@ -15,7 +15,7 @@ import numpy as np
 from bench.methods.rate_table.reduction.blocks import Block, TableRecord, cut_into_blocks
 from bench.methods.rate_table.reduction.sine_fit import SineFit, find_frequency, fit_sine
 from bench.metrology.least_squares import Array, NotDetermined
-from bench.metrology.results.flag import Flag
+from bench.metrology.results.flag import INVALID, Flag
 
 HALF_POWER = 1 / np.sqrt(2)
 DROOP = 0.5  # of the rate amplitude at the lowest frequency; below it the table did not oscillate
@@ -121,7 +121,7 @@ def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool
         if point:
             points.append(point)
         else:
-            remarks.flags.append(at_frequency("invalid", nominal_hz))
+            remarks.flags.append(at_frequency(INVALID, nominal_hz))
     return frequency_response(points, remarks, to_lowest=to_lowest)
 
 
@@ -179,7 +179,7 @@ def frequency_response(points: Sequence[SweepPoint], remarks: Remarks, *, to_low
     """Gains, phases and bandwidth of `points`, which are in order of frequency."""
     points = _without_droop(points, remarks)
     if not points:
-        remarks.flags.append(Flag("invalid"))
+        remarks.flags.append(Flag(INVALID))
     gain = np.array([abs(point.response) for point in points])
     u_gain = np.array([point.u_gain for point in points])
     if to_lowest and points:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.methods.tumble.reduction.dwells import Dwell
-from bench.methods.tumble.reduction.unit import TumbleUnit, type_b
+from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.acquisition import Array
-from bench.metrology.instrument import STEPS, instrument_lines, shared_line
+from bench.metrology.instrument import STEPS, instrument_lines
 from bench.metrology.orientation import by_harmonics
-from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.results.finding import Finding
 from bench.metrology.sampled_codes import quantisation_by_angle
 
@@ -81,7 +81,7 @@ class TumbleConstants:
         g = self.of.bench.gravity_mps2
         lines = [
             BudgetLine("K1", "B", k1.u / g, k1.dof, k1.id),
-            BudgetLine("site: gravity", "B", k1.value / g * self.of.bench.gravity_u_mps2 / g, None, "site.gravity"),
+            self.of.bench.gravity(k1.value / g),
         ]
         return self.of.subject.finding(
             "K1_si", NAMES["K1_si"], k1.value / g, self.of.units["K1_si"], lines, k1.at, (dwell.group,), _tail(dwell),
@@ -92,18 +92,18 @@ class TumbleConstants:
         """Lines of each source by its derivative; the head's errors turn the input axis at every reading."""
         bench, dwell = self.of.bench, self.of.dwells[index]
         turned = gain * dwell.turn
-        together = abs(float(turned.sum()))  # one rotation common to all positions
+        together = float(turned.sum())  # one rotation common to all positions
         harmonics = by_harmonics(turned, dwell.head_rad, bench.head.harmonics_u_deg)
         lines = [
             *self.of.own(quantity, [(dwell, 1.0)]),
-            shared_line("head: zero", together * np.radians(bench.head.zero_u_deg)),
-            shared_line("head: harmonics", np.linalg.norm(harmonics)),
-            shared_line("fixture: level", together * np.radians(bench.level_u_deg)),
+            common("head: zero", together * np.radians(bench.head.zero_u_deg)),
+            common("head: harmonics", float(np.linalg.norm(harmonics))),
+            bench.level.times(together),
             *self._of_the_instrument(gain, dwell),
         ]
         if quantity in self.per_c:
-            thermometer, u_c = self.of.unit.temperature, self.of.temperature_u_c(dwell.temperature_c)
-            lines.append(type_b(f"{thermometer}: offset, gain", self._per_c(quantity, index) * u_c, thermometer))
+            read = bench.temperature(self.of.unit.temperature, dwell.temperature_c)
+            lines.append(read.times(self._per_c(quantity, index)))
         if quantity == "K2" and "asymmetry" not in self.extra:
             instrument = "converter" if self.of.unit.voltmeter is None else "voltmeter"
             contained = f"asymmetry of the {instrument}: contained, inseparable at these angles"
@@ -111,10 +111,10 @@ class TumbleConstants:
         return lines
 
     def _per_c(self, quantity: str, index: int) -> float:
-        """Magnitude of the change of a coefficient with 1 °C."""
+        """Change of a coefficient with 1 °C; its standard uncertainty without a model."""
         per_c = self.per_c[quantity]
         if per_c is not None:
-            return abs(float(per_c[index]))
+            return float(per_c[index])
         return self.per_c_u[quantity] * (abs(self.of.dwells[index].values["K1"]) if quantity == "K1" else 1.0)
 
     def _of_the_instrument(self, gain: Array, dwell: Dwell) -> list[BudgetLine]:
@@ -125,7 +125,7 @@ class TumbleConstants:
         unit = self.of.unit
         if unit.telemetry is not None:
             hidden = np.linalg.norm(quantisation_by_angle(gain, dwell.quantisation_u, dwell.head_rad))
-            return [type_b(f"{unit.telemetry}{STEPS}", hidden, None)]
+            return [BudgetLine(f"{unit.telemetry}{STEPS}", "B", float(hidden))]
         return instrument_lines(unit, self.of.bench, float(gain @ dwell.readings), float(gain.sum()))
 
 

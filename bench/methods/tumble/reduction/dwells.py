@@ -15,6 +15,9 @@ from bench.metrology.outputs import Output, mean_output
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
+DWELL_INCOMPLETE = "dwell {number} incomplete: {angles}"
+DWELL_ILL_CONDITIONED = "dwell {number} incomplete: ill_conditioned"
+
 
 @dataclass(frozen=True, slots=True)
 class SolvedDwell:
@@ -102,9 +105,9 @@ def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
 
 def _incomplete(number: int, missing_deg: Sequence[float]) -> Flag:
     if not missing_deg:
-        return Flag("dwell {number} incomplete: ill_conditioned", values={"number": number})
+        return Flag(DWELL_ILL_CONDITIONED, values={"number": number})
     angles = ", ".join(f"{position:g}" for position in missing_deg)
-    return Flag("dwell {number} incomplete: {angles}", values={"number": number, "angles": angles})
+    return Flag(DWELL_INCOMPLETE, values={"number": number, "angles": angles})
 
 
 def axis_rad(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> Array:

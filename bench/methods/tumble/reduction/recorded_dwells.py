@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.methods.tumble.reduction.dwells import SolvedDwell
+from bench.methods.tumble.reduction.dwells import DWELL_ILL_CONDITIONED, DWELL_INCOMPLETE, SolvedDwell
 from bench.methods.tumble.reduction.solution import (
     FOUR_POINTS_DEG,
     IncompleteTumble,
@@ -20,6 +20,8 @@ from bench.methods.tumble.reduction.solution import (
 from bench.metrology.least_squares import Array
 from bench.metrology.results.flag import Flag
 from bench.metrology.temperature_checks import broken_at_rest
+
+DWELL_INVALID = "dwell {number} invalid"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,17 +76,16 @@ def _dwells(record: TumbleRecord, flags: list[Flag], excluded: Counter[str]) -> 
         missing = missing_positions_deg(good.position_deg)
         if missing:
             flags.extend(
-                Flag("dwell {number} incomplete: {angles}", values={"number": f"{number:.0f}", "angles": names[each]})
-                for each in missing
+                Flag(DWELL_INCOMPLETE, values={"number": f"{number:.0f}", "angles": names[each]}) for each in missing
             )
         elif 2 * len(good.cycle) < len(_first_of_each(scheduled)):
-            flags.append(Flag("dwell {number} invalid", values={"number": f"{number:.0f}"}))
+            flags.append(Flag(DWELL_INVALID, values={"number": f"{number:.0f}"}))
         else:
             try:
                 tumble = solve_tumble(np.radians(good.position_deg), good.output_v)
             except IncompleteTumble:
                 values = {"number": f"{number:.0f}"}
-                flags.append(Flag("dwell {number} incomplete: ill_conditioned", values=values))
+                flags.append(Flag(DWELL_ILL_CONDITIONED, values=values))
                 continue
             temperature_c = float(np.mean(good.measured_c))
             yield SolvedDwell(int(number), int(cycle), not falling, float(set_c), temperature_c, tumble)

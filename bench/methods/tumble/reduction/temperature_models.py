@@ -10,7 +10,7 @@ import numpy as np
 from bench.methods.tumble.reduction.dwells import SolvedDwell
 from bench.methods.tumble.reduction.solution import Hysteresis, hysteresis
 from bench.metrology.least_squares import Array, NotDetermined, PolynomialFit, choose_degree, fit_polynomial
-from bench.metrology.results.flag import Flag
+from bench.metrology.results.flag import ILL_CONDITIONED, TOO_FEW_TEMPERATURES, Flag
 
 HIGHEST_DEGREE = 4
 
@@ -40,13 +40,13 @@ def temperature_models(
     temperature_c = np.array([dwell.temperature_c for dwell in dwells])
     set_c = np.array([dwell.set_c for dwell in dwells])
     allowed = len(np.unique(set_c)) - 1
-    flags = [Flag("too_few_temperatures", of=quantity)] if allowed < (degree or 1) else []
+    flags = [Flag(TOO_FEW_TEMPERATURES, of=quantity)] if allowed < (degree or 1) else []
 
     def fitted(wanted: int) -> PolynomialFit | None:
         try:
             return fit_polynomial(temperature_c, value, wanted)
         except NotDetermined:
-            flags.append(Flag("ill_conditioned", of=quantity))
+            flags.append(Flag(ILL_CONDITIONED, of=quantity))
             return None
 
     wanted = choose_degree(temperature_c, value, min(HIGHEST_DEGREE, max(allowed, 1))) if degree is None else degree

@@ -70,11 +70,6 @@ class TumbleUnit:
         """Part of the run that contains all dwells."""
         return self.dwells[0].group.rpartition("/")[0]
 
-    @property
-    def thermometer_u(self) -> tuple[float, float]:
-        """Standard uncertainties of offset (°C) and gain of the thermometer at the unit."""
-        return self.bench.thermometer_u(self.unit.temperature)
-
     def temperature_u_c(self, temperature_c: float) -> float:
         """Standard uncertainty of a temperature by it."""
         return self.bench.temperature_u_c(self.unit.temperature, temperature_c)
@@ -114,11 +109,12 @@ class TumbleUnit:
 
         One error shifts the temperatures of all dwells together, and the coefficient by `per_c` (n,).
         """
-        (offset_u_c, gain_u), thermometer = self.thermometer_u, self.unit.temperature
+        thermometer = self.unit.temperature
+        offset_u_c, gain_u = self.bench.thermometer_u(thermometer)
         each = gain * per_c
         return [
-            type_b(f"{thermometer}: gain", abs(float(each @ self.temperatures_c)) * gain_u, thermometer),
-            type_b(f"{thermometer}: offset", abs(float(each.sum())) * offset_u_c, thermometer),
+            BudgetLine(f"{thermometer}: gain", "B", float(each @ self.temperatures_c) * gain_u, None, thermometer),
+            BudgetLine(f"{thermometer}: offset", "B", float(each.sum()) * offset_u_c, None, thermometer),
             self.drift.line(float(gain @ self.drifted(per_c))),
         ]
 
@@ -144,7 +140,7 @@ class TumbleUnit:
         u_rad = np.radians(self.bench.head.repeatability_u_deg)
         return [
             self.scatter(np.concatenate([gain for _, gain in gains])),
-            type_b("head: repeatability", np.linalg.norm(turned) * u_rad, None),
+            BudgetLine("head: repeatability", "B", float(np.linalg.norm(turned) * u_rad)),
         ]
 
     def own_over_dwells(self, quantity: str, weights: Array) -> list[BudgetLine]:
@@ -156,8 +152,3 @@ class TumbleUnit:
         return np.array(
             [np.linalg.norm([line.u for line in self.own(quantity, [(each, 1.0)])]) for each in self.dwells]
         )
-
-
-def type_b(source: str, u: float | np.floating, shared: str | None) -> BudgetLine:
-    """Line of a type B contribution."""
-    return BudgetLine(source, "B", float(u), None, shared)

@@ -24,6 +24,7 @@ CHANNELS_OF = (*ACCELEROMETERS, *GYROS)
 CHANNELS = {name: name for name in CHANNELS_OF}
 UNIT = UnitUnderTest("a", "S", "", 0.0, "t", channels=CHANNELS, gyro_temperature="t")
 SETTINGS = ImuCalibrationSettings.model_validate({}).model_dump()
+BIAS_G = 1e-3  # far from the dead band of a converter
 K1, KG, LATITUDE, TURN_DPS = 11_000.0, 4_000.0, 34.25, (10.0, -10.0, 20.0, -20.0, 30.0, -30.0)
 
 
@@ -48,7 +49,7 @@ def block(bench, group, axes, mount=Mount(), rng=None):  # noqa: B008  frozen
     found = []
     for axis in axes:
         for index in range(8 * "xyz".index(axis), 8 * "xyz".index(axis) + 8):
-            still = [K1 * SPECIFIC_FORCE_G[index], KG * (1e-4 + earth_rate_dps(LATITUDE)[index])]
+            still = [K1 * (SPECIFIC_FORCE_G[index] + BIAS_G), KG * (1e-4 + earth_rate_dps(LATITUDE)[index])]
             pps = np.concatenate(still) + rng.normal(0, 0.02, 6)
             found.append(acquired(f"{group}/{NAMES[index]}", group, bench, mount, NAMES[index], pps))
         for rate in TURN_DPS:
@@ -79,8 +80,8 @@ def test_a_missing_attitude_leaves_its_axis_out_and_is_told_in_words():
     some = [each for each in block(BENCH, "s/hot", "xyz") if not each.step.endswith("Ay3")]
     found = result(some)
     assert found.left_out == ("hot/y",)
-    told = flag_in_words(flag_of(found.flags, "T=50:missing_position:Ay3"))
-    assert told == "Set point 50 °C: attitude Ay3 has no usable reading; its axis is left out there."
+    reported = flag_in_words(flag_of(found.flags, "T=50:missing_position:Ay3"))
+    assert reported == "Set point 50 °C: attitude Ay3 has no usable reading; its axis is left out there."
 
 
 def test_missing_rates_leave_their_axis_out():

@@ -74,7 +74,7 @@ def test_readings_that_are_not_finite_have_no_model():
     with np.errstate(over="ignore"):
         model = fit_sweeps(angle_rad, side, 1e300 * np.sin(angle_rad), ("c0", "c1"), condition_limit=1e3)
     assert model.fit is None
-    assert model.problem == "the model has no finite values where the fit begins"
+    assert str(model.problem) == "the model has no finite values where the fit begins"
 
 
 def dwells(angles_deg, stand, seed, wrong_g=0.0):

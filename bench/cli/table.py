@@ -1,0 +1,32 @@
+"""All commands by name, and the one that prints a page on them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from bench.cli import authoring, control, devices, offline, rehearsing, running, station, stored
+from bench.cli.commands import Command, argument, option
+
+
+def reference(page: str, out: Path | None) -> None:
+    """Print a page of the reference in Markdown: steps, keys of files, methods, drivers, commands, errors."""
+    from bench.cli.reference import page_text, write_pages
+
+    if out is None:
+        sys.stdout.write(page_text(page, ALL))
+        return
+    for path in write_pages(out, ALL):
+        sys.stdout.write(f"{path}\n")
+
+
+REFERENCE = Command("reference", reference, (
+    argument("PAGE", "One of the pages listed by README.", default="README"),
+    option("--out DIR", "Write all pages there instead of printing one.", read=Path),
+))  # fmt: skip
+ALL = (
+    *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
+    *authoring.COMMANDS, REFERENCE, *control.COMMANDS, *station.COMMANDS,
+)  # fmt: skip
+COMMANDS: Mapping[str, Command] = {command.words: command for command in ALL}
