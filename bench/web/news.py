@@ -69,8 +69,9 @@ def news(events: Iterable[Event], zero: datetime | None, steps: Mapping[str, Fac
 
 def _told(events: Iterable[Event], steps: Mapping[str, Facts]) -> Iterator[tuple[Event, str]]:
     for event in events:
-        if event.kind in NEWS:
-            yield event, tr(NEWS[event.kind]).format_map(_Known(event.data))
+        kind = "answered" if event.data.get("command") == "answer" else event.kind
+        if kind in NEWS:
+            yield event, tr(NEWS[kind]).format_map(_Known(event.data))
         elif event.kind == "step_begins":
             planned = steps.get(first_visit(event.step))
             if planned is not None and planned["facts"]["verb"] in LASTING:

@@ -9,6 +9,26 @@ from bench.store.tail import Tail
 from tests.support.browser import browsing
 from tests.support.station import serving
 
+STATION = """\
+schema: itb-station/1
+benches:
+  a: {file: simulated}
+sequences: own
+"""
+ASKS = """\
+schema: itb-sequence/1
+title: Asks
+needs: {head: positioner}
+steps:
+  - prompt: "Turn the <b>unit</b> over."
+    picture: turned.svg
+  - prompt: Air pressure
+    input: {unit: hPa, min: 800 hPa, max: 1100 hPa}
+  - wait: 15 s
+  - move: head
+    to: 90°
+"""
+PICTURE = '<svg xmlns="http://www.w3.org/2000/svg" width="300" height="200"><script>document.title = 1</script></svg>'
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.peer("chromium", "playwright")]
 LONG_MS = 90_000  # on a busy machine a run takes its time to begin
 CHAMBER = "tr:has(th[title='chamber.process_value']) .value"
@@ -79,4 +99,30 @@ def test_the_keyboard_aborts_after_a_confirmation(tmp_path):
         seen.page.keyboard.press("Tab")
         seen.page.keyboard.press("Enter")
         assert station.ended(item)["outcome"] == "aborted"
+        assert seen.complaints == []
+
+
+def test_questions_take_the_screen_and_are_answered(tmp_path):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own/asks.yaml").write_text(ASKS)
+    (tmp_path / "own/turned.svg").write_text(PICTURE)
+    (tmp_path / "station.yaml").write_text(STATION)
+    with serving(tmp_path, "station.yaml") as station, browsing() as seen:
+        page = seen.page
+        seen.log_in(station.url, station.code)
+        item = station.submit("asks", bench="a", speed="1")
+        page.wait_for_selector(".question", timeout=LONG_MS)
+        assert page.inner_text(".question h2") == "Turn the <b>unit</b> over."
+        station.until(lambda: page.evaluate("document.querySelector('.question img').naturalWidth") == 300)
+        assert seen.grave() == []
+        page.click(".question button")
+        page.wait_for_selector(".question input[name='answer']")
+        page.fill(".question input[name='answer']", "2")
+        page.click(".question button")
+        station.until(lambda: "is 200 Pa, expected at least 80000 Pa" in page.inner_text("#said"))
+        page.fill(".question input[name='answer']", "1013.2")
+        page.click(".question button")
+        page.wait_for_selector(".question", state="detached")
+        page.wait_for_selector("text=answered by")
+        assert station.ended(item)["outcome"] == "completed"
         assert seen.complaints == []

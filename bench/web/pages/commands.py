@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -25,6 +26,7 @@ PICTURES = {
     ".webp": "image/webp",
     ".svg": "image/svg+xml",
 }
+NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 PICTURE_BYTES = 10_000_000
 
 
@@ -49,9 +51,12 @@ async def go(
 
 
 @router.post("/runs/{run}/answer")
-async def answer(request: Request, station: Station, person: Operator, run: str, answer: Text, step: Text) -> Response:
-    """Answer a question of a run."""
-    return await _done(request, station, person, run, "answer", answer=answer, step=step)
+async def answer(
+    request: Request, station: Station, person: Operator, run: str, answer: Text, step: Text, unit: Text = ""
+) -> Response:
+    """Answer a question of a run; a number alone is in the unit that the page shows beside its input."""
+    in_unit = f"{answer.strip()} {unit}" if unit and NUMBER.fullmatch(answer.strip()) else answer
+    return await _done(request, station, person, run, "answer", answer=in_unit, step=step)
 
 
 @router.post("/benches/{bench}/go-on")
@@ -94,7 +99,7 @@ async def _done(
     except BenchError as problem:
         if "hx-request" not in request.headers:
             raise
-        return _said(request, str(problem), is_problem=True)
+        return _said(request, str(problem).removeprefix(f"{run}: "), is_problem=True)
     if "hx-request" in request.headers:
         return _said(request, said, is_problem=False)
     return RedirectResponse("/", 303)

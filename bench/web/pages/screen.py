@@ -8,6 +8,7 @@ from datetime import datetime, timedelta
 from typing import Any, NamedTuple
 
 from bench.clock import wall_utc
+from bench.engine.control import OPERATOR
 from bench.figures.languages import tr
 from bench.figures.times_and_sizes import duration
 from bench.station.live import LiveRun
@@ -50,6 +51,7 @@ class Screen(NamedTuple):
     news: list[Line]
     problems: list[str]
     held_by: list[str]
+    interlocks: list[str]
     questions: list[Mapping[str, Any]]
     safe: list[str]
     ending: Ending
@@ -71,7 +73,8 @@ def screen_of(live: LiveRun, bench: str, zone: str, trend: Trend) -> Screen:
         tr("simulated, {speed} times as fast", speed=f"{live.speed:.0f}") if live.speed > 1.5 else "",
         timeline(plan, sentence.number - 1, _in_step_s(live, sentence.step)), rows(live, planned, trend),
         news(reversed(live.events), _zero(live), {step["id"]: step for step in steps}, NEWS_SHOWN),
-        list(live.state.problems), live.holds, list(live.status.get("questions", ())), _safe(plan),
+        list(live.state.problems), live.holds, [by for by in live.holds if by != OPERATOR],
+        list(live.status.get("questions", ())), _safe(plan),
         _ending(live, plan, planned), _panels(live, trend), zone,
     )  # fmt: skip
 

@@ -150,7 +150,8 @@ def _rendered() -> dict[tuple[str, Shown], tuple[Mapping[str, Any], Mapping[str,
 
 
 def _data(html: str) -> str:
-    return "\n".join(f"data: {line}" for line in html.splitlines())
+    """Return a part as lines of an event; without a line of data, a browser would drop the event of an empty part."""
+    return "\n".join(f"data: {line}" for line in html.splitlines() or [""])
 
 
 def _run_of(station: Services, bench: str) -> str:

@@ -1,5 +1,6 @@
 """Sentences of a run: what it does, how far it is, and what comes next."""
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from bench.station.live import LiveRun
 from bench.station.plans import timeline_of
 from bench.store.reader import Event
 from bench.store.runs import RunSummary
+from bench.web.news import news
 from bench.web.pages.readings import rows
 from bench.web.pages.trends import Trend
 from bench.web.sentence import sentence_of, soaking
@@ -114,3 +116,21 @@ def test_a_reading_has_its_set_point_and_a_bad_one_says_why(live, plan):
         "",
     ]
     assert found["counter.x"].age == "not counting"
+
+
+def test_news_are_in_words_newest_first_and_an_answer_names_its_person(plan):
+    zero = datetime(2026, 1, 1, tzinfo=UTC)
+    events = [
+        Event(9, 80.0, "problem", SOAK, {"text": "{x} of the chamber"}),
+        Event(8, 70.0, "command", "", {"command": "answer", "by": "anna", "answer": "done"}),
+        Event(7, 60.0, "step_begins", SOAK, {}),
+        Event(6, 50.0, "step_begins", "steps/cycle=1/temperature=-40/position=0/move", {}),
+        Event(5, 40.0, "unheard_of", "", {}),
+        Event(4, 30.0, "gaps", "", {"device": "counter", "channel": "x", "lost": 3}),
+    ]
+    found = news(events, zero, {step["id"]: step for step in plan["steps"]}, 4)
+    assert [line.text for line in found] == [
+        "{x} of the chamber", "answered by anna: done", "Soaking at −40 °C", "counter.x: 3 latches lost",
+    ]  # fmt: skip
+    assert [line.is_urgent for line in found] == [True, False, False, False]
+    assert found[0].at == zero + timedelta(seconds=80)
