@@ -5,10 +5,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo test setup lint types contracts pytest test-quick slow newest coverage night truth faults hostile trials reliability profile benchmark peers docs bundle clean
+.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage night truth faults hostile trials reliability profile benchmark peers docs bundle clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
+
+# A station with the simulated bench, and its pages: prints the address and the code for the first login.
+serve: $(VENV)/.station $(VENV)/.assets
+	$(BIN)/bench serve
+
+# Files of other projects that the pages use, as bench/web/assets.toml lists them.
+assets: $(VENV)/.assets
 
 test: $(VENV)/.dev lint types contracts pytest
 
@@ -24,16 +31,16 @@ types: $(VENV)/.dev
 contracts: $(VENV)/.dev
 	$(BIN)/lint-imports
 
-pytest: $(VENV)/.dev
+pytest: $(VENV)/.dev $(VENV)/.assets
 	$(BIN)/pytest -n 2 --dist worksteal -m 'not slow'
 
 # What to run after each change: a minute or so.
-test-quick: $(VENV)/.dev lint
+test-quick: $(VENV)/.dev $(VENV)/.assets lint
 	$(BIN)/pytest -q -n 2 --dist worksteal -m 'not slow and not lengthy' tests/unit tests/wire
 
 # The other tests: truth over seeds, real stacks on loopback, whole benches. CI runs them after `make test`.
 # More workers than processors: many of these wait in real time.
-slow: $(VENV)/.dev
+slow: $(VENV)/.dev $(VENV)/.assets
 	$(BIN)/pytest -n 4 --dist worksteal -m slow --durations 20
 
 # Everything above is on the interpreter of .venv; this is a quick part on the newest one that is there (or: NEWEST=…).
@@ -41,7 +48,7 @@ newest:
 	./.ci/newest
 
 # Which branches no test goes through; apart from the tests, because it makes them a quarter longer.
-coverage: $(VENV)/.dev
+coverage: $(VENV)/.dev $(VENV)/.assets
 	$(BIN)/pytest -n 2 --cov --cov-report= --dist worksteal
 	$(BIN)/coverage report --fail-under=90
 
@@ -104,10 +111,19 @@ $(VENV)/.core: $(VENV)/.made pyproject.toml
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@
 
-$(VENV)/.dev: $(VENV)/.made pyproject.toml
-	$(BIN)/pip install --quiet -e '.[dev]'
+$(VENV)/.station: $(VENV)/.made pyproject.toml
+	$(BIN)/pip install --quiet -e '.[pdf,station]'
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@ $(VENV)/.core
 
+$(VENV)/.assets: $(VENV)/.made bench/web/assets.toml bench/web/assets.py
+	$(BIN)/python bench/web/assets.py
+	touch $@
+
+$(VENV)/.dev: $(VENV)/.made pyproject.toml
+	$(BIN)/pip install --quiet -e '.[dev]'
+	$(BIN)/python -m compileall -q $(PACKAGES)
+	touch $@ $(VENV)/.core $(VENV)/.station
+
 clean:
-	rm -rf $(VENV) .venv-newest build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .coverage*
+	rm -rf $(VENV) .venv-newest build dist bench/web/static/vendor .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .coverage*

@@ -69,7 +69,12 @@ class Control:
     @property
     def held_by(self) -> str:
         """Return the names of those who hold the run."""
-        return ", ".join(sorted(self._reasons))
+        return ", ".join(self.reasons)
+
+    @property
+    def reasons(self) -> list[str]:
+        """Return why no further step begins, also while one is still completed."""
+        return sorted(self._reasons)
 
     def cut(self, wish: Wish, kind: type[StepBase] = StepBase) -> list[str]:
         """Cancel the current steps of a kind; return their ids."""

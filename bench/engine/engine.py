@@ -115,6 +115,11 @@ class Engine:
         else:
             self._control.release(by)
 
+    @property
+    def holds(self) -> list[str]:
+        """Return why no further step begins, also while one is still completed."""
+        return self._control.reasons
+
     def skip(self) -> str:
         """Cancel the current step and go on with the next; return its id. InputError if there is none."""
         return self._cut("skip")

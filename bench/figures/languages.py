@@ -1,8 +1,8 @@
 """Translation of the words of a report to the language of its reader.
 
 A text is written in English where it is used, as `tr("Dwell {number}", number=3)`, and looked up in the catalogue of
-the language, `translations/zh.json`, whose keys are those texts, and then in the catalogues of plug-ins. Texts in no
-catalogue are shown in English.
+the language, `translations/zh.json` for reports and `translations/zh_….json` for pages of a station, whose keys are
+those texts, and then in the catalogues of plug-ins. Texts in no catalogue are shown in English.
 """
 
 from __future__ import annotations
@@ -61,7 +61,9 @@ def catalogue_of(name: str) -> Mapping[str, str]:
     """Translations of a language by the English texts; empty for English."""
     if name == ENGLISH:
         return {}
-    found: dict[str, str] = json.loads((TRANSLATIONS / f"{name}.json").read_text(encoding="utf-8"))
+    found: dict[str, str] = {}
+    for part in sorted(TRANSLATIONS.glob(f"{name}*.json")):
+        found |= json.loads(part.read_text(encoding="utf-8"))
     for target in {method.translations: None for method in shipped_first() if method.translations}:
         found = {**loaded(target).get(name, {}), **found}
     return found

@@ -11,6 +11,7 @@ from bench.engine.ending import EndRequest
 from bench.engine.engine import Engine
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
+from bench.engine.questions import Question
 from bench.engine.state import RunState
 from bench.errors import InputError, StoreError
 from bench.quality import Fresh, Invalid, Latest, Stale
@@ -112,14 +113,24 @@ def state_to_json(state: RunState) -> dict[str, Any]:
 
 
 def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
-    """Return state that only a running run has: bench time, open questions and newest readings."""
+    """Return state that only a running run has: bench time, requested holds, open questions and newest readings."""
     return {
         "now_s": asyncio.get_running_loop().time(),
-        "questions": [
-            {"step": question.step, "text": question.text, "expected": question.expected}
-            for question in engine.prompts.questions
-        ],
+        "holds": engine.holds,
+        "questions": [_question_to_json(question) for question in engine.prompts.questions],
         "readings": {name: _latest_to_json(latest, unit) for name, (latest, unit) in monitor.newest().items()},
+    }
+
+
+def _question_to_json(question: Question) -> dict[str, Any]:
+    """Return an open question; `choices` is empty for a typed answer, which has a unit or is a text."""
+    return {
+        "step": question.step,
+        "text": question.text,
+        "expected": question.expected,
+        "choices": list(question.choices),
+        "unit": question.input.unit or "" if question.input is not None else "",
+        "picture": str(question.picture.absolute()) if question.picture is not None else "",
     }
 
 

@@ -10,6 +10,7 @@ from datetime import datetime
 from typing import Any
 
 from bench.app.inputs import digest_of
+from bench.app.request import RunRequest
 from bench.clock import wall_utc
 from bench.config.laboratory import LaboratoryFile
 from bench.config.load import load_file
@@ -18,13 +19,16 @@ from bench.station.attempts import LAUNCHERS, Launcher
 from bench.station.catalogue import Catalogue
 from bench.station.database import Database
 from bench.station.items import Item, Submission
+from bench.station.jobs import Jobs
 from bench.station.leases import Leases
 from bench.station.live import Live, Timelines
 from bench.station.part import Part
 from bench.station.queue import Queue
 from bench.station.releases import Releases
+from bench.station.resuming import Resuming
 from bench.station.schedule import Expected, expected
 from bench.station.scheduler import Scheduler
+from bench.station.sequences import Sequences
 from bench.station.settings import Settings
 from bench.station.signoff import SignOff
 from bench.station.snapshots import Snapshots
@@ -47,12 +51,15 @@ class Daemon:
         laboratory = load_file(settings.laboratory, LaboratoryFile) if settings.laboratory is not None else None
         self.releases = Releases(database)
         self.sign_off = SignOff(database, settings.report_prefix, laboratory)
+        self.sequences, self.jobs = Sequences(settings), Jobs()
+        self.resuming = Resuming(settings, self.queue, launch)
         self.parts: dict[str, Part] = {
             "queue": self.scheduler,
             "live view": self.live,
             "timelines": Timelines(self.live, workers),
             "snapshots": Snapshots(database),
             "watchdog": Watchdog(),
+            "jobs": self.jobs,
         }
 
     def problems(self) -> list[str]:
@@ -63,14 +70,17 @@ class Daemon:
         """Return the runs in progress, also those started by hand."""
         return [run for run in self.catalogue.all() if run.state == "running"]
 
-    async def checked(self, submission: Submission) -> Checked:
-        """Check a submission. Raises InputError for names that the station does not have."""
-        request = submission.request(
+    def request(self, submission: Submission) -> RunRequest:
+        """Return the request of a submission. Raises InputError for names that the station does not have."""
+        return submission.request(
             sequence=str(self.settings.sequence_file(submission.sequence)),
             bench=str(self.settings.bench_file(submission.bench)),
             runs=self.settings.runs,
         )
-        return await self.workers.call(check, request)
+
+    async def checked(self, submission: Submission) -> Checked:
+        """Check a submission. Raises InputError for names that the station does not have."""
+        return await self.workers.call(check, self.request(submission))
 
     async def submit(
         self, submission: Submission, by: str, *, key: str = "", held: bool = False, may_be_new: bool = True,
@@ -152,5 +162,6 @@ async def at_work(settings: Settings) -> AsyncIterator[Daemon]:
         raise
     finally:
         daemon.commands.shutdown(wait=False)
+        daemon.jobs.close()
         workers.close()
         database.close()

@@ -63,13 +63,30 @@ class LiveRun:
         return new
 
     @property
+    def begun(self) -> tuple[datetime, float] | None:
+        """Instant of the begin of the run by the clock of its bench, and its bench time in s; None until it is read."""
+        return self._begun
+
+    @property
+    def holds(self) -> list[str]:
+        """Why no further step begins, also while one is still completed."""
+        return [str(each) for each in self.status.get("holds", sorted(self.state.held))]
+
+    @property
     def speed(self) -> float:
-        """Bench seconds per second since the first look; 1 if it is unknown."""
+        """Bench seconds per second since the first look; at first what was asked for, or 1."""
         if self._seen is None or self._now is None:
-            return 1.0
+            return self._asked_speed()
         wall_s = (self._now[0] - self._seen[0]).total_seconds()
         bench_s = self._now[1] - self._seen[1]
-        return bench_s / wall_s if wall_s > 5.0 and bench_s > 0 else 1.0
+        return bench_s / wall_s if wall_s > 5.0 and bench_s > 0 else self._asked_speed()
+
+    def _asked_speed(self) -> float:
+        request = self.run.manifest.get("request")
+        try:
+            return float(request["speed"]) if isinstance(request, Mapping) else 1.0
+        except (KeyError, TypeError, ValueError):
+            return 1.0  # not asked for, or as fast as possible
 
     def ends(self) -> datetime | None:
         """Return the estimated wall time of the end: that of the plan, later by what its steps took longer so far."""
@@ -101,8 +118,9 @@ class Live(Part):
     async def look(self) -> None:
         """Look at all running runs once; a run that has ended is looked at for the last time."""
         found = {run.id: run for run in await asyncio.to_thread(self._running)}
-        for name in found.keys() - self.runs.keys():
-            self.runs[name] = LiveRun(found[name])
+        for name, run in found.items():
+            live = self.runs.setdefault(name, LiveRun(run))
+            live.run = run  # the manifest of a run that has just begun is not written yet
         for name, live in list(self.runs.items()):
             for event in await asyncio.to_thread(live.look):
                 for call in self.on_event:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from abc import ABC, abstractmethod
+from contextlib import suppress
 
 from bench.errors import BenchError, error_message
 
@@ -37,7 +38,6 @@ class Part(ABC):
                 self.problem = ""
             except (BenchError, OSError) as problem:
                 self.problem = error_message(problem) if isinstance(problem, BenchError) else str(problem)
-            try:
-                await asyncio.wait_for(self._woken.wait(), self.every_s)
-            except TimeoutError:
-                continue
+            with suppress(TimeoutError):
+                async with asyncio.timeout(self.every_s):  # wait_for of Python 3.11 can lose a cancellation
+                    await self._woken.wait()

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from datetime import timedelta
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, StringConstraints
@@ -68,6 +69,12 @@ class Settings(NamedTuple):
     released_only: bool = False
     idle: timedelta | None = None
     launch: Launch = "process"
+    zones: Mapping[str, str] = MappingProxyType({})  # time zones of the benches
+
+    @property
+    def zone(self) -> str:
+        """Time zone of the station: that of its first bench."""
+        return next(iter(self.zones.values()), "UTC")
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -103,7 +110,9 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     else:
         found, beside = load_file(file, StationFile), file.absolute().parent
     benches = {name: _bench_file(entry.file, beside) for name, entry in found.benches.items()}
-    titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
+    loaded = {name: load_bench(path).bench for name, path in benches.items()}
+    titles = {name: entry.title or loaded[name].title for name, entry in found.benches.items()}
+    zones = {name: bench.site.time_zone for name, bench in loaded.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
     return Settings(
         found.title,
@@ -117,6 +126,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         released_only=found.released_only,
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,
         launch=instead.get("launch") or found.launch,
+        zones=zones,
     )
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from datetime import datetime, timedelta
+from collections.abc import Iterable, Mapping
+from datetime import UTC, date, datetime, timedelta
+from itertools import islice
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -50,6 +51,8 @@ class QuestionView(_Model):
     step: str
     text: str
     expected: str
+    choices: list[str] = Field([], description="permitted answers; empty for a typed one")
+    unit: str = Field("", description="unit of a typed answer; empty for a text")
 
 
 class RunView(_Model):
@@ -69,7 +72,7 @@ class RunView(_Model):
     now_s: float | None = Field(description="bench time in s")
     speed: float = Field(description="bench seconds per second")
     ends: datetime | None = Field(description="estimated end")
-    held_by: list[str] = Field(description="why no step begins; 'pause' for a person")
+    held_by: list[str] = Field(description="why no further step begins; 'operator' for a person")
     questions: list[QuestionView]
     readings: list[ReadingView]
     problems: list[str]
@@ -130,6 +133,7 @@ class RunInfo(_Model):
     bench: str
     units: list[str]
     operator: str
+    order: str = ""
     started: str
     ended: str | None
     item: str
@@ -161,7 +165,7 @@ def run_view(live: LiveRun) -> RunView:
         now_s=status.get("now_s"),
         speed=live.speed,
         ends=live.ends(),
-        held_by=sorted(live.state.held),
+        held_by=live.holds,
         questions=[QuestionView.model_validate(each) for each in status.get("questions", ())],
         readings=[_reading_view(name, each) for name, each in status.get("readings", {}).items()],
         problems=list(live.state.problems),
@@ -187,11 +191,57 @@ def run_info(run: RunSummary) -> RunInfo:
         bench=str(manifest.get("bench", "")),
         units=list(run.units),
         operator=str(manifest.get("operator", "")),
+        order=str(manifest.get("order") or ""),
         started=str(manifest.get("started", "")),
         ended=manifest.get("ended"),
         item=ticket_of(manifest),
         latched=found.why if found is not None else "",
     )
+
+
+class RunFilter(_Model):
+    """Filter of runs: a run must match every field that is not empty."""
+
+    text: str = Field("", max_length=200, description="words in name, title, bench, units, operator, order or verdict")
+    state: str = Field("", max_length=32)
+    verdict: str = Field("", max_length=32)
+    unit: str = Field("", max_length=64, description="serial number")
+    bench: str = Field("", max_length=500, description="title of the bench")
+    sequence: str = Field("", max_length=64)
+    since: date | None = Field(None, description="first day (UTC) of the begin")
+    until: date | None = Field(None, description="last day (UTC) of the begin")
+    before: str = Field("", max_length=200, description="only runs older than this one, for the next page")
+
+    def admits(self, info: RunInfo) -> bool:
+        """Return True if a run matches."""
+        equal = (
+            (self.state, info.state), (self.verdict, info.verdict), (self.bench, info.bench),
+            (self.sequence, info.sequence),
+        )  # fmt: skip
+        if any(wanted and wanted != given for wanted, given in equal):
+            return False
+        if (self.unit and self.unit not in info.units) or (self.before and info.run >= self.before):
+            return False
+        return self._is_of_these_days(info) and self._has_words(info)
+
+    def _is_of_these_days(self, info: RunInfo) -> bool:
+        begun = _instant(info.started)
+        if self.since is None and self.until is None:
+            return True
+        if begun is None:
+            return False
+        day = begun.astimezone(UTC).date()
+        return (self.since is None or day >= self.since) and (self.until is None or day <= self.until)
+
+    def _has_words(self, info: RunInfo) -> bool:
+        parts = (info.run, info.title, info.sequence, info.bench, info.operator, info.order, info.verdict or "")
+        within = " ".join([*parts, *info.units]).lower()
+        return all(word in within for word in self.text.lower().split())
+
+
+def found_runs(runs: Iterable[RunSummary], wanted: RunFilter, limit: int) -> list[RunInfo]:
+    """Return the first runs that a filter admits."""
+    return list(islice((info for info in map(run_info, runs) if wanted.admits(info)), limit))
 
 
 def item_views(daemon: Daemon, items: list[Item]) -> list[ItemView]:

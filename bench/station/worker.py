@@ -57,36 +57,41 @@ def _end_with_parent() -> None:
     threading.Thread(target=wait, name="parent", daemon=True).start()
 
 
+def _name(work: Callable[..., object]) -> str:
+    return f"the {work.__name__.replace('_', ' ')}"
+
+
 class Workers:
     """Worker processes, started when they are first needed."""
 
-    def __init__(self, count: int = 1) -> None:
-        self._count = count
+    def __init__(self, count: int = 1, limit_s: float = LIMIT_S) -> None:
+        self._count, self._limit_s = count, limit_s
         self._pool: ProcessPoolExecutor | None = None
 
     async def call(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Return the result of a module's function, called in a worker; everything passed must be picklable.
 
-        Raises InputError if the work takes longer than LIMIT_S, or ends its process.
+        Raises InputError if the work takes longer than the limit of these workers, or ends its process.
         """
         if self._pool is None:
             self._pool = ProcessPoolExecutor(self._count, get_context("spawn"), initializer=_end_with_parent)
         working = asyncio.wrap_future(self._pool.submit(work, *args, **kwargs))
         try:
-            return await asyncio.wait_for(working, LIMIT_S)
+            async with asyncio.timeout(self._limit_s):
+                return await working
         except TimeoutError:
             self.close()
-            raise InputError(f"the check has not ended within {LIMIT_S:g} s") from None
+            raise InputError(f"{_name(work)} has not ended within {self._limit_s:g} s") from None
         except BrokenProcessPool as problem:
             self.close()
-            raise InputError(f"the process of the check has died ({problem})") from None
+            raise InputError(f"the process of {_name(work)} has died ({problem})") from None
 
     def close(self) -> None:
         """End the processes at once; the next call starts new ones."""
         if self._pool is None:
             return
         processes = list((self._pool._processes or {}).values())  # noqa: SLF001  the pool has no way to kill them
-        self._pool.shutdown(wait=False, cancel_futures=True)
         for each in processes:
             each.kill()
+        self._pool.shutdown(cancel_futures=True)
         self._pool = None

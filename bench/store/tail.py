@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sqlite3
 from collections.abc import Mapping
 from datetime import datetime
@@ -15,6 +16,13 @@ from bench.store.reader import Event
 
 _EVENTS = "SELECT seq, at_s, kind, step, data FROM journal WHERE seq > ? ORDER BY seq LIMIT ?"
 _READINGS = "SELECT seq, at_s, channel, value FROM reading WHERE seq > ? ORDER BY seq LIMIT ?"
+_ENVELOPE = (
+    "SELECT CAST(at_s / ? AS INTEGER) AS bucket, MIN(value), MAX(value), AVG(value) FROM reading "
+    "WHERE seq >= ? AND channel = (SELECT id FROM channel WHERE name = ?) AND at_s >= ? GROUP BY bucket ORDER BY bucket"
+)
+_BLOCKS = """SELECT seq, stream, step, frames, first_s, last_s, crc, data FROM block WHERE last_s >= ?
+  ORDER BY seq DESC LIMIT ?"""
+_OUT_OF_ORDER_S = 60.0  # readings of several devices are written in the order of their arrival
 
 
 class TailReading(NamedTuple):
@@ -24,6 +32,28 @@ class TailReading(NamedTuple):
     at_s: float
     channel: str
     value: float
+
+
+class Bucket(NamedTuple):
+    """Readings of a channel in an interval that begins at `at_s`: lowest, highest and mean."""
+
+    at_s: float
+    low: float
+    high: float
+    mean: float
+
+
+class TailBlock(NamedTuple):
+    """Block of frames of a stream as it is stored, with the step in which they arrived."""
+
+    seq: int
+    stream: str
+    step: str
+    frames: int
+    first_s: float
+    last_s: float
+    crc: int
+    data: bytes
 
 
 class Tail:
@@ -63,6 +93,43 @@ class Tail:
     def last_reading(self) -> int:
         """Return the number of the last reading; 0 if there is none."""
         return int(self._rows("SELECT COALESCE(MAX(seq), 0) FROM reading")[0][0])
+
+    def channels(self) -> dict[str, str]:
+        """Return the units of all recorded channels, by name."""
+        return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))
+
+    def span_s(self) -> tuple[float, float]:
+        """Return the bench time of the first and of the last reading in s; zeros without one."""
+        first, last = self._at_s("reading", "MIN"), self._at_s("reading", "MAX")
+        return first or 0.0, last or 0.0
+
+    def envelope(self, channel: str, since_s: float, width_s: float) -> list[Bucket]:
+        """Return minimum, maximum and mean of a channel in intervals of a width, from the one that holds `since_s`.
+
+        Intervals begin at multiples of their width; those without a reading are left out.
+        """
+        first_s = math.floor(since_s / width_s) * width_s
+        rows = self._rows(_ENVELOPE, width_s, self._first_after(first_s - _OUT_OF_ORDER_S), channel, first_s)
+        return [Bucket(number * width_s, low, high, mean) for number, low, high, mean in rows]
+
+    def blocks(self, since_s: float, limit: int) -> list[TailBlock]:
+        """Return the newest `limit` blocks of frames that end after an instant, in order, still packed."""
+        rows = self._rows(_BLOCKS, since_s, limit)
+        return [TailBlock(*row) for row in reversed(rows)]
+
+    def _first_after(self, at_s: float) -> int:
+        """Return the number of a reading before which none is newer than an instant; readings are nearly in order."""
+        low, high = 1, self.last_reading() + 1
+        while low < high:
+            middle = (low + high) // 2
+            rows = self._rows("SELECT at_s FROM reading WHERE seq >= ? ORDER BY seq LIMIT 1", middle)
+            low, high = (middle + 1, high) if rows and rows[0][0] < at_s else (low, middle)
+        return low
+
+    def _at_s(self, table: str, end: str) -> float | None:
+        query = f"SELECT at_s FROM {table} WHERE seq = (SELECT {end}(seq) FROM {table})"  # noqa: S608  our own names
+        rows = self._rows(query)
+        return float(rows[0][0]) if rows else None
 
     def _name(self, channel: int) -> str:
         if channel not in self._names:

@@ -9,15 +9,29 @@ from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 from starlette.types import ASGIApp
 
 from bench.errors import BenchError, InputError, InUseError, StaleError
 from bench.station.leases import LeasedError
 from bench.web.access import expect_scopes
-from bench.web.api import description, leases, people, queue, releases, runs, signoff, station
+from bench.web.api import (
+    description,
+    leases,
+    people,
+    preparing,
+    queue,
+    releases,
+    results,
+    runs,
+    series,
+    signoff,
+    station,
+)
 from bench.web.guards import Guards
 from bench.web.origins import LOOPBACK
+from bench.web.pages import problems
+from bench.web.pages.routers import ROUTERS
 from bench.web.patience import TooSoonError
 from bench.web.services import Services
 
@@ -36,23 +50,32 @@ def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = Fa
         openapi_url=None,
     )  # fmt: skip
     app.state.services = services
-    for each in (station, queue, runs, signoff, releases, leases, people, description):
+    for each in (
+        station, queue, preparing, results, runs, series, signoff, releases, leases, people, description,
+    ):  # fmt: skip
         app.include_router(each.router)
+    for router in ROUTERS:
+        app.include_router(router)
+    problems.add_to(app)
     app.add_exception_handler(BenchError, _in_our_words)
     app.add_exception_handler(RequestValidationError, _not_valid)
     expect_scopes(app)
     return Guards(app, services.identity, LOOPBACK | frozenset(hosts), secure=secure)
 
 
-async def _in_our_words(_: Request, problem: Exception) -> JSONResponse:
+async def _in_our_words(request: Request, problem: Exception) -> Response:
     code = next((code for kind, code in _STATUS if isinstance(problem, kind)), 503)
+    if problems.wants_page(request):
+        return problems.problem_page(request, 429 if isinstance(problem, TooSoonError) else code, str(problem))
     headers = {"retry-after": f"{ceil(problem.wait_s)}"} if isinstance(problem, TooSoonError) else None
     return JSONResponse({"detail": str(problem)}, 429 if headers else code, headers)
 
 
-async def _not_valid(_: Request, problem: Exception) -> JSONResponse:
+async def _not_valid(request: Request, problem: Exception) -> Response:
     assert isinstance(problem, RequestValidationError)  # noqa: S101  it is registered for no other
     found: list[Any] = [
         f"{'.'.join(map(str, each['loc'][1:])) or 'request'}: {each['msg']}" for each in problem.errors()
     ]
+    if problems.wants_page(request):
+        return problems.problem_page(request, 422, "; ".join(found))
     return JSONResponse({"detail": "; ".join(found)}, 422)

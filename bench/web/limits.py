@@ -12,7 +12,7 @@ from bench.clock import since_boot_s
 PER_S, AT_ONCE = 50.0, 100.0
 OF_ALL, OF_ONE = 150, 24  # requests in progress; the rest of the connections is for commands that make safe
 KEPT = 4000
-MAKES_SAFE = re.compile(r"/api/v1/runs/[^/]+/(?:pause|stop|abort)")
+MAKES_SAFE = re.compile(r"/api/v1/runs/[^/]+/(?:pause|stop|abort)|/runs/[^/]+/do/(?:pause|stop|stop_after_step|abort)")
 
 
 def makes_safe(method: str, path: str) -> bool:

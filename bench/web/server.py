@@ -21,6 +21,7 @@ from bench.station.daemon import at_work
 from bench.station.settings import Settings
 from bench.web.access import EVERYTHING, Person
 from bench.web.app import make_app
+from bench.web.assets import lacking
 from bench.web.audit import Audit
 from bench.web.connections import Connection, Handshake, connection_of
 from bench.web.guards import HEADER_LIMIT_BYTES
@@ -71,6 +72,8 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
             say(f"{settings.title}: {url}")
             if listening.is_loopback and not identity.has_users():
                 say(f"code for the first login, valid once within 10 minutes: {identity.new_code()}")
+            if missing := lacking():
+                say(f"the pages lack {', '.join(missing)} and show no live values; in a source checkout: make assets")
             notify("READY=1", f"STATUS=serves {url}")
             try:
                 await _until_signal(_Server(config), listener)

@@ -30,6 +30,8 @@ from bench.report import flag_words
 from bench.report.tables import VARIABLES, WORST, model_sheet
 from bench.report.write import write_report
 from bench.sequence.method import known_methods, texts_of
+from bench.web import news, sentence
+from bench.web.pages import places, problems, screen
 from drivers.installed import loaded
 from tests.support.runs import ROOT, run_short
 
@@ -101,7 +103,7 @@ def texts_in_python():
 
 
 def texts_in_templates():
-    for path in (ROOT / "bench/report/templates").iterdir():
+    for path in [*(ROOT / "bench/report/templates").iterdir(), *(ROOT / "bench/web/templates").iterdir()]:
         for call in Environment().parse(path.read_text("utf-8")).find_all(nodes.Call):
             if isinstance(call.node, nodes.Name) and call.node.name == "tr" and isinstance(call.args[0], nodes.Const):
                 yield call.args[0].value
@@ -122,7 +124,14 @@ def texts_in_tables():
         flag_words._WHERE,
         VARIABLES,
         WORST,
+        sentence.NOW,
+        sentence.NEXT,
+        sentence.STATES,
+        news.NEWS,
+        screen.TITLES,
+        problems.TITLES,
     )
+    yield from places.TITLES
     for table in tables:
         yield from table.values()
     yield from (

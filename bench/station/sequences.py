@@ -1,0 +1,148 @@
+"""Sequences that a station offers, with what a person needs to choose one: purpose, presets, parameters, bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from bench.config.load import shipped
+from bench.errors import InputError
+from bench.sequence.document.model import Parameter, SequenceFile
+from bench.sequence.language.expressions import Value
+from bench.sequence.language.values import as_written
+from bench.sequence.load import load_sequence
+from bench.station.settings import Settings
+from drivers.quantity.quantities import Quantity
+from drivers.quantity.units import customary_unit
+
+HEAD_LINES = 60
+MARK = "# "
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+
+class ParameterView(_Model):
+    """Parameter of a sequence; values as they are written in a sequence."""
+
+    name: str
+    help: str
+    default: str
+    unit: str = Field(description="unit of the default; empty for none")
+    low: str = Field(description="lowest value allowed; empty for none")
+    high: str = Field(description="highest value allowed; empty for none")
+    is_list: bool
+    kind: str = Field(description="quantity, text or truth")
+
+
+class PresetView(_Model):
+    """Preset of a sequence."""
+
+    name: str
+    help: str
+    values: dict[str, str] = Field(description="values of its parameters")
+
+
+class SequenceView(_Model):
+    """Sequence of a station; `problem` says why it cannot be read, and then the rest is empty."""
+
+    name: str
+    title: str = ""
+    own: bool = Field(False, description="of the laboratory; otherwise shipped")
+    head: str = Field("", description="comment at the head of the file")
+    needs: dict[str, str] = Field({}, description="kind of device by role")
+    parameters: list[ParameterView] = []
+    presets: list[PresetView] = []
+    problem: str = ""
+
+    def shown_with(self, preset: str | None) -> dict[str, str]:
+        """Return the value of each parameter with a preset, as written."""
+        chosen = next((each.values for each in self.presets if each.name == preset), {})
+        return {each.name: chosen.get(each.name, each.default) for each in self.parameters}
+
+
+class _Kept(NamedTuple):
+    mark: tuple[int, int]
+    view: SequenceView
+
+
+class Sequences:
+    """Catalogue of sequences; a file is read again when it has changed."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._kept: dict[Path, _Kept] = {}
+
+    def all(self) -> list[SequenceView]:
+        """Return all sequences by name; one of the laboratory replaces a shipped one of the same name."""
+        return [self._view(path) for _, path in sorted(self._files().items())]
+
+    def named(self, name: str) -> SequenceView:
+        """Return a sequence. Raises InputError."""
+        return self._view(self._settings.sequence_file(name))
+
+    def _files(self) -> dict[str, Path]:
+        own = self._settings.sequences
+        folders = [*reversed(shipped("sequences")), *([own] if own is not None else [])]
+        return {path.stem: path for folder in folders for path in folder.glob("*.yaml") if path.is_file()}
+
+    def _view(self, path: Path) -> SequenceView:
+        try:
+            state = path.stat()
+        except OSError as problem:
+            return SequenceView(name=path.stem, problem=str(problem))
+        mark = (state.st_mtime_ns, state.st_size)
+        if (kept := self._kept.get(path)) is None or kept.mark != mark:
+            kept = self._kept[path] = _Kept(mark, view_of(path, own=path.parent == self._settings.sequences))
+        return kept.view
+
+
+def view_of(path: Path, *, own: bool) -> SequenceView:
+    """Return the view of a sequence file; a file that cannot be read has its problem in it."""
+    try:
+        document, sequence = load_sequence(path)
+    except InputError as problem:
+        return SequenceView(name=path.stem, own=own, problem=str(problem))
+    return SequenceView(
+        name=path.stem, title=sequence.title, own=own, head=head_of(document.text), needs=dict(sequence.needs),
+        parameters=[_parameter(name, each) for name, each in sequence.parameters.items()],
+        presets=list(_presets(sequence)),
+    )  # fmt: skip
+
+
+def head_of(text: str) -> str:
+    """Return the comment at the head of a file, without its marks and the line for editors."""
+    lines: list[str] = []
+    for line in text.splitlines()[:HEAD_LINES]:
+        if not line.startswith("#"):
+            break
+        if not line.startswith("# yaml-language-server"):
+            lines.append(line.removeprefix(MARK).removeprefix("#").rstrip())
+    return "\n".join(lines).strip("\n")
+
+
+def _presets(sequence: SequenceFile) -> Iterator[PresetView]:
+    for name, preset in sequence.presets.items():
+        yield PresetView(name=name, help=preset.help, values={key: written(value) for key, value in preset.set.items()})
+
+
+def _parameter(name: str, parameter: Parameter) -> ParameterView:
+    default = parameter.default
+    one = default[0] if isinstance(default, tuple) else default
+    kind = "quantity" if isinstance(one, Quantity) else "truth" if isinstance(one, bool) else "text"
+    unit = (one.written.partition(" ")[2] or customary_unit(one.dimension)) if isinstance(one, Quantity) else ""
+    return ParameterView(
+        name=name, help=parameter.help, default=written(default), unit=unit, kind=kind,
+        low="" if parameter.min is None else parameter.min.written,
+        high="" if parameter.max is None else parameter.max.written, is_list=isinstance(default, tuple),
+    )  # fmt: skip
+
+
+def written(value: Value) -> str:
+    """Return a value as it is written in a sequence, a list in brackets."""
+    text = as_written(value)
+    return f"[{text}]" if isinstance(value, tuple) else text

@@ -1,0 +1,137 @@
+"""Series of a run for curves: readings and pulse rates, thinned to lowest, highest and mean of short intervals.
+
+An oscillation faster than the intervals stays visible as a band between lowest and highest, and is never aliased.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.config.bench import load_kept_bench
+from bench.errors import BenchError, InputError
+from bench.metrology.acquisition import Counts
+from bench.reduce.stored_run import BENCH_COPY
+from bench.store.database import unpack_all
+from bench.store.decoder import Decoder, decoders_of
+from bench.store.tail import Bucket, Tail, TailBlock
+
+PULSE_RATE = "pulse/s"
+MOST_BLOCKS = 600  # decoded for one answer
+LEAST_WIDTH_S = 0.1
+POINTS = 600
+Array = NDArray[np.float64]
+
+
+class Thinned(NamedTuple):
+    """Series of a channel: intervals of `width_s`, in order. `since_s` is where a series of rates begins."""
+
+    unit: str
+    width_s: float
+    buckets: list[Bucket]
+
+
+def width_of(span_s: float, points: int) -> float:
+    """Return the width of intervals for a number of points: 1, 2 or 5 times a power of ten."""
+    least = max(span_s / points, LEAST_WIDTH_S)
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(width for width in (power, 2 * power, 5 * power, 10 * power) if width >= least * 0.999)
+
+
+def thinned(run: Path, channels: Iterable[str], since_s: float, width_s: float) -> dict[str, Thinned]:
+    """Return the series of channels of a run from an instant, in bench time. Raises InputError and StoreError.
+
+    Channels are those of readings, and DEVICE.CHANNEL of counters for their pulse rates.
+    """
+    with Tail(run) as tail:
+        units = tail.channels()
+        wanted = list(channels)
+        found = {
+            name: Thinned(units[name], width_s, tail.envelope(name, since_s, width_s))
+            for name in wanted
+            if name in units
+        }
+        counted = [name for name in wanted if name not in units]
+        blocks = tail.blocks(since_s, MOST_BLOCKS) if counted else []
+    return found | _rates(run, counted, blocks, since_s, width_s)
+
+
+def slope_and_range(run: Path, channel: str, over_s: float) -> tuple[float, float] | None:
+    """Return slope per s and range of a reading over its newest `over_s`; None with too few readings."""
+    with Tail(run) as tail:
+        _, last_s = tail.span_s()
+        buckets = tail.envelope(channel, max(0.0, last_s - over_s), 1.0)
+    if len(buckets) < 3:
+        return None
+    at_s, mean = np.array([each.at_s for each in buckets]), np.array([each.mean for each in buckets])
+    slope = float(np.polyfit(at_s - at_s[0], mean, 1)[0])
+    return slope, max(each.high for each in buckets) - min(each.low for each in buckets)
+
+
+def _rates(
+    run: Path, channels: list[str], blocks: list[TailBlock], since_s: float, width_s: float
+) -> dict[str, Thinned]:
+    if not channels:
+        return {}
+    collected: dict[str, list[tuple[Array, Array]]] = {}
+    decoders, from_s = _decoders(run), math.floor(since_s / width_s) * width_s
+    for (stream, _), group in groupby(blocks, key=lambda block: (block.stream, block.step)):
+        if stream in decoders:
+            for channel, (at_s, rates) in _rates_of(decoders[stream], list(group)):
+                new = (at_s >= from_s) & np.isfinite(rates)
+                collected.setdefault(f"{stream}.{channel}", []).append((at_s[new], rates[new]))
+    return {
+        name: Thinned(PULSE_RATE, width_s, buckets_of(*_joined(parts), width_s))
+        for name, parts in collected.items()
+        if name in channels
+    }
+
+
+def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    return np.concatenate([at_s for at_s, _ in parts]), np.concatenate([values for _, values in parts])
+
+
+def _decoders(run: Path) -> Mapping[str, Decoder]:
+    try:
+        return decoders_of(load_kept_bench(run / BENCH_COPY).devices, run)
+    except BenchError as problem:
+        raise InputError(f"the frames of this run cannot be decoded ({problem})") from None
+
+
+def _rates_of(decoder: Decoder, blocks: list[TailBlock]) -> Iterator[tuple[str, tuple[Array, Array]]]:
+    """Yield instants and pulse rates between the latches of consecutive blocks, by channel."""
+    block = unpack_all([(each.data, each.frames, each.crc) for each in blocks])
+    for channel, output in decoder.outputs(block).items():
+        if isinstance(output, Counts) and len(output.tick) > 1:
+            yield channel, (output.host_s[1:], rates_of(output))
+
+
+def rates_of(counts: Counts) -> Array:
+    """Return the net pulse rate between consecutive latches, (N - 1,) in pulse/s."""
+    pulses = _steps(counts.positive, counts.counter_bits) - _steps(counts.negative, counts.counter_bits)
+    took_s = _steps(counts.tick, counts.tick_bits) * counts.tick_period_s
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(pulses / took_s, np.float64)
+
+
+def _steps(values: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
+    """Return the differences of a counter that wraps."""
+    return np.mod(np.diff(values), np.int64(1) << bits) if bits < 63 else np.diff(values)
+
+
+def buckets_of(at_s: Array, values: Array, width_s: float) -> list[Bucket]:
+    """Return lowest, highest and mean of values in order of time, in intervals that begin at multiples of a width."""
+    numbers = np.floor(at_s / width_s).astype(np.int64)
+    starts = np.flatnonzero(np.diff(numbers, prepend=numbers[:1] - 1))
+    if not len(starts):
+        return []
+    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+    mean = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
+    columns = (numbers[starts] * width_s, low, high, mean)
+    return [Bucket(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]

@@ -1,0 +1,79 @@
+"""Series of a run for curves."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from datetime import datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, Field
+
+from bench.station.items import Short
+from bench.station.series import POINTS, Thinned, thinned, width_of
+from bench.store.tail import Tail
+from bench.web.access import Reader
+from bench.web.services import Station
+
+router = APIRouter(prefix="/api/v1/runs", tags=["runs"])
+MOST_CHANNELS = 32
+Channels = Annotated[list[Short], Query(max_length=MOST_CHANNELS)]
+Finite = Annotated[float, Query(allow_inf_nan=False)]
+
+
+class SeriesView(BaseModel):
+    """Series of a channel; the lists have one entry for each interval that has readings."""
+
+    unit: str
+    at_s: list[float] = Field(description="begin of each interval, bench time in s")
+    low: list[float | None]
+    high: list[float | None]
+    mean: list[float | None]
+
+
+class SeriesOfRun(BaseModel):
+    """Series of a run. Intervals begin at multiples of their width, so that a later answer continues an earlier one."""
+
+    zero: datetime | None = Field(description="instant of bench time 0 by the clock of the bench")
+    until_s: float = Field(description="bench time of the newest reading in s")
+    width_s: float = Field(description="width of the intervals")
+    channels: dict[str, SeriesView]
+
+
+@router.get("/{run}/series")
+async def series(
+    station: Station, _: Reader, run: str, channel: Channels, since: Finite = 0.0, last: Finite | None = None,
+    points: Annotated[int, Query(ge=10, le=5000)] = POINTS,
+    width: Annotated[float | None, Query(ge=0.1, le=1e6)] = None,
+) -> SeriesOfRun:  # fmt: skip
+    """Return channels of a run from bench time `since` on, or over the `last` seconds, in about `points` intervals.
+
+    Channels are readings, and DEVICE.CHANNEL of counters for their pulse rates. `width` continues an earlier answer.
+    """
+    path = station.daemon.catalogue.run(run).path
+
+    def read() -> SeriesOfRun:
+        with Tail(path) as tail:
+            begins = tail.begins()
+            first_s, until_s = tail.span_s()
+        since_s = max(first_s, since if last is None else until_s - last)
+        width_s = width or width_of(max(until_s - since_s, 1.0), points)
+        least_s = max(since_s, until_s - 20_000 * width_s)  # bounds the answer, whatever the width
+        found = thinned(path, channel, least_s, width_s)
+        zero = datetime.fromtimestamp(begins[0].timestamp() - begins[1], begins[0].tzinfo) if begins else None
+        return SeriesOfRun(
+            zero=zero, until_s=until_s, width_s=width_s, channels={k: _view(v) for k, v in found.items()}
+        )
+
+    return await asyncio.to_thread(read)
+
+
+def _view(found: Thinned) -> SeriesView:
+    def column(name: str) -> list[float | None]:
+        return [value if math.isfinite(value := float(getattr(each, name))) else None for each in found.buckets]
+
+    return SeriesView(
+        unit=found.unit, at_s=[each.at_s for each in found.buckets], low=column("low"), high=column("high"),
+        mean=column("mean"),
+    )  # fmt: skip

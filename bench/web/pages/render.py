@@ -1,0 +1,82 @@
+"""Rendering of a page: template, language, theme, and the frame that all pages have."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+from zoneinfo import ZoneInfo
+
+from fastapi import Request
+from fastapi.responses import HTMLResponse
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from bench.clock import wall_utc
+from bench.figures.languages import ENGLISH, LANGUAGES, language, tr
+from bench.web.access import Person, Scope
+from bench.web.pages.files import static
+from bench.web.pages.places import PLACES
+from bench.web.services import Services
+
+LANGUAGE, THEME = "bench_language", "bench_theme"
+THEMES = ("light", "dark")
+
+
+def page(request: Request, template: str, *, status: int = 200, place: str = "", **values: Any) -> HTMLResponse:
+    """Return a page in the language of its reader; `place` is the path of its entry in the navigation."""
+    with language(language_of(request)):
+        return HTMLResponse(rendered(template, **_frame(request), place=place, **values), status)
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Return a template, or a part of a page, in the current language."""
+    return environment().get_template(template).render(**values)
+
+
+def language_of(request: Request) -> str:
+    """Return the language that the reader has chosen, else the first one of the browser that there is."""
+    if (chosen := request.cookies.get(LANGUAGE)) in LANGUAGES:
+        return str(chosen)
+    accepted = [each.strip()[:2].lower() for each in request.headers.get("accept-language", "").split(",")]
+    return next((each for each in accepted if each in LANGUAGES), ENGLISH)
+
+
+def person_of(request: Request) -> Person | None:
+    """Return who sends a request; None if unknown, also where a guard has refused it."""
+    found: Person | None = getattr(request.state, "person", None)
+    return found
+
+
+def may(person: Person | None, scope: str) -> bool:
+    """Return True if a person may do what needs a scope."""
+    return person is not None and Scope(scope) in person.scopes
+
+
+def _frame(request: Request) -> dict[str, Any]:
+    services: Services = request.app.state.services
+    theme, zone = request.cookies.get(THEME, ""), services.daemon.settings.zone
+    return {
+        "request": request,
+        "language": language_of(request),
+        "theme": theme if theme in THEMES else "",
+        "person": person_of(request),
+        "station_title": services.daemon.settings.title,
+        "banner": services.banner,
+        "troubles": services.daemon.problems() if person_of(request) is not None else [],
+        "places": PLACES,
+        "zone": zone,
+        "now": wall_utc().astimezone(ZoneInfo(zone)),
+    }
+
+
+@lru_cache(maxsize=1)
+def environment() -> Environment:
+    """Environment of all templates. `tr` translates, `static` is the address of a file."""
+    made = Environment(
+        loader=PackageLoader("bench.web"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.globals |= {"tr": tr, "static": static, "may": may, "zone_of": ZoneInfo}
+    return made

@@ -1,0 +1,160 @@
+"""Screen of a bench: everything that its page shows of a run in progress, in words."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+from typing import Any, NamedTuple
+
+from bench.clock import wall_utc
+from bench.engine.control import OPERATOR
+from bench.figures.languages import tr
+from bench.figures.times_and_sizes import duration
+from bench.station.live import LiveRun
+from bench.station.view import ItemView, item_views
+from bench.web.news import Line, news
+from bench.web.pages.drawn import Timeline, timeline
+from bench.web.pages.readings import SET_POINT, Row, label, rows
+from bench.web.pages.trends import Trend
+from bench.web.sentence import STATES, Sentence, sentence_of
+from bench.web.services import Services
+from bench.web.shown import FORMS, clock_time
+
+NEWS_SHOWN = 6
+UNITS_OF_CURVES = ("°C", "pulse/s", "°", "°/s", "A", "V")
+
+
+class Ending(NamedTuple):
+    """What ending a run does, in words: after its step, at once, or without a teardown."""
+
+    after_step: str
+    now: str
+    abort: str
+
+
+class Screen(NamedTuple):
+    """A run in progress as it is shown. `panels` are the curves as JSON for the script."""
+
+    bench: str
+    run: str
+    title: str
+    units: str
+    operator: str
+    state: str
+    state_text: str
+    sentence: Sentence
+    ends: str
+    speed: str
+    timeline: Timeline | None
+    rows: list[Row]
+    news: list[Line]
+    problems: list[str]
+    held_by: list[str]
+    interlocks: list[str]
+    questions: list[Mapping[str, Any]]
+    safe: list[str]
+    ending: Ending
+    panels: str
+    zone: str
+
+
+def screen_of(live: LiveRun, bench: str, zone: str, trend: Trend) -> Screen:
+    """Return the screen of a run in the current language."""
+    sentence, now = sentence_of(live, trend.steady), wall_utc()
+    manifest, plan = live.run.manifest, live.timeline or {}
+    steps = plan.get("steps", ())
+    planned = steps[sentence.number - 1] if steps else {}
+    ends = live.ends()
+    return Screen(
+        bench, live.run.id, tr(str(manifest.get("title", ""))), " · ".join(live.run.units),
+        str(manifest.get("operator", "")), sentence.state, tr(STATES[sentence.state]), sentence,
+        clock_time(ends, zone, now) if steps and ends else "",
+        tr("simulated, {speed} times as fast", speed=f"{live.speed:.0f}") if live.speed > 1.5 else "",
+        timeline(plan, sentence.number - 1, _in_step_s(live, sentence.step)), rows(live, planned, trend),
+        news(reversed(live.events), _zero(live), {step["id"]: step for step in steps}, NEWS_SHOWN),
+        list(live.state.problems), live.holds, [by for by in live.holds if by != OPERATOR],
+        list(live.status.get("questions", ())), _safe(plan),
+        _ending(live, plan, planned), _panels(live, trend), zone,
+    )  # fmt: skip
+
+
+def live_of(services: Services, bench: str) -> LiveRun | None:
+    """Return the run in progress at a bench, or None. Raises InputError for a bench that the station does not have."""
+    daemon = services.daemon
+    daemon.settings.bench_file(bench)
+    return next((live for live in daemon.live.runs.values() if daemon.bench_of(live.run.id) == bench), None)
+
+
+def waiting_at(services: Services, bench: str) -> list[ItemView]:
+    """Return the items that wait for a bench."""
+    daemon = services.daemon
+    return item_views(daemon, [each for each in daemon.queue.waiting() if each.submission.bench == bench])
+
+
+def _zero(live: LiveRun) -> datetime | None:
+    """Return the instant of bench time 0 by the clock of the bench."""
+    begun = live.begun
+    return begun[0] - timedelta(seconds=begun[1]) if begun is not None else None
+
+
+def _in_step_s(live: LiveRun, step: str) -> float:
+    begun = next((e.at_s for e in reversed(live.events) if step and e.step == step), None)
+    now_s = live.status.get("now_s")
+    return max(0.0, float(now_s) - begun) if begun is not None and now_s is not None else 0.0
+
+
+def _safe(plan: Mapping[str, Any]) -> list[str]:
+    """Return the safe state of each device that moves or energises something."""
+    found = []
+    for role, each in plan.get("made_safe", {}).items():
+        alone = each.get("alone_after_s")
+        text = f"{tr(role)}: {tr(each['state'])}"
+        found.append(f"{text}; {tr('by itself after {time}', time=duration(alone))}" if alone is not None else text)
+    return found
+
+
+def _ending(live: LiveRun, plan: Mapping[str, Any], planned: Mapping[str, Any]) -> Ending:
+    """Return what the ways to end a run do, before anybody presses them."""
+    speed = max(live.speed, 1e-3)
+    teardown = duration(plan.get("phases_s", {}).get("teardown", 0.0) / speed)
+    left_s = max(0.0, float(planned.get("duration_s", 0.0)) - _in_step_s(live, ", ".join(live.state.under_way))) / speed
+    within = max((float(each["within_s"]) for each in plan.get("made_safe", {}).values()), default=0.0)
+    states = tr("; ").join(f"{tr(role)} {tr(each['state'])}" for role, each in plan.get("made_safe", {}).items())
+    return Ending(
+        tr(
+            "Finishes this step (at most about {left}), then about {teardown} of teardown.",
+            left=duration(left_s),
+            teardown=teardown,
+        ),
+        tr("Interrupts this step now, then about {teardown} of teardown.", teardown=teardown),
+        tr("Drops everything, without a teardown. Within {within}: {states}.", within=duration(within), states=states),
+    )
+
+
+def _panels(live: LiveRun, trend: Trend) -> str:
+    """Return the curves of a run as JSON: panels by unit, each with its channels."""
+    units = dict(trend.units)
+    units |= dict.fromkeys((live.timeline or {}).get("counted", ()), "pulse/s")
+    panels = []
+    for unit in (each for each in UNITS_OF_CURVES if each in units.values()):
+        names = [name for name, its in units.items() if its == unit]
+        channels = [{"name": name, "label": _legend(name), "isTarget": name.endswith(SET_POINT)} for name in names]
+        panels.append({"unit": unit, "title": tr(TITLES[unit]), "least": FORMS[unit][1], "channels": channels})
+    return json.dumps(panels, ensure_ascii=False)
+
+
+def _legend(name: str) -> str:
+    if name.endswith(SET_POINT):
+        return tr("{device} set point", device=label(name.removesuffix(SET_POINT)))
+    return label(name)
+
+
+TITLES = {
+    "°C": "Temperature",
+    "pulse/s": "Pulse rate",
+    "°": "Angle",
+    "°/s": "Rate",
+    "A": "Current",
+    "V": "Voltage",
+}

@@ -1,0 +1,69 @@
+"""Trends of a run for its page: the last hour of each reading, newest pulse rates, and how steady a soak is."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import NamedTuple
+
+from bench.clock import Stopwatch
+from bench.errors import BenchError
+from bench.station.live import LiveRun
+from bench.station.series import slope_and_range, thinned
+from bench.store.tail import Bucket, Tail
+from bench.web.sentence import soaking
+
+HOUR_S = 3600.0
+WIDTH_S = 60.0
+RATES_OVER_S = 120.0
+RENEW_EVERY_S = 4.0
+MOST_RUNS = 16
+
+
+class Trend(NamedTuple):
+    """Trends of a run at bench time `until_s`: `hours` of readings and newest `rates` in pulse/s, by channel.
+
+    `units` are those of all recorded channels. `steady` are slope per s and range of the reading that a soak waits for.
+    """
+
+    until_s: float = 0.0
+    hours: Mapping[str, list[Bucket]] = {}
+    rates: Mapping[str, Bucket] = {}
+    steady: tuple[float, float] | None = None
+    units: Mapping[str, str] = {}
+
+
+class Trends:
+    """Trends of all runs in progress, read again for all viewers at most every few seconds."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, tuple[Trend, Stopwatch]] = {}
+        self._turn = asyncio.Lock()
+
+    async def of(self, live: LiveRun) -> Trend:
+        """Return the trends of a run; empty ones if it cannot be read yet."""
+        async with self._turn:
+            kept = self._kept.get(live.run.id)
+            if kept is not None and kept[1].elapsed_s() < RENEW_EVERY_S:
+                return kept[0]
+            found = await asyncio.to_thread(_read, live)
+            others = [each for each in self._kept.items() if each[0] != live.run.id]
+            self._kept = dict([*others[-MOST_RUNS:], (live.run.id, (found, Stopwatch()))])
+            return found
+
+
+def _read(live: LiveRun) -> Trend:
+    path = live.run.path
+    steady = None
+    with suppress(BenchError):
+        with Tail(path) as tail:
+            units, (_, until_s) = tail.channels(), tail.span_s()
+        hours = thinned(path, units, max(0.0, until_s - HOUR_S), WIDTH_S)
+        counted = (live.timeline or {}).get("counted", ())
+        rates = thinned(path, counted, max(0.0, until_s - RATES_OVER_S), WIDTH_S)
+        if (soak := soaking(live)) is not None:
+            steady = slope_and_range(path, *soak)
+        newest = {name: each.buckets[-1] for name, each in rates.items() if each.buckets}
+        return Trend(until_s, {name: each.buckets for name, each in hours.items()}, newest, steady, units)
+    return Trend()

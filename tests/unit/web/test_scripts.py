@@ -1,0 +1,28 @@
+"""Our scripts are JavaScript that node reads, and no larger than the page may weigh."""
+
+import shutil
+import subprocess
+
+import pytest
+
+from bench.web.assets import HERE
+
+SCRIPTS = sorted((HERE / "static").glob("*.js"))
+
+
+@pytest.mark.peer("node")
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_node_reads_it(script):
+    done = subprocess.run(
+        [shutil.which("node"), "--check", "--input-type=module"],
+        input=script.read_bytes(),
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_the_page_of_a_bench_loads_less_than_300_kilobytes():
+    files = [path for path in (HERE / "static").rglob("*") if path.suffix in (".js", ".css", ".svg")]
+    assert len(files) > 6
+    assert sum(path.stat().st_size for path in files) < 250_000  # the page itself is about 30 kB
