@@ -61,7 +61,7 @@ def _rates(live: LiveRun, trend: Trend) -> Iterator[Row]:
     for name in (live.timeline or {}).get("counted", ()):
         found = trend.rates.get(name)
         text = number(found.mean, form=form) if found is not None else "–"
-        yield Row(name, label(name), text, PULSE_RATE, "", "", "", "" if found is not None else tr("not counting"), "")
+        yield Row(name, label(name), text, PULSE_RATE, "", "" if found is not None else tr("not counting"), "", "", "")
 
 
 def label(name: str) -> str:

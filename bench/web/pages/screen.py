@@ -120,6 +120,9 @@ def _ending(live: LiveRun, plan: Mapping[str, Any], planned: Mapping[str, Any]) 
     teardown = duration(plan.get("phases_s", {}).get("teardown", 0.0) / speed)
     left_s = max(0.0, float(planned.get("duration_s", 0.0)) - _in_step_s(live, ", ".join(live.state.under_way))) / speed
     within = max((float(each["within_s"]) for each in plan.get("made_safe", {}).values()), default=0.0)
+    if not plan.get("steps"):
+        unknown = tr("The plan is being read.")
+        return Ending(unknown, unknown, tr("Drops everything, without a teardown; all devices are made safe."))
     states = tr("; ").join(f"{tr(role)} {tr(each['state'])}" for role, each in plan.get("made_safe", {}).items())
     return Ending(
         tr(

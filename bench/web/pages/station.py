@@ -25,7 +25,7 @@ router = APIRouter(include_in_schema=False)
 # Parts of the page, each swapped when it changes.
 PARTS = (
     "headline", "timeline", "sentence", "details", "alarms", "readings", "news", "questions", "actions", "after_step",
-    "panels",
+    "stop_now", "abort_does", "panels",
 )  # fmt: skip
 LOOK_EVERY_S = 0.25  # twice in each look of the station at its runs
 ALIVE_EVERY_S = 3.0

@@ -13,7 +13,7 @@ const RENEW_MS = 2000;
 const POINTS = 600;
 const COLOURS = ["--first", "--second", "--third"];
 const DASHES = [[], [8, 4], [2, 3]];
-const WIDE_PX = 1600;
+const TICKS_S = [60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 43200, 86400];
 
 const place = document.getElementById("plots");
 // @ts-ignore  uPlot is a global of its own file
@@ -184,7 +184,7 @@ function options(panel, place, zone, count) {
     legend: { show: !isWall },
     tzDate: (/** @type {number} */ s) => uPlot.tzDate(new Date(s * 1000), zone),
     scales: { x: { time: true }, y: { range: (/** @type {any} */ _, /** @type {number} */ low, /** @type {number} */ high) => range(low, high, panel.least) } },
-    axes: [{ ...axis, ...(isWall ? { font: font.font, size: 60, space: 260 } : { size: 34 }), values: "{HH}:{mm}" }, { ...axis, ...font, space: isWall ? 90 : 28, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(short) }],
+    axes: [{ ...axis, ...(isWall ? { font: font.font, size: 60, space: 260 } : { size: 34 }), incrs: TICKS_S, values: "{HH}:{mm}" }, { ...axis, ...font, space: isWall ? 90 : 28, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(short) }],
     series: [
       { label: place.dataset.time, value: (/** @type {any} */ _, /** @type {number | null} */ s) => s == null ? "–" : clock(s, zone) },
       ...panel.channels.flatMap((channel, n) => {

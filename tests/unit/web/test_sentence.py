@@ -115,7 +115,7 @@ def test_a_reading_has_its_set_point_and_a_bad_one_says_why(live, plan):
         "15.000",
         "",
     ]
-    assert found["counter.x"].age == "not counting"
+    assert found["counter.x"].band == "not counting"
 
 
 def test_news_are_in_words_newest_first_and_an_answer_names_its_person(plan):
