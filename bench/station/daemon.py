@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from datetime import datetime
 
@@ -90,14 +90,17 @@ class Daemon:
 
 
 @asynccontextmanager
-async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> AsyncIterator[Daemon]:
-    """Yield a daemon at work; at the end of the block it stops, and the runs go on.
+async def at_work(
+    settings: Settings, launch: Launcher = as_subprocess, more: Callable[[Daemon], Mapping[str, Part]] = lambda _: {}
+) -> AsyncIterator[Daemon]:
+    """Yield a daemon at work; at the end of the block it stops, and the runs go on. `more` makes further parts of it.
 
     Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
     """
     database, workers = Database(settings.folder), Workers()
     try:
         daemon = Daemon(settings, database, workers, launch)
+        daemon.parts |= more(daemon)
         async with asyncio.TaskGroup() as parts:
             tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
             try:

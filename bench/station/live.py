@@ -63,6 +63,11 @@ class LiveRun:
         return new
 
     @property
+    def begun(self) -> tuple[datetime, float] | None:
+        """Instant by the clock of the bench and bench time in s of the begin; None if they are unknown."""
+        return self._begun
+
+    @property
     def speed(self) -> float:
         """Bench seconds per second since the first look; 1 if it is unknown."""
         if self._seen is None or self._now is None:

@@ -13,6 +13,7 @@ from bench.config.bench import LoadedBench, load_bench
 from bench.config.devices import Text
 from bench.config.load import find, load_file, shipped
 from bench.errors import InputError
+from bench.station.mqtt.settings import MqttSettings, with_files
 from bench.store.user_state import state_folder
 from drivers.schema.fields import NOT_EMPTY, StrictModel
 from drivers.schema.suggest import did_you_mean
@@ -38,6 +39,7 @@ class StationFile(StrictModel):
     benches: Annotated[Mapping[Name, BenchEntry], NOT_EMPTY] = Field(description="benches by name")
     runs: str = Field("runs", description="folder of run directories, relative to this file")
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
+    mqtt: MqttSettings | None = Field(None, description="broker to which the station publishes")
 
 
 class Settings(NamedTuple):
@@ -52,6 +54,7 @@ class Settings(NamedTuple):
     benches: Mapping[str, Path]
     titles: Mapping[str, str]
     sequences: Path | None = None
+    mqtt: MqttSettings | None = None
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -90,7 +93,8 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
     return Settings(
-        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None
+        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None,
+        with_files(found.mqtt, beside.absolute()) if found.mqtt is not None else None,
     )  # fmt: skip
 
 

@@ -17,11 +17,13 @@ import uvicorn
 from bench.errors import BenchError, InputError
 from bench.files import write_whole
 from bench.runner.notify import notify
-from bench.station.daemon import at_work
+from bench.station.audit import Audit
+from bench.station.daemon import Daemon, at_work
+from bench.station.mqtt.part import Mqtt
+from bench.station.part import Part
 from bench.station.settings import Settings
 from bench.web.access import EVERYTHING
 from bench.web.app import make_app
-from bench.web.audit import Audit
 from bench.web.identity import Identity
 from bench.web.services import Services
 
@@ -51,7 +53,7 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
 
     Raises InputError for an address that is not allowed, InUseError if another station has the folder, StoreError.
     """
-    async with at_work(settings) as daemon:
+    async with at_work(settings, more=_more) as daemon:
         identity = Identity(daemon.database)
         _expect_safe(listening, identity)
         banner = "" if listening.is_loopback or listening.certificate else "Anybody in this network can read along."
@@ -75,6 +77,11 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
             finally:
                 with suppress(OSError):
                     (settings.folder / WHERE).unlink(missing_ok=True)
+
+
+def _more(daemon: Daemon) -> dict[str, Part]:
+    """Return further parts that the settings ask for."""
+    return {"MQTT": Mqtt(daemon, daemon.settings.mqtt)} if daemon.settings.mqtt is not None else {}
 
 
 class _Server(uvicorn.Server):

@@ -5,13 +5,28 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from bench.clock import wall_utc
 from bench.station.database import Database
-from bench.web.access import Person
 
 BEGINNING = "0" * 64
+
+
+class Sender(Protocol):
+    """Person or program that acts: its name, and how it was identified, with an identifier."""
+
+    @property
+    def name(self) -> str:
+        """Name."""
+
+    @property
+    def how(self) -> str:
+        """How it was identified, such as a session or a token."""
+
+    @property
+    def id(self) -> str:
+        """Identifier of the token; may be empty."""
 
 
 class Audit:
@@ -20,9 +35,9 @@ class Audit:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def note(self, person: Person, action: str, of: str = "", **facts: Any) -> None:
-        """Append an entry, durably: an action by a person on an object, with facts such as `before` and `after`."""
-        entry = {"who": person.name, "how": person.how, "id": person.id, "action": action, "of": of, **facts}
+    def note(self, sender: Sender, action: str, of: str = "", **facts: Any) -> None:
+        """Append an entry, durably: an action by a sender on an object, with facts such as `before` and `after`."""
+        entry = {"who": sender.name, "how": sender.how, "id": sender.id, "action": action, "of": of, **facts}
         at, data = wall_utc().isoformat(), json.dumps(entry, ensure_ascii=False, sort_keys=True, default=str)
         with self._database.transaction() as tables:
             last = tables.execute("SELECT head FROM audit ORDER BY number DESC LIMIT 1").fetchone()
