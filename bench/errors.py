@@ -57,7 +57,7 @@ class TimeError(BenchError):
 CODES = tuple(error.code for error in (StepError, WindowError))
 
 
-def in_words(problem: BaseException) -> str:
+def error_message(problem: BaseException) -> str:
     """Return the message of an error for a person; for an unexpected one, the traceback as well."""
     if isinstance(problem, BenchError | DriverError):
         return str(problem)

@@ -15,7 +15,7 @@ from bench.errors import InputError, StoreError
 DRAFT = ".draft"
 
 
-def write_whole(path: Path, data: bytes) -> None:
+def write_atomically(path: Path, data: bytes) -> None:
     """Replace a file atomically and durably. Raises StoreError."""
     try:
         with _replacing(path) as draft:
@@ -29,7 +29,7 @@ def write_both(first: Path, first_data: bytes, second: Path, second_data: bytes)
     try:
         with _replacing(second) as draft:
             draft.write_bytes(second_data)
-            write_whole(first, first_data)
+            write_atomically(first, first_data)
     except OSError as problem:
         raise StoreError(f"{second}: cannot be written ({problem})") from problem
 
@@ -60,7 +60,7 @@ def append_line(path: Path, text: str, mode: int | None = None) -> None:
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a draft file that replaces `path` if the block ends without an error.
 
     Missing folders are created. Raises InputError if the file cannot be written.
@@ -95,7 +95,7 @@ def written_new(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def folder_made_whole(path: Path) -> Iterator[Path]:
+def atomic_folder(path: Path) -> Iterator[Path]:
     """Yield a draft folder that becomes `path` if the block ends without an error. Raises OSError.
 
     Raises FileExistsError if `path` exists. Missing parent folders are created.

@@ -10,10 +10,10 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from typing import Literal, NamedTuple
 
-from bench.rig import CLOSE_S, GRACE_S, bring_to_safety
+from bench.rig import CLOSE_S, GRACE_S, make_safe_or_hold
 from drivers.capabilities import Device, Source, ThermalChamber
 from drivers.errors import BadAnswer, CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
-from drivers.timing.awake import Deadline, patience
+from drivers.timing.awake import Deadline, fair_timeout
 
 CONNECT_S = 10.0
 STAYS_S = 1.0  # after which an output is read once more
@@ -78,8 +78,8 @@ async def _lane(role: str, device: Device, limit_s: float, *, only_off: bool, ho
     except Exception as problem:  # noqa: BLE001  the lane reports any error
         return lane("not reached", _in_words(role, problem, CONNECT_S))
     try:
-        async with patience(limit_s):
-            held = await bring_to_safety(device, only_off=only_off, hold=hold)
+        async with fair_timeout(limit_s):
+            held = await make_safe_or_hold(device, only_off=only_off, hold=hold)
         if on_again := await _on_again(device):
             return lane("unsafe", f"{role}: {on_again}")
     except Exception as problem:  # noqa: BLE001  the lane reports any error
@@ -94,7 +94,7 @@ async def _air_c(device: Device) -> float | None:
     """Return the air temperature of a chamber in °C; None for other devices and for one that does not answer."""
     if isinstance(device, ThermalChamber):
         with suppress(DriverError, TimeoutError):
-            async with patience(STAYS_S):
+            async with fair_timeout(STAYS_S):
                 return (await device.state()).process_value_c
     return None
 
@@ -105,7 +105,7 @@ async def _on_again(device: Device) -> str:
         return ""
     await asyncio.sleep(STAYS_S)
     with suppress(DriverError, TimeoutError):
-        async with patience(STAYS_S):
+        async with fair_timeout(STAYS_S):
             if (await device.read()).output:
                 return "was switched on again after it was made safe. Look for the program or the person that does it."
     return ""
@@ -114,7 +114,7 @@ async def _on_again(device: Device) -> str:
 async def _connect(device: Device) -> None:
     """Connect and identify, repeatedly for CONNECT_S; raises the last DriverError, or TimeoutError."""
     limit = Deadline(CONNECT_S)
-    async with patience(CONNECT_S):
+    async with fair_timeout(CONNECT_S):
         while True:
             try:
                 await device.__aenter__()
@@ -134,14 +134,14 @@ async def _connect(device: Device) -> None:
 async def _identify(device: Device) -> None:
     """Identify a device. Raises WrongIdentity; one that does not answer may be made safe all the same."""
     with suppress(NoAnswer, BadAnswer, LinkLost, InstrumentFault, TimeoutError):
-        async with patience(CONNECT_S):
+        async with fair_timeout(CONNECT_S):
             await device.identify()
 
 
 async def _close(device: Device) -> None:
     """Close the connection; errors are ignored, since they do not affect whether the instrument is safe."""
     with suppress(Exception):
-        async with patience(CLOSE_S):
+        async with fair_timeout(CLOSE_S):
             await device.__aexit__(None, None, None)
 
 

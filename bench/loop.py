@@ -24,7 +24,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, TypeVarTuple, Unpack
 
 from bench.errors import TimeError
-from drivers.timing.awake import came_true
+from drivers.timing.awake import succeeded_within
 from drivers.transport.memory import Line, join
 
 T = TypeVar("T")
@@ -174,7 +174,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
             answer, admitted = self._answers.popleft()
             if admitted.cancelled():
                 continue
-            if not came_true(partial(_has_answered, answer), THREAD_ANSWER_LIMIT_S):
+            if not succeeded_within(partial(_has_answered, answer), THREAD_ANSWER_LIMIT_S):
                 raise TimeError(f"a thread has not answered for {THREAD_ANSWER_LIMIT_S:g} s: {answer}")
             if (problem := answer.exception()) is not None:
                 admitted.set_exception(problem)
@@ -280,7 +280,7 @@ class _VirtualSelector(selectors.DefaultSelector):
             ready.extend(selectors.DefaultSelector.select(self, slice_s))
             return bool(ready)
 
-        if len(self.get_map()) > 1 and came_true(is_ready, THREAD_ANSWER_LIMIT_S):
+        if len(self.get_map()) > 1 and succeeded_within(is_ready, THREAD_ANSWER_LIMIT_S):
             return ready
         raise TimeError(
             f"virtual time is stuck at {self.now:.6f} s: deadlock, no timer is set and nothing is under way"

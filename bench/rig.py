@@ -12,10 +12,10 @@ from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.errors import BenchError
 from drivers.capabilities import Device, FrameSource, Meter, Positioner, PulseCounter, RateTable, Source, ThermalChamber
-from drivers.description import Setup, make_driver, unheard
+from drivers.description import Setup, ignore_note, make_driver
 from drivers.errors import DriverError, Refused, WrongIdentity
-from drivers.person import NOBODY, Person
-from drivers.timing.awake import patience
+from drivers.person import NO_OPERATOR, Person
+from drivers.timing.awake import fair_timeout
 from drivers.transport.wires import Wires
 from drivers.values import Identity
 
@@ -173,7 +173,7 @@ class Rig:
         held = [self.devices[role] for role in hold if role in self.devices]
 
         async def act(device: Device) -> bool:
-            return await bring_to_safety(device, only_off=only_off, hold=device in held)
+            return await make_safe_or_hold(device, only_off=only_off, hold=device in held)
 
         ended = await self._each(act, self._limits_s)
         self.held = {role for role, held in ended.items() if held is True}
@@ -192,7 +192,7 @@ class Rig:
         async def one(name: str, device: Device) -> object:
             limit_s = limit_of[name]
             try:
-                async with patience(limit_s):
+                async with fair_timeout(limit_s):
                     return await act(device)
             except DriverError as problem:
                 return problem
@@ -215,7 +215,7 @@ class Rig:
         return {name: task.result() if task.done() and not task.cancelled() else stuck for name, task in tasks.items()}
 
 
-async def bring_to_safety(device: Device, *, only_off: bool, hold: bool = False) -> bool:
+async def make_safe_or_hold(device: Device, *, only_off: bool, hold: bool = False) -> bool:
     """Make a device safe; return True if it is a chamber that is held instead.
 
     With `hold` a chamber in order is stopped at its present set point. With `only_off` every chamber is, and Refused
@@ -248,7 +248,7 @@ def _check(failed: Mapping[str, str], needed: Collection[str] | None) -> None:
 async def _is_held(chamber: ThermalChamber) -> bool:
     """Stop a chamber at its present set point; return False if it does not answer or is not in order."""
     try:
-        async with patience(HOLD_S):
+        async with fair_timeout(HOLD_S):
             await chamber.state()
             await chamber.hold()
     except (DriverError, TimeoutError):
@@ -263,7 +263,11 @@ def limits_to_make_safe(bench: BenchFile) -> dict[str, float]:
 
 
 def device_of(
-    role: str, entry: DeviceEntry, wires: Wires, note: Callable[[str], object] = unheard, person: Person = NOBODY
+    role: str,
+    entry: DeviceEntry,
+    wires: Wires,
+    note: Callable[[str], object] = ignore_note,
+    person: Person = NO_OPERATOR,
 ) -> Device:
     """Return the driver of one device on these wires, not yet connected."""
     setup: Setup[Any, Any, Any] = Setup(

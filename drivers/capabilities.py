@@ -15,7 +15,7 @@ from drivers.values import Approach as Approach
 
 if TYPE_CHECKING:  # the check of a sequence needs the names here, and not numpy
     from drivers.can.frame_block import FrameBlock
-    from drivers.values import ChamberState, Heard, Identity, Reading, SourceReading
+    from drivers.values import ChamberState, Identity, LastSeen, Reading, SourceReading
 
 
 @runtime_checkable
@@ -118,16 +118,16 @@ class FrameSource(Device, Protocol):
         Blocks have at most `block_s`; None takes the interval at which records must be on disk.
         """
 
-    async def news(self) -> None:
+    async def wait_for_data(self) -> None:
         """Return when frames arrived since the last call, or when there is a fault, which `poll` then raises.
 
-        Returns at least every `reports_every_s`, and after every `take_in`.
+        Returns at least every `reports_every_s`, and after every `drain`.
         """
 
-    def take_in(self) -> None:
+    def drain(self) -> None:
         """Process the frames that have arrived."""
 
-    def heard(self) -> Mapping[str, Heard]:
+    def last_seen(self) -> Mapping[str, LastSeen]:
         """Time of the last frame of each channel, as far as frames have been processed."""
 
 
@@ -162,17 +162,6 @@ class Ammeter(Meter, Protocol):
     """A meter of DC current, in series with the source."""
 
 
-CAPABILITIES: Mapping[str, type] = {
-    "positioner": Positioner,
-    "rate_table": RateTable,
-    "thermal_chamber": ThermalChamber,
-    "power_supply": Source,
-    "current_source": Source,
-    "pulse_counter": PulseCounter,
-    "voltmeter": Voltmeter,
-    "ammeter": Ammeter,
-    "telemetry": Telemetry,
-}
 THERMOMETER = "thermometer"  # a named reading of any device, in °C
 READING = "reading"  # a named reading of any device, in any unit
 OUTPUT = "output"  # of the units: pulse counters, voltmeters or telemetry, as given by the places of the bench

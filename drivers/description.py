@@ -18,7 +18,7 @@ from drivers.can.sent_frames import SentFrames
 from drivers.capabilities import Device
 from drivers.errors import WrongIdentity
 from drivers.installed import Installed, loaded
-from drivers.person import NOBODY, Person
+from drivers.person import NO_OPERATOR, Person
 from drivers.safe_state import NOT_DESCRIBED, SafeState
 from drivers.schema.fields import Spelled, StrictModel
 from drivers.shipped import DRIVERS
@@ -99,7 +99,7 @@ class DriverDescription(NamedTuple):
         return found
 
 
-def unheard(_text: str) -> None:
+def ignore_note(_text: str) -> None:
     """Ignore the notes of a driver."""
 
 
@@ -118,8 +118,8 @@ class Setup(Generic[OptionsT, LimitsT, SafeT]):
     limits: LimitsT
     safe: SafeT
     identity: IdentityPin
-    note: Callable[[str], object] = unheard
-    person: Person = NOBODY
+    note: Callable[[str], object] = ignore_note
+    person: Person = NO_OPERATOR
 
 
 @lru_cache(maxsize=1)

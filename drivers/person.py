@@ -18,23 +18,23 @@ class Turn(NamedTuple):
     approach: Approach
 
 
-class Errand(NamedTuple):
+class OperatorRequest(NamedTuple):
     """A request of a device to the operator: instruction, and the value to be typed, in `unit`.
 
-    `takes_s` is the usual duration, `give_up_s` the time limit for an answer. `turn` is the motion to carry out; None
+    `usual_s` is the usual duration, `give_up_s` the time limit for an answer. `turn` is the motion to carry out; None
     if a value is only read off. `again` is True if the previous answer was rejected.
     """
 
     device: str
     text: str
     unit: str
-    takes_s: float
+    usual_s: float
     give_up_s: float
     turn: Turn | None = None
     again: bool = False
 
 
-class Typed(NamedTuple):
+class OperatorAnswer(NamedTuple):
     """A typed value, in the requested unit, and the operator's name."""
 
     value: float
@@ -44,23 +44,23 @@ class Typed(NamedTuple):
 class Person(Protocol):
     """Interface to the operator at the bench."""
 
-    async def ask(self, errand: Errand) -> Typed:
+    async def prompt(self, request: OperatorRequest) -> OperatorAnswer:
         """Prompt the operator; cancelling withdraws the prompt.
 
         Raises NoAnswer without an answer in time, CannotConnect without an operator.
         """
 
 
-class _Nobody:
+class _NoOperator:
     """Operator interface outside a run."""
 
-    async def ask(self, errand: Errand) -> Typed:
+    async def prompt(self, request: OperatorRequest) -> OperatorAnswer:
         raise CannotConnect(
-            errand.device,
-            f"no operator is available: {errand.text}",
+            request.device,
+            f"no operator is available: {request.text}",
             remedy="Operators are prompted only during a run.",
         )
 
 
-NOBODY: Person = _Nobody()
+NO_OPERATOR: Person = _NoOperator()
 """Raises CannotConnect for every prompt: for drivers opened outside a run."""

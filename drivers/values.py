@@ -15,11 +15,11 @@ class Reading(NamedTuple):
     value: float
 
 
-class Heard(NamedTuple):
+class LastSeen(NamedTuple):
     """Of a channel: loop time of its last frame, and of the last change of its counts or code."""
 
     frame_s: float
-    pulse_s: float
+    change_s: float
 
 
 class Identity(NamedTuple):

@@ -19,7 +19,7 @@ from simulators.physics.chamber_failures import Failure
 from simulators.physics.motion import Axis
 from simulators.physics.profiles import Slew
 from simulators.physics.source_errors import Feed
-from simulators.physics.table_kinematics import Carried, Level
+from simulators.physics.table_kinematics import Level, TableKinematics
 from simulators.physics.thermal import Thermal, UnitPhysics
 from simulators.units.accelerometer_unit import Input, SimulatedUnit
 from simulators.units.gyro_file import GyroFile
@@ -52,7 +52,7 @@ class World:
             for (role, errors), path in zip(settings.axes.items(), _streams(settings.axes), strict=True)
         }  # fmt: skip
         level = Level(settings.level_deg, settings.level_drift_deg, settings.run_s)
-        self.carried = Carried(
+        self.kinematics = TableKinematics(
             self.fixture, self.axes, level=level, table=settings.table,
             gravity_mps2=settings.gravity_mps2, latitude_deg=settings.latitude_deg,
         )  # fmt: skip
@@ -112,7 +112,7 @@ class World:
         now = self.now()
         self.thermal.advance(now)
         for unit in self.units.values():
-            unit.warmth.follow(now, unit.powered_at_s is not None)
+            unit.temperatures.follow(now, unit.powered_at_s is not None)
         return now
 
     @property

@@ -1,24 +1,29 @@
-"""Directory, manifest and first journal entry of a run, before anything is opened."""
+"""Directory, manifest, register entry and first journal entry of a run, before anything is opened."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from datetime import datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 from bench.app.inputs import inputs_of
 from bench.app.request import PreparedRun
 from bench.app.resume import REQUEST, RESUMED, Resumption, request_json
 from bench.clock import Clock, boot_id, since_boot_s
+from bench.config.bench import LoadedBench
 from bench.config.models import BenchFile
+from bench.engine.ending import Outcome
 from bench.engine.journal import Journal
+from bench.errors import StoreError
 from bench.runner import manifest
+from bench.runner.found_on import LeftOn
+from bench.runner.held import energising_addresses, is_followed
+from bench.store.energised import energised, note_energised, note_safe
+from bench.store.machine_state import problem_to_write
 from bench.store.runs import MANIFEST, RunDirectory
-
-
-def create_directory(prepared: PreparedRun, now: datetime) -> RunDirectory:
-    """Create the directory of a run. Raises StoreError."""
-    return RunDirectory.create(prepared.request.runs, now, prepared.plan.name, "+".join(prepared.serials.values()))
+from bench.store.seal import file_hash
 
 
 def write_manifest(prepared: PreparedRun, directory: RunDirectory, started: datetime) -> dict[str, Any]:
@@ -72,4 +77,48 @@ def keep_inputs(prepared: PreparedRun, directory: RunDirectory) -> dict[str, str
     copies = inputs_of(prepared)
     for name, text in copies.items():
         directory.write_text(name, text)
-    return {name: manifest.file_hash(directory.path / name) for name in copies}
+    return {name: file_hash(directory.path / name) for name in copies}
+
+
+class Register:
+    """Register entry of one run; none for a bench without real connections. Errors are shown as notices."""
+
+    def __init__(self, loaded: LoadedBench, run: Path, notice: Callable[[str], object]) -> None:
+        self._bench, self._run, self._notice = loaded.document.path, run, notice
+        self._connections = {role: str(address) for role, address in energising_addresses(loaded.bench).items()}
+
+    def begin(self, at: datetime) -> LeftOn:
+        """Register this run before anything is opened; return what other runs may have left on."""
+        found: dict[str, str] = {}
+        held: set[str] = set()
+        if not self._connections:
+            return LeftOn()
+        if problem := problem_to_write():
+            self._notice(f"{problem}. Until then 'bench make-safe' of other users does not know of this run.")
+        roles = {address: role for role, address in self._connections.items()}
+        try:
+            for each in energised(lambda problem: self._notice(str(problem))):
+                mine = {role: address for address, role in roles.items() if address in each.connections.values()}
+                followed = [role for role, address in mine.items() if is_followed(address)]
+                left = [role for role in mine if role not in followed]
+                if followed:
+                    held.update(followed)
+                    self._notice(f"{', '.join(followed)}: held at its set point after {each.name}, and stays there.")
+                if left:
+                    found |= dict.fromkeys(left, each.name)
+                    self._notice(
+                        f"{each.name} ended without making {', '.join(left)} safe. This run makes them safe before its "
+                        "first step."
+                    )
+            note_energised(self._run, self._bench, at, self._connections)
+        except StoreError as problem:
+            self._notice(f"{problem}: 'bench make-safe' will need --bench {self._bench}")
+        return LeftOn(found, held)
+
+    def end(self, outcome: Outcome) -> None:
+        """Remove the instruments that this run has made safe; a held chamber is not safe yet."""
+        left = {*outcome.unsafe, *outcome.not_reached, *outcome.held}
+        try:
+            note_safe({address for role, address in self._connections.items() if role not in left})
+        except StoreError as problem:
+            self._notice(str(problem))

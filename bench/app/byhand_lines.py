@@ -32,10 +32,10 @@ class LineProtocol(Protocol):
     help: str
     twice: bool
 
-    def asks(self, line: str) -> bool | None:
+    def is_query(self, line: str) -> bool | None:
         """Return True if a line is a query, None if unknown. Raises Unsendable for an invalid line."""
 
-    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+    async def send(self, line: str, *, is_question: bool) -> Sequence[str]:
         """Send the line; return the text to print besides the bytes. Raises a DriverError."""
 
 
@@ -56,13 +56,13 @@ class TextLines:
     def __init__(self, role: str, entry: DeviceEntry, wires: SharedWires) -> None:
         self._role, self._wires = role, wires
         recognition = entry.description.recognised_by()
-        self._asks = recognition.language.asks if recognition is not None else None
+        self._is_query = recognition.language.is_query if recognition is not None else None
 
-    def asks(self, line: str) -> bool | None:
+    def is_query(self, line: str) -> bool | None:
         """See LineProtocol."""
-        return None if self._asks is None else self._asks(line)
+        return None if self._is_query is None else self._is_query(line)
 
-    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+    async def send(self, line: str, *, is_question: bool) -> Sequence[str]:
         """Exchange a line; a missing answer is no error, because commands have none."""
         exchange = self._wires.line(self._role).inner
         if not isinstance(exchange, LineExchange):
@@ -72,7 +72,7 @@ class TextLines:
         except UnicodeEncodeError:
             raise Unsendable("not sent: it contains a character that the instrument does not support") from None
         try:
-            await exchange.ask(data, bytes, answer_s=QUESTION_S if is_question else COMMAND_S)
+            await exchange.query(data, bytes, answer_s=QUESTION_S if is_question else COMMAND_S)
         except NoAnswer:
             if is_question:
                 raise
@@ -95,17 +95,17 @@ class ModbusLines:
         self._unit_id: int = getattr(entry.options, "unit_id", 1)
         self._framing: Framing = "rtu" if entry.connection.is_serial_line else "tcp"
 
-    def asks(self, line: str) -> bool:
+    def is_query(self, line: str) -> bool:
         """See LineProtocol."""
         verb, _ = _parsed(line)
         return verb != "write"
 
-    async def say(self, line: str, *, is_question: bool) -> Sequence[str]:
+    async def send(self, line: str, *, is_question: bool) -> Sequence[str]:
         """Send one request; return its registers as text."""
         verb, numbers = _parsed(line)
         frames = frames_of(self._framing, self._unit_id)
         sent = frames.request(_request(verb, numbers))
-        received = await self._wires.line(self._role).speak(sent, MODBUS_S)
+        received = await self._wires.line(self._role).exchange(sent, MODBUS_S)
         if not received:
             raise NoAnswer(self._role, f"no answer within {MODBUS_S:g} s", sent=line)
         try:

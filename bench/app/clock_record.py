@@ -31,14 +31,14 @@ class ClockRecord:
     @asynccontextmanager
     async def watched(self) -> AsyncIterator[None]:
         """Watch the clocks inside the context, and once more at its end."""
-        looking = asyncio.create_task(self._look_for_ever(), name="clock")
+        looking = asyncio.create_task(self._watch_clock(), name="clock")
         try:
             yield
         finally:
             looking.cancel()
             self._look()
 
-    async def _look_for_ever(self) -> None:
+    async def _watch_clock(self) -> None:
         while True:
             looked_s = asyncio.get_running_loop().time()
             await asyncio.sleep(LOOK_EVERY_S)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from typing import Any
 
-from bench.app.byhand_frames import decoded_frames
 from bench.app.byhand_lines import LineProtocol, Unsendable, line_protocol_of
 from bench.app.faults import laboratory_of
 from bench.app.laboratory import BenchWires
@@ -15,7 +16,9 @@ from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.rig import device_of
 from bench.runner.held import address_lock
-from drivers.can.options import FRAME_SCHEMES
+from drivers.can.dbc import Message, dbc_in
+from drivers.can.frame_block import EXTENDED, FrameBlock
+from drivers.can.options import FRAME_SCHEMES, DbcOptions
 from drivers.capabilities import Device, FrameSource, Positioner, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
 from drivers.schema.suggest import did_you_mean
@@ -41,7 +44,7 @@ HELP = """\
 
 
 def talk(
-    role: str, name: str | None, lines: Callable[[], AsyncIterator[str]], say: Say, *, simulate: bool, write: bool
+    role: str, name: str | None, lines: Callable[[], AsyncIterator[str]], send: Say, *, simulate: bool, write: bool
 ) -> int:
     """Open one device of a bench and execute the lines; return the number of failed ones.
 
@@ -58,12 +61,12 @@ def talk(
 
     def keep(passed: Passed) -> None:
         if passed.sign != RECEIVED or not sends_frames:
-            say(shown(passed))
+            send(shown(passed))
 
     async def main() -> int:
         wires = SharedWires(TracedWires(BenchWires(bench, laboratory_of(bench)), keep))
-        async with device_of(role, entry, wires, say) as device:
-            console = Console(device, entry, line_protocol_of(role, entry, wires), say, write=write)
+        async with device_of(role, entry, wires, send) as device:
+            console = Console(device, entry, line_protocol_of(role, entry, wires), send, write=write)
             try:
                 async for line in lines():
                     if not await console.execute(line):
@@ -71,10 +74,10 @@ def talk(
             finally:
                 if console.wrote:
                     await device.make_safe()
-                    say(f"{role} is in its safe state.")
+                    send(f"{role} is in its safe state.")
         return console.problems
 
-    say(BY_HAND if write else QUESTIONS_ONLY)
+    send(BY_HAND if write else QUESTIONS_ONLY)
     with address_lock([entry.connection], f"a console of {role}"):
         return run_loop(main(), REAL_TIME)
 
@@ -90,10 +93,10 @@ class Console:
     `wrote` is True if anything but a query may have been sent; `problems` counts the failed lines.
     """
 
-    def __init__(self, device: Device, entry: DeviceEntry, protocol: LineProtocol, say: Say, *, write: bool) -> None:
+    def __init__(self, device: Device, entry: DeviceEntry, protocol: LineProtocol, send: Say, *, write: bool) -> None:
         self.wrote = False
         self.problems = 0
-        self._device, self._entry, self._protocol, self._say, self._write = device, entry, protocol, say, write
+        self._device, self._entry, self._protocol, self._say, self._write = device, entry, protocol, send, write
         self._unsure = ""  # line that must be typed again before it is sent
         self._commands: Mapping[str, Callable[[], Awaitable[None]]] = {
             ":read": self._read, ":status": self._status, ":identify": self._identify, ":frames": self._frames,
@@ -122,17 +125,17 @@ class Console:
 
     async def _type(self, line: str) -> None:
         """Send a line in the instrument's protocol; with restrictions for lines that are not queries."""
-        asks = self._protocol.asks(line)
-        if asks is not True and not self._write:
-            known = "this is not a query" if asks is False else "this protocol does not mark queries"
+        is_query = self._protocol.is_query(line)
+        if is_query is not True and not self._write:
+            known = "this is not a query" if is_query is False else "this protocol does not mark queries"
             raise Unsendable(f"not sent: {known}; --write allows it")
-        if self._protocol.twice and not asks and line != self._unsure:
+        if self._protocol.twice and not is_query and line != self._unsure:
             self._unsure = line
             self._say("not sent yet: type the same line again to send it")
             return
         self._unsure = ""
-        self.wrote = self.wrote or not asks
-        for text in await self._protocol.say(line, is_question=asks is True):
+        self.wrote = self.wrote or not is_query
+        for text in await self._protocol.send(line, is_question=is_query is True):
             self._say(text)
 
     async def _read(self) -> None:
@@ -177,3 +180,39 @@ class Console:
 def _fields(state: ChamberState | SourceReading | Identity) -> str:
     """Return the fields of a state that have a value, as text."""
     return ", ".join(f"{name} {value}" for name, value in state._asdict().items() if value not in ("", None))
+
+
+async def decoded_frames(device: FrameSource, options: Any, for_s: float) -> AsyncIterator[str]:
+    """Yield a line for each frame received within `for_s` (s), with the time since the beginning.
+
+    Without a DBC in the options a line has the bytes only.
+    """
+    by_id = None
+    if isinstance(options, DbcOptions):
+        by_id = {message.id: message for message in dbc_in(options.dbc).messages.values()}
+    loop = asyncio.get_running_loop()
+    async with device.acquire(block_s=0.1) as blocks:
+        began_s = loop.time()
+        async for block in blocks:
+            for number in range(len(block)):
+                line = _line(block, number, began_s)
+                yield line if by_id is None else f"{line} {_decoded(block, number, by_id)}"
+            if loop.time() >= began_s + for_s:
+                break
+
+
+def _line(block: FrameBlock, number: int, began_s: float) -> str:
+    frame, dlc = int(block.ids[number]), int(block.dlc[number])
+    name = f"{frame & ~EXTENDED:08X}" if frame & EXTENDED else f"{frame:03X}"
+    return f"{block.at_s[number] - began_s:10.3f} {name}#{block.data[number, :dlc].tobytes().hex().upper()}"
+
+
+def _decoded(block: FrameBlock, number: int, by_id: Mapping[int, Message]) -> str:
+    data, message = block.data[number].tobytes(), by_id.get(int(block.ids[number]))
+    if message is None or message.length != int(block.dlc[number]):
+        return "not in the DBC"
+    values = (
+        f"{signal.name} {signal.raw_of(data) * signal.scale + signal.offset:g} {signal.unit}".rstrip()
+        for signal in message.signals.values()
+    )
+    return f"{message.name}: {', '.join(values)}"

@@ -24,8 +24,8 @@ from drivers.errors import CannotConnect, DriverError, WrongIdentity
 from drivers.transport.address import Address
 from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
-from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, begin, end, mishaps_of
-from simulators.faults.line_faults import BadLine
+from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, begin, end, fault_effects_of
+from simulators.faults.line_faults import FaultyLine
 from simulators.instruments.can_nodes.can_node import CanNode, NodeSetup, make_node
 from simulators.instruments.setup import InstrumentSetup, make_instrument
 from simulators.serving.serve import Instrument, protocol_factory
@@ -59,7 +59,7 @@ class Subject:
                 serial=entry.identity.serial or "", is_serial_line=address.is_serial_line,
             )  # fmt: skip
             self.instrument = make_instrument(self.description.simulator, setup)
-        self.line = BadLine(1, lambda _number: self.instrument.faults.on_the_line())
+        self.line = FaultyLine(1, lambda _number: self.instrument.faults.on_the_line())
 
     @property
     def safe_within_s(self) -> float:
@@ -78,7 +78,7 @@ class Subject:
         if isinstance(self.instrument, CanNode):
             raise CannotConnect(device, f"{address} carries frames only")
         client = factory()
-        join(client, self.line.in_front_of(protocol_factory(self.instrument))(), Line(latency_s=0.001), str(address))
+        join(client, self.line.server(protocol_factory(self.instrument))(), Line(latency_s=0.001), str(address))
         return client
 
     async def frames(self, device: str, address: Address) -> FrameLink:
@@ -149,7 +149,7 @@ async def survives_line_faults(subject: Subject) -> None:
 
 async def survives_faults(subject: Subject) -> None:
     """Check that instrument faults are tolerated or raised as DriverError, also by `make_safe`."""
-    for kind in mishaps_of(type(subject.instrument)):
+    for kind in fault_effects_of(type(subject.instrument)):
         async with subject.driver() as driver:
             with subject.fault(kind):
                 await _refused(driver.poll())

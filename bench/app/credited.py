@@ -8,10 +8,10 @@ from bench.app.request import PreparedRun
 from bench.app.resume import Resumption
 from bench.config.models import BenchFile
 from bench.engine.credit import Chamber, NoCredit, held
-from bench.engine.crediting import Proved, SoakCredit
-from bench.engine.past import done_of, to_restore, under_way_of
+from bench.engine.crediting import SoakCredit, SoakEvidence
+from bench.engine.past import done_of, interrupted_steps, steps_to_restore
 from bench.engine.soaked import Record, soaked
-from bench.errors import in_words
+from bench.errors import error_message
 from bench.sequence.steps.custom import Custom
 from bench.sequence.steps.waits import Soak
 from bench.store.followed import FOLLOWED, read_lines
@@ -32,18 +32,18 @@ def credit_of(resumption: Resumption, prepared: PreparedRun, held_now: Collectio
     except NoCredit as problem:
         return SoakCredit(soaks[-1], str(problem))
     except Exception as problem:  # noqa: BLE001  unreadable data prove nothing, and delay no run
-        return SoakCredit(soaks[-1], in_words(problem) or type(problem).__name__)
+        return SoakCredit(soaks[-1], error_message(problem) or type(problem).__name__)
 
 
 def _soaks(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
     """Yield the ids of the soaks that are repeated, the decisive one last."""
     nodes, past = (*prepared.plan.setup, *prepared.plan.steps), resumption.past
-    for planned in (*to_restore(done_of(nodes, past)), *under_way_of(nodes, past)):
+    for planned in (*steps_to_restore(done_of(nodes, past)), *interrupted_steps(nodes, past)):
         if isinstance(planned.step, Soak):
             yield planned.id
 
 
-def _proved(step: str, resumption: Resumption, prepared: PreparedRun, held_now: Collection[str]) -> Proved:
+def _proved(step: str, resumption: Resumption, prepared: PreparedRun, held_now: Collection[str]) -> SoakEvidence:
     bench, run = prepared.loaded.bench, resumption.path
     if resumption.past.restarted:
         raise NoCredit(f"{', '.join(resumption.past.restarted)} is done again from its first step")
@@ -54,7 +54,7 @@ def _proved(step: str, resumption: Resumption, prepared: PreparedRun, held_now: 
     with RunReader(run) as reader:
         air, set_point = reader.series(chamber.air), reader.series(chamber.set_point)
     before = soaked(Record(resumption.entries, air, set_point, unknown, bench.members), step, chamber)
-    return Proved(chamber, before, held(list(read_lines(run / FOLLOWED)), run.name, chamber, before))
+    return SoakEvidence(chamber, before, held(list(read_lines(run / FOLLOWED)), run.name, chamber, before))
 
 
 def _chamber(bench: BenchFile) -> Chamber:

@@ -9,14 +9,14 @@ from bench.app.laboratory import BenchWires, Laboratory
 from bench.config.models import BenchFile
 from bench.rig import device_of
 from drivers.capabilities import Device
-from drivers.person import NOBODY, Person
+from drivers.person import NO_OPERATOR, Person
 from drivers.transport.trace import Passed, TracedWires
 from drivers.transport.wires import Wires
 
 
 def open_devices(
     bench: BenchFile, laboratory: Laboratory | None, keep: Callable[[Passed], object] | None = None,
-    note: Callable[[str, str], object] = lambda _role, _text: None, person: Person = NOBODY,
+    note: Callable[[str, str], object] = lambda _role, _text: None, person: Person = NO_OPERATOR,
 ) -> dict[str, Device]:  # fmt: skip
     """Return an unconnected driver for every device, on simulated connections where the bench file says so.
 

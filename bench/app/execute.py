@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from bench.app.beginning import create_directory, instant, keep_inputs, write_beginning, write_manifest
+from bench.app.beginning import Register, instant, keep_inputs, write_beginning, write_manifest
 from bench.app.clock_record import ClockRecord
 from bench.app.credited import credit_of
 from bench.app.devices import open_devices
@@ -19,7 +19,6 @@ from bench.app.faults import Faults
 from bench.app.finish import Finish
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
 from bench.app.rebuild import rebuild
-from bench.app.register import Register
 from bench.app.relay import RunObserver
 from bench.app.request import PreparedRun
 from bench.app.resume import Resumption
@@ -32,8 +31,8 @@ from bench.engine.journal import Journal
 from bench.engine.past import Past
 from bench.engine.people import People
 from bench.engine.pulse import Pulse
-from bench.engine.questions import Desk
-from bench.errors import InUseError, StoreError, in_words
+from bench.engine.questions import PromptQueue
+from bench.errors import InUseError, StoreError, error_message
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
 from bench.reduce.evaluate import Results
@@ -46,10 +45,10 @@ from bench.runner.power import Hold, power_watched
 from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
-from bench.runner.takeover import relieve
+from bench.runner.takeover import end_supervision
 from bench.store.chain import Link
 from bench.store.runs import RunDirectory
-from bench.store.unsafe import keep_unsafe
+from bench.store.unsafe import write_unsafe
 from bench.store.writer import RunWriter
 from drivers.values import Identity
 
@@ -105,7 +104,8 @@ def _execute(
     units = unit_files(bench, prepared.request.uut_model, prepared.serials) if bench.needs_simulators else {}
     now = wall_utc()
     if resumption is None:
-        directory, started = create_directory(prepared, now), now
+        serials = "+".join(prepared.serials.values())
+        directory, started = RunDirectory.create(prepared.request.runs, now, prepared.plan.name, serials), now
     else:
         directory = RunDirectory.reopen(resumption.path)
         started = datetime.fromisoformat(resumption.manifest["started"])
@@ -137,7 +137,7 @@ def _execute(
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
         left_on = register.begin(now)
-        relieve(list(real_addresses(bench).values()), observer.notice)
+        end_supervision(list(real_addresses(bench).values()), observer.notice)
         if resumption is not None and not bench.is_simulated:
             origin_s = resumption.last_s + resumption.outage_s(now)
             resumption.past.credit = credit_of(resumption, prepared, left_on.held)
@@ -233,7 +233,7 @@ async def _run(
             journal.write("warning", text=writer.ledger_problem)
         journal.write("run_ended", how=outcome.how)
     except Exception as problem:  # noqa: BLE001  the outcome, and what is not safe, must not be lost
-        outcome.failed(in_words(problem))
+        outcome.failed(error_message(problem))
     try:
         writer.close()
         digest = writer.digest()
@@ -288,7 +288,7 @@ async def _with_devices(
             can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
             signals=signals,
             hold=hold,
-            on_desk=_technician(prepared, laboratory, watching),
+            on_prompts=_technician(prepared, laboratory, watching),
             places=tuple(prepared.serials),
             people=people,
             past=past,
@@ -315,7 +315,7 @@ def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: Run
         return
     connections = {role: str(entry.connection) for role, entry in bench.devices.items()}
     try:
-        path = keep_unsafe(folder, wall_utc(), outcome.unsafe, connections)
+        path = write_unsafe(folder, wall_utc(), outcome.unsafe, connections)
     except StoreError as problem:
         outcome.failed(str(problem))
     else:
@@ -324,14 +324,14 @@ def _keep_unsafe(folder: Path, bench: BenchFile, outcome: Outcome, observer: Run
 
 def _technician(
     prepared: PreparedRun, laboratory: Laboratory | None, observer: RunObserver
-) -> Callable[[Desk], object] | None:
+) -> Callable[[PromptQueue], object] | None:
     """Return the simulated technician: scripted, or at full speed a default one; None if people answer."""
     bench, script = prepared.loaded.bench, prepared.script
     if script is None and prepared.speed >= AS_FAST_AS_POSSIBLE:
         script = {}
     if script is None and (laboratory is None or not laboratory.by_hand):
         return None
-    return lambda desk: Technician(desk, script, bench, laboratory, observer.notice)
+    return lambda prompts: Technician(prompts, script, bench, laboratory, observer.notice)
 
 
 def _follow(prepared: PreparedRun, directory: RunDirectory, record: dict[str, Any], ran: _Run) -> None:

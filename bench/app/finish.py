@@ -13,16 +13,15 @@ from bench.app.laboratory import Laboratory
 from bench.app.truth import truth_of
 from bench.clock import Stopwatch
 from bench.engine.ending import Outcome
-from bench.errors import StoreError, in_words
+from bench.errors import StoreError, error_message
 from bench.offline.calibration_file import calibration_files
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
-from bench.runner import manifest
 from bench.runner.signals import Dropped, Signals
 from bench.store.chain import Link, beginning
 from bench.store.reader import RunReader, digest_of
 from bench.store.runs import MANIFEST, RunDirectory
-from bench.store.seal import close_record
+from bench.store.seal import close_record, file_hash
 from bench.store.verify import changed_files, examine
 
 RESULTS, TRUTH = "results.json", "truth.json"
@@ -54,7 +53,7 @@ class Finish:
         """
         outcome, record, path = self._outcome, self._record, self._directory.path
         with suppress(OSError):  # a full disk shows in the later writes
-            self._directory.use_reserve()
+            self._directory.free_reserve()
         stored, results = None, None
         with ExitStack() as stack:
             try:
@@ -65,7 +64,7 @@ class Finish:
                 self._write_results(stored, results, laboratory)
                 record["verdict"] = results.verdict
             except Exception as problem:  # noqa: BLE001  the outcome of the run must be written all the same
-                outcome.failed(in_words(problem))
+                outcome.failed(error_message(problem))
                 record["verdict"] = "ERROR"
                 results = None if results is None else replace(results, verdict="ERROR")
             if beginning(path / MANIFEST) != begun:
@@ -105,7 +104,7 @@ class Finish:
             if (self._directory.path / name).exists():
                 self._set_aside(name)
             self._directory.write_json(name, content)
-            self._record["hashes"][name] = manifest.file_hash(self._directory.path / name)
+            self._record["hashes"][name] = file_hash(self._directory.path / name)
 
     def _close(self, begun: bytes, end: Link) -> None:
         """Write the final manifest and the seal; a failure is added to the outcome."""

@@ -33,7 +33,7 @@ class Look:
         return f"{self.role:<10} {self.driver:<18} {self.connection:<44} {self.text}"
 
 
-def look_at_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
+def inspect_devices(name: str | None, *, simulate: bool = False) -> list[Look]:
     """Connect to every instrument of a bench, identify it and read it once; errors are in the results.
 
     Raises InUseError while another program talks to one of them.

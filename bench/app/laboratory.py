@@ -33,7 +33,7 @@ from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import LINE_FAULTS, FaultPlan
-from simulators.faults.line_faults import BadLine, LineFault
+from simulators.faults.line_faults import FaultyLine, LineFault
 from simulators.instruments.axes.operator_head import HandTurnedHead
 from simulators.instruments.can_nodes.can_node import CanNode, NodeSetup, make_node
 from simulators.instruments.meters.keysight_3458a import Simulated3458A
@@ -65,12 +65,12 @@ class Laboratory:
     nodes: Mapping[str, CanNode]
     voltmeters: Mapping[str, VoltmeterSettings] = field(default_factory=dict)
     by_hand: Mapping[str, HandTurnedHead] = field(default_factory=dict)
-    lines: Mapping[str, BadLine] = field(default_factory=dict)
+    lines: Mapping[str, FaultyLine] = field(default_factory=dict)
 
     def end_of_line(self, role: str) -> Callable[[], asyncio.Protocol]:
         """Return the instrument at the end of a wire, behind its faulty line if there is one."""
         factory = protocol_factory(self.instruments[role])
-        return self.lines[role].in_front_of(factory) if role in self.lines else factory
+        return self.lines[role].server(factory) if role in self.lines else factory
 
     def leave_frames(self, longest_s: float) -> None:
         """Set the time for which frames may stay with the nodes; longer is faster, but delays their content."""
@@ -158,14 +158,13 @@ def make_laboratory(
     return Laboratory(world, instruments, nodes, voltmeters, by_hand, _bad_lines(bench, instruments, seed))
 
 
-def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: int) -> dict[str, BadLine]:
+def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: int) -> dict[str, FaultyLine]:
     """Return a line for each instrument whose answers have a fault in the bench file."""
-    suffering = {fault.device for fault in bench.simulation.faults if fault.kind in LINE_FAULTS}
-    return {role: BadLine(seed, partial(_line_fault, instruments, role)) for role in instruments if role in suffering}
+    faulty = {fault.device for fault in bench.simulation.faults if fault.kind in LINE_FAULTS}
+    return {role: FaultyLine(seed, partial(_line_fault, instruments, role)) for role in instruments if role in faulty}
 
 
 def _line_fault(instruments: Mapping[str, Instrument], role: str, _number: int) -> LineFault | None:
-    """Return the present line fault of the instrument, if any."""
     return instruments[role].faults.on_the_line()
 
 
@@ -224,7 +223,7 @@ class BenchWires:
     """
 
     def __init__(
-        self, bench: BenchFile, laboratory: Laboratory | None, bad: Mapping[str, BadLine] | None = None
+        self, bench: BenchFile, laboratory: Laboratory | None, bad: Mapping[str, FaultyLine] | None = None
     ) -> None:
         self._laboratory, self._real, self._bad = laboratory, RealWires(), bad or {}
         loop = asyncio.get_running_loop()
@@ -251,4 +250,4 @@ class BenchWires:
     def _instrument(self, laboratory: Laboratory, role: str) -> Callable[[], asyncio.Protocol]:
         """Return the far end of a simulated wire, behind a faulty line if there is one."""
         factory = laboratory.end_of_line(role)
-        return self._bad[role].in_front_of(factory) if role in self._bad else factory
+        return self._bad[role].server(factory) if role in self._bad else factory

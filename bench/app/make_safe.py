@@ -33,7 +33,7 @@ from bench.store.energised import Energised, energised, note_safe, record_made_s
 from bench.store.machine_state import printable, problem_to_write
 from bench.store.runs import summary
 from drivers.safe_state import LONGEST_S
-from drivers.timing.awake import came_true
+from drivers.timing.awake import succeeded_within
 from drivers.transport.address import Address
 
 _pause = threading.Event().wait
@@ -106,11 +106,11 @@ def _let_guardians_finish(notice: Notice) -> None:
     """Wait until no guardian is making a bench safe, at most for the time that this may take."""
     addresses = [address for found in energised(lambda _: None) for address in _addresses(found)]
 
-    def nobody_does(limit_s: float) -> bool:
+    def is_released(limit_s: float) -> bool:
         busy = [owner for owner in owners(addresses) if owner.kind is Kind.RESCUE]
         return not busy or bool(_pause(limit_s))
 
-    if not came_true(nobody_does, longest_lane_s({"": LONGEST_S + OWN_LIMIT_S})):
+    if not succeeded_within(is_released, longest_lane_s({"": LONGEST_S + OWN_LIMIT_S})):
         notice("A guardian has not made a bench safe in time.")
 
 

@@ -1,4 +1,4 @@
-"""Starter package, copied from a working template under another name."""
+"""Starter packages of plug-in drivers and methods, copied from working templates under another name."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
+from bench.config.load import shipped
 from bench.errors import InputError
-from bench.files import folder_made_whole
+from bench.files import atomic_folder
+from bench.sequence.method import known_methods
+from drivers.description import known_drivers
 from drivers.schema.fields import Name
-from drivers.schema.wording import in_plain_words
+from drivers.schema.suggest import did_you_mean
+from drivers.schema.wording import error_text
 
 _TOY = "toy_"
 _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
@@ -22,7 +26,7 @@ def expect_free(name: str, kind: str, known: Collection[str]) -> None:
     try:
         TypeAdapter(Name).validate_python(name)
     except ValidationError as error:
-        raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
+        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
     if name in known:
         raise InputError(f"NAME: there is a {kind} '{name}' already; choose another name")
     module = find_spec(name)
@@ -34,7 +38,7 @@ def write_package(template: Path, name: str, out: Path) -> list[Path]:
     """Write the package `OUT/NAME`. Raises InputError if it cannot be written."""
     folder = out / name
     try:
-        with folder_made_whole(folder) as draft:
+        with atomic_folder(folder) as draft:
             made = [path.relative_to(draft) for path in _copied(template, draft, name)]
         return [folder / path for path in made]
     except FileExistsError:
@@ -64,3 +68,24 @@ def _renamed(text: str, toy: str, name: str) -> str:
 
 def _camel(name: str) -> str:
     return "".join(word.capitalize() for word in name.split("_"))
+
+
+def write_method(name: str, out: Path) -> list[Path]:
+    """Write the package `OUT/NAME`. Raises InputError for an invalid or used name, and errors of writing."""
+    expect_free(name, "method", known_methods())
+    template = next(path for folder in shipped("templates") if (path := folder / "method").is_dir())
+    return write_package(template, name, out)
+
+
+def kinds() -> dict[str, Path]:
+    """Return the templates, by the capability of the driver."""
+    folders = [folder / "driver" for folder in shipped("templates")]
+    return {path.name: path for folder in folders if folder.is_dir() for path in sorted(folder.iterdir())}
+
+
+def write_driver(name: str, kind: str, out: Path) -> list[Path]:
+    """Write the package `OUT/NAME`. Raises InputError for an invalid or used name, and errors of writing."""
+    expect_free(name, "driver", known_drivers())
+    if kind not in (known := kinds()):
+        raise InputError(f"--kind {kind}: there is no template of this kind{did_you_mean(kind, known)}")
+    return write_package(known[kind], name, out)

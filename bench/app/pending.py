@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.app.request import PreparedRun
-from bench.app.resume import Resumption, prepared_again, read_interrupted
+from bench.app.resume import Resumption, prepare_again, read_interrupted
 from bench.clock import boot_id, wall_utc
 from bench.errors import BenchError, InputError
 from bench.figures.times_and_sizes import duration
@@ -30,17 +30,19 @@ def pending(runs: Path) -> Iterator[Pending]:
             continue
         try:
             resumption = read_interrupted(each.path)
-            prepared = prepared_again(resumption, left_on=True)
+            prepared = prepare_again(resumption, left_on=True)
         except (InputError, BenchError) as problem:
             yield Pending(each.path, None, str(problem))
             continue
         bench = prepared.loaded.document.path.absolute()
-        why_not = "a newer run on its bench was interrupted" if bench in taken else _by_policy(resumption, prepared)
+        why_not = (
+            "a newer run on its bench was interrupted" if bench in taken else _needs_decision(resumption, prepared)
+        )
         taken.add(bench)
         yield Pending(each.path, None if why_not else (resumption, prepared), why_not)
 
 
-def _by_policy(resumption: Resumption, prepared: PreparedRun) -> str:
+def _needs_decision(resumption: Resumption, prepared: PreparedRun) -> str:
     """Return the reason why a person must decide about a run; "" if its bench file lets it resume."""
     policy = prepared.loaded.bench.resume
     if policy is None:

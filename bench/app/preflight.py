@@ -21,7 +21,7 @@ from bench.errors import BenchError, StoreError
 from bench.figures.times_and_sizes import duration, instant, megabytes
 from bench.loop import run as run_loop
 from bench.rig import OpenError, Rig
-from bench.runner.alert import route
+from bench.runner.alert import program_id
 from bench.runner.found_on import Found, found_energised
 from bench.runner.guard import try_guardian
 from bench.runner.held import address_lock, energising_addresses, real_addresses, why_locked_out
@@ -216,7 +216,7 @@ def _alert(prepared: PreparedRun) -> Line:
     entry = prepared.loaded.bench.alert
     if entry is None:
         return Line("alert", "NO", "the bench file names no program that reaches a person: alert: {exec: [PROGRAM]}")
-    at = last_tried("alert", route(entry.exec))
+    at = last_tried("alert", program_id(entry.exec))
     if at is None or wall_utc() - at > ALERT_TRIED_WITHIN:
         when = "never" if at is None else f"last at {_clock_of(at, prepared)}"
         return Line("alert", "NO", f"{entry.exec[0]} was tried {when}, not within 24 h: {ALERT_AGAIN}")

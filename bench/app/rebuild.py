@@ -29,7 +29,7 @@ _FROM_OUTSIDE = frozenset({"run_begins", "preflight", "run_ended", RESUMED, "war
 GoThrough = Callable[[Journal, Signals, Past | None], Awaitable[object]]
 
 
-class _Again(RunWriter):
+class _ReplayWriter(RunWriter):
     """Writer that calls `reached` with the last of the `expected` number of journal entries."""
 
     def __init__(self, folder: Path, expected: int, reached: Callable[[], object], *, resumed: bool) -> None:
@@ -80,7 +80,7 @@ async def _once_more(
     expected = sum(entry.kind not in _FROM_OUTSIDE for entry in stretch)
     if not expected:
         interrupt()
-    writer = _Again(folder, expected, interrupt, resumed=past is not None)
+    writer = _ReplayWriter(folder, expected, interrupt, resumed=past is not None)
     had = writer.link.rows["journal"]
     try:
         await go_through(Journal(writer, None if past is None else past.state), signals, past)

@@ -11,7 +11,7 @@ from bench.app.faults import BEGINS, as_journalled
 from bench.app.relay import Relay, RunObserver
 from bench.app.request import PreparedRun
 from bench.config.simulation import FaultSimulation
-from bench.report.verify import verify
+from bench.report.revision import verify
 from bench.runner.signals import Signals
 from bench.sequence.document.model import PHASES
 from bench.sequence.estimate.estimate import Estimate
@@ -57,11 +57,11 @@ class Rehearsal:
     lost: tuple[str, ...]
 
     @property
-    def unsafe_unbroken(self) -> tuple[str, ...]:
+    def unsafe_without_fault(self) -> tuple[str, ...]:
         """Devices that were not made safe although no fault was injected; there should be none."""
         return tuple(set(self.unsafe) - {fault.device for fault in self.faults})
 
-    def most_different(self, count: int) -> list[Compared]:
+    def largest_deviations(self, count: int) -> list[Compared]:
         """Return the steps with the greatest deviation from the planned duration, greatest first."""
         return sorted(self.steps, key=lambda step: -abs(step.took_s - step.planned_s))[:count]
 

@@ -27,7 +27,7 @@ from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.unit_places import occupied
 from drivers.schema.fields import Instant
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 if TYPE_CHECKING:  # checking a sequence needs no simulators
     from bench.app.technician import Script
@@ -203,7 +203,7 @@ def _ends_too_late(expected: Estimate, loaded: LoadedBench, not_after: str | Non
     try:
         latest = TypeAdapter(Instant).validate_python(not_after)
     except ValidationError as error:
-        raise InputError(f"--not-after {not_after}: {in_plain_words(error.errors()[0])}") from None
+        raise InputError(f"--not-after {not_after}: {error_text(error.errors()[0])}") from None
     begins = _begins(loaded)
     ends = begins + timedelta(seconds=expected.total_s)
     if ends > latest:

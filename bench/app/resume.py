@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from bench.app.inputs import inputs_of
 from bench.app.request import PreparedRun, RunRequest, prepare
-from bench.engine.past import Past, done_of, interrupted_in, past_of, to_restore
+from bench.engine.past import Past, done_of, interrupted_in, past_of, steps_to_restore
 from bench.errors import InputError
 from bench.runner.held import energising_addresses, is_followed
 from bench.sequence.language.values import as_written
@@ -112,7 +112,7 @@ def read_interrupted(path: Path) -> Resumption:
     return Resumption(path, manifest, entries, last_s, past_of(entries))
 
 
-def prepared_again(resumption: Resumption, *, left_on: bool = False) -> PreparedRun:
+def prepare_again(resumption: Resumption, *, left_on: bool = False) -> PreparedRun:
     """Prepare the run as at its start; groups with a restart point are marked in the past of the resumption.
 
     Raises InputError with all differences, and if instruments may still be energised, unless `left_on`.
@@ -128,14 +128,14 @@ def prepared_again(resumption: Resumption, *, left_on: bool = False) -> Prepared
         from bench.app.drawn_faults import with_drawn_faults  # imports the simulators
 
         prepared = with_drawn_faults(prepared, fault_seed)
-    if problems := [*_changed(prepared, manifest), *_cannot_go_on(prepared, resumption, left_on=left_on)]:
+    if problems := [*_changed(prepared, manifest), *_obstacles(prepared, resumption, left_on=left_on)]:
         raise InputError(*(f"{resumption.path.name}: {problem}" for problem in problems))
     plan, past = prepared.plan, resumption.past
     past.restart([group.id for group in interrupted_in((*plan.setup, *plan.steps), past)])
     return prepared
 
 
-def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
+def summary_lines(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
     """Yield lines about a resumption: time of the interruption, repeated and restored steps."""
     past, total = resumption.past, len(prepared.plan)
     done = len(past.over & {planned.id for planned in prepared.plan})
@@ -145,7 +145,7 @@ def in_words(resumption: Resumption, prepared: PreparedRun) -> Iterator[str]:
         yield f"Under way, and to be done again: {', '.join(past.under_way)}"
     if past.restarted:
         yield f"Done again from the begin of the group: {', '.join(past.restarted)}"
-    restored = [planned.id for planned in to_restore(done_of((*prepared.plan.setup, *prepared.plan.steps), past))]
+    restored = [planned.id for planned in steps_to_restore(done_of((*prepared.plan.setup, *prepared.plan.steps), past))]
     if restored:
         in_full = "in full, but for a soak whose chamber was held" if _holds(prepared) else "in full"
         yield f"Restored before, with all waiting {in_full}: {', '.join(restored)}"
@@ -177,7 +177,7 @@ def _version() -> str:
     return version(PROGRAM)
 
 
-def _cannot_go_on(prepared: PreparedRun, resumption: Resumption, *, left_on: bool) -> list[str]:
+def _obstacles(prepared: PreparedRun, resumption: Resumption, *, left_on: bool) -> list[str]:
     """Return the reasons why the run cannot be resumed, each with what to do."""
     problems: list[str] = []
     plan, past = prepared.plan, resumption.past

@@ -14,7 +14,7 @@ from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.runner.held import address_lock
 from drivers.description import DriverDescription, known_drivers
-from drivers.discovery.questions import QuestionPort
+from drivers.discovery.questions import QueryPort
 from drivers.discovery.recognition import Found, Language, Recognition
 from drivers.errors import CannotConnect
 from drivers.schema.suggest import did_you_mean
@@ -158,15 +158,15 @@ class _Look:
         self.candidates: list[Candidate] = []
         self.connected = 0
         self.words = ""
-        self._heard: Mapping[bytes, bytes] = {}
+        self._answers: Mapping[bytes, bytes] = {}
         self._address, self._wires, self._units = address, wires, units
 
     @property
     def silence(self) -> str:
         """Reason why no instrument was recognised."""
-        if not self._heard:
+        if not self._answers:
             return "no answer"
-        question, answer = next(iter(self._heard.items()))
+        question, answer = next(iter(self._answers.items()))
         return (
             f"an instrument answers that no driver recognises: sent {printable(question)}, received {printable(answer)}"
         )
@@ -180,30 +180,30 @@ class _Look:
         for _, group in groupby(sorted(drivers, key=language), key=language):
             speaking = list(group)
             for unit_id in self._numbers(speaking[0][1].language):
-                await self._speak(address, speaking, unit_id)
+                await self._query_protocol(address, speaking, unit_id)
             if self.candidates:
                 return
 
     def _numbers(self, language: Language) -> Sequence[int]:
         return self._units if language.numbered else self._units[:1]
 
-    async def _speak(self, address: Address, drivers: Sequence[Known], unit_id: int) -> None:
+    async def _query_protocol(self, address: Address, drivers: Sequence[Known], unit_id: int) -> None:
         """Query in one protocol; generic drivers only if no other one recognises the instrument."""
         if self.connected:
             await asyncio.sleep(BETWEEN_CONNECTIONS_S)
-        async with QuestionPort(self._wires, address, unit_id) as port:
+        async with QueryPort(self._wires, address, unit_id) as port:
             self.connected += 1
             found = await _known_by([known for known in drivers if not known[1].generic], port, address)
             found = found or await _known_by([known for known in drivers if known[1].generic], port, address)
         self.candidates += found
-        self._heard = self._heard or {question: answer for question, answer in port.said.items() if answer}
+        self._answers = self._answers or {question: answer for question, answer in port.answers.items() if answer}
 
 
-async def _known_by(drivers: Sequence[Known], port: QuestionPort, address: Address) -> list[Candidate]:
+async def _known_by(drivers: Sequence[Known], port: QueryPort, address: Address) -> list[Candidate]:
     candidates = []
     for driver, recognition in drivers:
         try:
-            found = await recognition.ask(port)
+            found = await recognition.recognise(port)
         except ValueError:  # another instrument, or no answer
             continue
         candidates.append(Candidate(address, port.unit_id, driver, recognition, found))

@@ -16,7 +16,7 @@ from bench.errors import InputError
 from bench.sequence.plan.plan import Plan
 from drivers.description import DriverDescription
 from drivers.schema.suggest import did_you_mean
-from simulators.faults.instrument_faults import LINE_FAULTS, mishaps_of
+from simulators.faults.instrument_faults import LINE_FAULTS, fault_effects_of
 from simulators.instruments.axes.operator_head import HandTurnedHead
 from simulators.instruments.can_nodes.can_node import CanNode
 
@@ -60,9 +60,9 @@ def known_faults(driver: DriverDescription) -> tuple[str, ...]:
     if simulator is None:
         return ()
     if issubclass(simulator, HandTurnedHead):  # no wire to cut; the person may be absent
-        return ("silent", *mishaps_of(simulator))
+        return ("silent", *fault_effects_of(simulator))
     lines = () if issubclass(simulator, CanNode) else LINE_FAULTS
-    return ("silent", "cut", *lines, *mishaps_of(simulator))
+    return ("silent", "cut", *lines, *fault_effects_of(simulator))
 
 
 def _misfits(faults: Sequence[FaultSimulation], bench: BenchFile, plan: Plan | None, where: Place) -> Iterator[Problem]:

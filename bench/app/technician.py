@@ -12,12 +12,12 @@ from bench.config.answers import AnswersFile, ScriptedAction, ScriptedAnswer
 from bench.config.document import Problem, read_document
 from bench.config.load import load
 from bench.config.models import BenchFile
-from bench.engine.questions import Answer, Desk, Question
+from bench.engine.questions import Answer, PromptQueue, Question
 from bench.errors import InputError
 from bench.sequence.plan.dwells import first_visit
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.talk import PhysicalChange, Prompt, TypedInput
-from drivers.person import Errand
+from drivers.person import OperatorRequest
 from drivers.quantity.quantities import Quantity
 from drivers.schema.suggest import did_you_mean
 
@@ -98,17 +98,17 @@ class Technician:
     """
 
     def __init__(
-        self, desk: Desk, script: Script | None, bench: BenchFile, laboratory: Laboratory | None,
+        self, prompts: PromptQueue, script: Script | None, bench: BenchFile, laboratory: Laboratory | None,
         notice: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self._desk, self._script, self._bench, self._notice = desk, script or {}, bench, notice
+        self._prompts, self._script, self._bench, self._notice = prompts, script or {}, bench, notice
         self._world = laboratory.world if laboratory is not None else None
         self._by_hand = laboratory.by_hand if laboratory is not None else {}
         self._answering = ""  # prompt that the technician is answering
         self._tasks: set[asyncio.Task[None]] = set()
-        desk.on_answer = self.answered
+        prompts.on_answer = self.answered
         if script is not None:
-            desk.on_question = self.asked
+            prompts.on_question = self.asked
 
     def asked(self, question: Question) -> None:
         """Answer a new question."""
@@ -118,33 +118,33 @@ class Technician:
 
     def answered(self, question: Question, answer: Answer) -> None:
         """Turn the simulated head to the angle that a person has entered."""
-        errand = question.errand
-        if question.step == self._answering or errand is None or errand.turn is None:
+        request = question.request
+        if question.step == self._answering or request is None or request.turn is None:
             return
         if isinstance(answer.value, Quantity):
-            self._by_hand[errand.device].turn_to_dial(answer.value.to(errand.unit), errand.turn)
+            self._by_hand[request.device].turn_to_dial(answer.value.to(request.unit), request.turn)
 
     async def _serve(self, question: Question) -> None:
-        given, errand = self._given(question), question.errand
-        usually_s = errand.takes_s if errand is not None else USUALLY_S
+        given, request = self._given(question), question.request
+        usually_s = request.usual_s if request is not None else USUALLY_S
         await asyncio.sleep(given.after if given.after is not None else usually_s)
-        if errand is None:
+        if request is None:
             self._change(given.does if given.does is not None else question.expect)
             answer = next(iter(question.choices), "")
-        elif question in self._desk.questions and self._by_hand[errand.device].attended:
-            answer = self._turned(errand, given.does)
+        elif question in self._prompts.questions and self._by_hand[request.device].attended:
+            answer = self._turned(request, given.does)
         else:
             return
         answer = given.answer if given.answer is not None else answer
-        if question in self._desk.questions:  # no person was faster
+        if question in self._prompts.questions:  # no person was faster
             self._notice(f"{question.text}\n{given.by}: {answer}")
             self._answering = question.step
-            self._desk.answer(answer, given.by, question.step)
+            self._prompts.answer(answer, given.by, question.step)
             self._answering = ""
 
     def _given(self, question: Question) -> ScriptedAnswer:
         """Return the scripted answer for a question, else for the first visit of its step, else for its device."""
-        more_often = question.errand.device if question.errand is not None else _first_visit(question.step)
+        more_often = question.request.device if question.request is not None else _first_visit(question.step)
         return self._script.get(question.step) or self._script.get(more_often, USUAL)
 
     def _change(self, action: ScriptedAction | PhysicalChange | None) -> None:
@@ -155,16 +155,16 @@ class Technician:
         if action.input is not None:
             self._world.connect(action.input)
 
-    def _turned(self, errand: Errand, action: ScriptedAction | None) -> str:
+    def _turned(self, request: OperatorRequest, action: ScriptedAction | None) -> str:
         """Turn a head as requested or as scripted; return the angle to enter, by default the requested one."""
-        head, asked = self._by_hand[errand.device], errand.turn
+        head, asked = self._by_hand[request.device], request.turn
         if asked is None:
-            return f"{head.shown_deg:.12g} {errand.unit}"
+            return f"{head.shown_deg:.12g} {request.unit}"
         if action is None:
             head.turn(asked)
         elif action.turn is not None:
             head.turn(asked._replace(angle_deg=action.turn))
-        return f"{asked.angle_deg:.12g} {errand.unit}"
+        return f"{asked.angle_deg:.12g} {request.unit}"
 
 
 def _first_visit(step: str) -> str:

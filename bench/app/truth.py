@@ -17,7 +17,7 @@ from bench.sequence.method import CountsAt, known_methods
 from drivers.installed import loaded
 from simulators.physics.attitude import Mount
 from simulators.truth.channel import LevelAsMeasured, levels_record
-from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Lies, truth_record
+from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Orientation, truth_record
 from simulators.truth.imu import WindowAsMeasured, imu_record
 from simulators.truth.ladder import LadderAsMeasured, ladders_record
 from simulators.world import World
@@ -76,11 +76,11 @@ def _by(
     return found
 
 
-def orientation(acquisition: Acquisition) -> Lies:
+def orientation(acquisition: Acquisition) -> Orientation:
     """Return the orientation of a unit as the bench knows it: angles of the table, and mount."""
     mount = acquisition.mount
     angles_deg = tuple(acquisition.angles_deg.values()) or (0.0,)
-    return Lies(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
+    return Orientation(angles_deg, Mount(mount.angle_deg, mount.roll_deg, mount.clock_deg))
 
 
 def _middle_s(acquisition: Acquisition) -> float:
@@ -99,7 +99,7 @@ def _dwell(key: str, first: _Measured, members: Sequence[Acquisition]) -> DwellA
         place=first.place,
         at_s=math.fsum(member.begin_s + member.end_s for member in members) / (2 * len(members)),
         temperature_c=math.fsum(each.temperatures_c[first.temperature].mean() for each in members) / len(members),
-        lies=tuple(orientation(member) for member in members),
+        orientation=tuple(orientation(member) for member in members),
         each_s=tuple(_middle_s(member) for member in members),
     )
 
@@ -147,7 +147,7 @@ def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:
             key=key,
             place=steps[0].place,
             at_s=(steps[0].acquired.begin_s + steps[-1].acquired.end_s) / 2,
-            lies=orientation(steps[0].acquired),
+            orientation=orientation(steps[0].acquired),
         )
         for key, steps in ladders.items()
     ]

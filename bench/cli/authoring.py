@@ -53,12 +53,12 @@ def _print(schema: dict[str, Any]) -> None:
 def format_files(files: tuple[Path, ...], *, check: bool) -> int:
     """Format the indentation of YAML files; values, comments and spelling stay unchanged."""
     from bench.config.layout import changes
-    from bench.files import written_whole
+    from bench.files import atomic_file
 
     changed = changes(files)
     for path, text in changed.items():
         if not check:
-            with written_whole(path) as draft:
+            with atomic_file(path) as draft:
                 draft.write_bytes(text.encode())
         sys.stdout.write(f"{path}\n")
     return INPUT_ERROR if check and changed else PASS
@@ -66,7 +66,7 @@ def format_files(files: tuple[Path, ...], *, check: bool) -> int:
 
 def new_driver(name: str, kind: str, out: Path) -> None:
     """Write the starter package of a plug-in driver, with simulator and passing tests."""
-    from bench.app.new_driver import write_driver
+    from bench.app.new_package import write_driver
 
     for path in write_driver(name, kind, out):
         sys.stdout.write(f"{path}\n")
@@ -74,7 +74,7 @@ def new_driver(name: str, kind: str, out: Path) -> None:
 
 def new_method(name: str, out: Path) -> None:
     """Write the starter package of a plug-in method, with words, case, truth and passing tests."""
-    from bench.app.new_method import write_method
+    from bench.app.new_package import write_method
 
     for path in write_method(name, out):
         sys.stdout.write(f"{path}\n")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # keeps imports out of `bench --help`
 
 def pause(run: str, runs: Path) -> None:
     """Pause a run before its next step; its devices stay as they are."""
-    _tell(run, runs, "pause")
+    _send(run, runs, "pause")
 
 
 def resume(run: str, runs: Path, *, interrupted: bool, pending: bool) -> int | None:
@@ -34,7 +34,7 @@ def resume(run: str, runs: Path, *, interrupted: bool, pending: bool) -> int | N
         raise InputError("give the RUN to resume")
     path = find_run(run, runs)
     if summary(path).state != "interrupted":
-        _tell(run, runs, "resume")
+        _send(run, runs, "resume")
         return None
     from bench.cli.running import resume_interrupted
 
@@ -43,27 +43,27 @@ def resume(run: str, runs: Path, *, interrupted: bool, pending: bool) -> int | N
 
 def stop(run: str, runs: Path, *, after_step: bool) -> None:
     """Stop a run: the current step is interrupted, then the teardown runs."""
-    _tell(run, runs, "stop_after_step" if after_step else "stop")
+    _send(run, runs, "stop_after_step" if after_step else "stop")
 
 
 def abort(run: str, runs: Path) -> None:
     """Abort a run at once: no teardown, all devices are made safe."""
-    _tell(run, runs, "abort")
+    _send(run, runs, "abort")
 
 
 def skip(run: str, runs: Path) -> None:
     """Interrupt the current step, bring moving axes to rest, and continue with the next step."""
-    _tell(run, runs, "skip")
+    _send(run, runs, "skip")
 
 
 def repeat(run: str, runs: Path) -> None:
     """Restart the current step or, while the run is paused, repeat the previous one."""
-    _tell(run, runs, "repeat")
+    _send(run, runs, "repeat")
 
 
 def answer(run: str, runs: Path, text: str, step: str, by: str) -> None:
     """Answer the question that a run asks."""
-    _tell(run, runs, "answer", answer=text, step=step, by=by)
+    _send(run, runs, "answer", answer=text, step=step, by=by)
 
 
 def status(run: str, runs: Path, *, as_json: bool) -> None:
@@ -120,7 +120,7 @@ def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
     sys.stdout.write(f"{path.name}: acknowledged: {why}\n")
 
 
-def _tell(run: str, runs: Path, command: str, **arguments: str) -> None:
+def _send(run: str, runs: Path, command: str, **arguments: str) -> None:
     from bench.runner.tell import send_command
     from bench.store.runs import find_run
 

@@ -17,9 +17,9 @@ if TYPE_CHECKING:  # keeps imports out of `bench --help`
 
 def list_devices(bench: str | None, *, simulate: bool) -> int:
     """Connect to every instrument of a bench, identify it, and show its readings."""
-    from bench.app.inspect import look_at_devices
+    from bench.app.inspect import inspect_devices
 
-    looks = look_at_devices(bench, simulate=simulate)
+    looks = inspect_devices(bench, simulate=simulate)
     for look in looks:
         sys.stdout.write(look.line() + "\n")
     return BENCH_ERROR if any(look.problem for look in looks) else PASS

@@ -26,7 +26,7 @@ def reduce(case_or_run: str, out: Path | None, runs: Path, *, as_json: bool, dam
 
 def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature."""
-    from bench.files import written_whole
+    from bench.files import atomic_file
     from bench.offline.calibration_file import compensated, read_calibration
 
     known = read_calibration(calibration)
@@ -36,13 +36,13 @@ def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> 
     if out is None:
         sys.stdout.write(text)
     else:
-        with written_whole(out) as draft:
+        with atomic_file(out) as draft:
             draft.write_text(text, encoding="utf-8")
 
 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
     from bench.errors import InputError
-    from bench.files import written_whole
+    from bench.files import atomic_file
     from bench.offline.case import reduced_case
     from bench.store.runs import json_text
 
@@ -52,7 +52,7 @@ def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
     if as_json:
         sys.stdout.write(json.dumps(found.content, ensure_ascii=False) + "\n")
     if out is not None:
-        with written_whole(out / "result.json") as draft:
+        with atomic_file(out / "result.json") as draft:
             draft.write_text(json_text(found.content), encoding="utf-8")
         if not as_json:
             sys.stdout.write(f"{out / 'result.json'}\n")

@@ -14,7 +14,7 @@ from bench.app.reference.sequences import methods_page, sequence_page, steps_pag
 from bench.cli.commands import Argument, Command
 from bench.cli.exits import MEANINGS
 from bench.errors import InputError
-from bench.files import written_whole
+from bench.files import atomic_file
 from drivers.schema.suggest import did_you_mean
 
 INDEX, COMMANDS_PAGE = "README", "commands"
@@ -78,6 +78,6 @@ def write_pages(folder: Path, commands: Collection[Command]) -> list[Path]:
     paths = []
     for name in PAGES:
         paths.append(folder / f"{name}.md")
-        with written_whole(paths[-1]) as draft:
+        with atomic_file(paths[-1]) as draft:
             draft.write_text(page_text(name, commands), "utf-8")
     return paths

@@ -73,7 +73,7 @@ def _summary(rehearsal: Rehearsal) -> Iterator[str]:
     )
     yield ""
     yield "Steps whose duration differs most from the plan:"
-    for step in rehearsal.most_different(STEPS_SHOWN):
+    for step in rehearsal.largest_deviations(STEPS_SHOWN):
         yield _row(step)
     yield ""
     yield from _faults(rehearsal)
@@ -103,8 +103,8 @@ def _faults(rehearsal: Rehearsal) -> Iterator[str]:
 def _made_safe(rehearsal: Rehearsal) -> str:
     if not rehearsal.unsafe:
         return "every device"
-    broken = ", ".join(sorted(set(rehearsal.unsafe) - set(rehearsal.unsafe_unbroken)))
-    wrong = ", ".join(sorted(rehearsal.unsafe_unbroken))
+    broken = ", ".join(sorted(set(rehearsal.unsafe) - set(rehearsal.unsafe_without_fault)))
+    wrong = ", ".join(sorted(rehearsal.unsafe_without_fault))
     broken_text = [f"every device but {broken}, in which a fault was injected"] if broken else []
     return "; ".join([*broken_text, *([f"NOT {wrong}, in which no fault was injected"] if wrong else [])])
 

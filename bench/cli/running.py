@@ -175,7 +175,7 @@ def alert(bench: str | None) -> int:
     """Test the alert of a bench: run its program as at the end of a run."""
     from bench.app.request import load_bench_named
     from bench.runner.alert import alert as alerted
-    from bench.runner.alert import route
+    from bench.runner.alert import program_id
     from bench.store.tried import note_tried
 
     loaded = load_bench_named(bench)
@@ -186,22 +186,22 @@ def alert(bench: str | None) -> int:
     if problem := alerted(entry.exec, title, f"{title}\n"):
         sys.stderr.write(f"{problem}\n")
         return BENCH_ERROR
-    note_tried("alert", route(entry.exec))
+    note_tried("alert", program_id(entry.exec))
     sys.stdout.write(f"{entry.exec[0]} has taken the alert; check that it has arrived\n")
     return PASS
 
 
 def resume_interrupted(path: Path, *, confirmed: bool) -> int:
     """Continue an interrupted run, after confirmation by a person or an option."""
-    from bench.app.resume import in_words, prepared_again, read_interrupted
+    from bench.app.resume import prepare_again, read_interrupted, summary_lines
     from bench.runner.output import tolerant_output
 
     resumption = read_interrupted(path)
-    prepared = prepared_again(resumption)
+    prepared = prepare_again(resumption)
     with tolerant_output():
-        for line in in_words(resumption, prepared):
+        for line in summary_lines(resumption, prepared):
             sys.stderr.write(line + "\n")
-        if not confirmed and not _says_yes():
+        if not confirmed and not _is_confirmed():
             raise InputError(f"{path.name}: not resumed; confirm it with --interrupted, or answer yes on a terminal")
         return _executed(prepared, resumption, as_json=False)
 
@@ -233,7 +233,7 @@ def resume_pending(runs: Path) -> int:
     return code
 
 
-def _says_yes() -> bool:
+def _is_confirmed() -> bool:
     if not sys.stdin.isatty():
         return False
     sys.stderr.write("Resume it? yes/no: ")

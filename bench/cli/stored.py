@@ -58,7 +58,7 @@ def digest(run: str, runs: Path, *, damaged: bool) -> None:
 
 def verify(run: str, runs: Path) -> int:
     """Verify a run by its chain, its seal and the ledger: sealed, intact up to a row, or damaged, and where."""
-    from bench.report.verify import examined
+    from bench.report.revision import examined
     from bench.store.runs import find_run
 
     record = examined(find_run(run, runs))

@@ -19,7 +19,7 @@ def counter_misfits(bench: BenchFile) -> Iterator[Problem]:
     for role, entry in bench.devices.items():
         frames = entry.description.frames
         if frames is not None and all(path.is_file() for path in entry.files.values()):
-            wire = frames.on_the_wire(entry.options)
+            wire = frames.bus_load(entry.options)
             yield from _bus(role, entry, wire.bits_per_s)
             for device in entry.encoders:
                 yield from _encoder(bench, role, device, wire.position_bits.get(device))

@@ -21,7 +21,7 @@ from yaml import MarkedYAMLError, YAMLError, events
 
 from bench.errors import InputError
 from drivers.schema.bounded import UnfitFileError, read_bounded
-from drivers.schema.wording import in_words
+from drivers.schema.wording import value_text
 
 SIZE_LIMIT_BYTES = 32 * 1024
 LINE_LIMIT = 4000
@@ -164,11 +164,11 @@ def parse_document(text: str, path: Path) -> Document:
         value = builder.build(yaml.parse(lines, Loader=_FAST))
     except YAMLError:  # the parser written in Python has better messages and positions
         builder = _Builder(path)
-        value = _built_or_refused(lines, builder, path)
+        value = _parsed_in_python(lines, builder, path)
     return Document(path, text, value, builder.marks)
 
 
-def _built_or_refused(lines: str, builder: _Builder, path: Path) -> Any:
+def _parsed_in_python(lines: str, builder: _Builder, path: Path) -> Any:
     """Return the value from the parser written in Python. Raises InputError."""
     try:
         return builder.build(yaml.parse(lines, Loader=yaml.SafeLoader))
@@ -264,7 +264,7 @@ class _Builder:
         if not isinstance(key, str):
             if isinstance(key, (list, dict)):
                 self._refuse(event, f"a key is text, found a {'list' if isinstance(key, list) else 'mapping'}")
-            self._refuse(event, f"a key is text, found {in_words(key)}; put it in quotes")
+            self._refuse(event, f"a key is text, found {value_text(key)}; put it in quotes")
         if key == "<<":
             self._refuse(event, "merge keys (<<) are not part of this language; repeat the values")
         if key in node.value:

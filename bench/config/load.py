@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from bench.config.document import Document, Place, Problem, read_document
 from bench.errors import InputError
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Kind = Literal["sequences", "config"]
@@ -42,7 +42,7 @@ def problems(value: Any, error: ValidationError, prefix: Place = ()) -> Iterator
     """Yield the errors of pydantic for the part of a document's value at `prefix`."""
     for item in error.errors(include_url=False):
         place, missing = _place(value, (*prefix, *item["loc"]))
-        problem = in_plain_words(item)
+        problem = error_text(item)
         if missing:
             problem = f"the key '{missing}' {problem}"
         elif place and isinstance(place[-1], str):

@@ -14,7 +14,7 @@ from bench.config.schema_file import path_to_schema
 from bench.errors import InputError
 from bench.files import written_new
 from drivers.schema.fields import Name
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 _SCHEMA = re.compile(r"(?<=\$schema=)\S*bench\.schema\.json")
 _TITLE = re.compile(r"^title: .*$", re.MULTILINE)
@@ -29,7 +29,7 @@ def write_bench(name: str, source: str, folder: Path) -> list[Path]:
     try:
         TypeAdapter(Name).validate_python(name)
     except ValidationError as error:
-        raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
+        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
     given = find(source, "config")
     named = set[str]()
     load_bench(given, named=named)

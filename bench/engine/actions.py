@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, assert_never
 
 from bench.engine import measuring, recording, steadiness, waiting
 from bench.engine.context import Bench, Found
-from bench.engine.orienting import orient, stop_axes
 from bench.engine.questions import Question
-from bench.sequence.plan.motion import came_from
+from bench.errors import StepError
+from bench.sequence.plan.motion import Side, came_from
 from bench.sequence.steps.custom import Custom, known_steps
 from bench.sequence.steps.fields import is_known
 from bench.sequence.steps.measuring import Acquire, Measure, Tare
-from bench.sequence.steps.orienting import Orient
+from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
 from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.steps.talk import Alarm, Note, Prompt
 from bench.sequence.steps.verbs import Step
@@ -200,7 +201,7 @@ async def _set_one(step: SetOutput, role: str, bench: Bench) -> Found:
 async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
     question = Question(step_id, step.text, step.allowed, step.input, step.picture, step.expect)
     bench.journal.write("asked", step_id, text=step.text, expected=question.expected)
-    answer = await bench.desk.ask(question, step.give_up_after_s)
+    answer = await bench.prompts.ask(question, step.give_up_after_s)
     found: dict[str, Any] = {"question": step.text, "by": answer.by, **_answer_facts(answer.value)}
     if step.name is not None:
         found["as"] = step.name
@@ -224,3 +225,37 @@ async def _custom(step: Custom, bench: Bench) -> Found:
     settings = description.settings.model_validate(dict(step.settings))
     found: Found = await loaded(description.target)(settings, replace(bench, role=step.role))
     return found if step.value_name is None else {**found, "as": step.value_name}
+
+
+async def orient(step: Orient, bench: Bench) -> Mapping[str, Any]:
+    """Move one axis after the other, the outer first; an axis already at its target is not moved."""
+    pose = Pose({role: await _angle_deg(role, bench) for role in bench.file.axes}, bench.journal.state.mount)
+    try:
+        targets = targets_deg(step.attitude, bench.file, pose)
+    except Unreachable as problem:
+        raise StepError(f"{problem}. Nothing was sent.") from None
+    stands_deg: dict[str, float] = {}
+    sides: dict[str, Side] = {}
+    for role, target_deg in targets.items():
+        if target_deg == pose.angles_deg[role]:
+            continue
+        bench.angles_deg.pop(role, None)
+        reading = await bench.rig.positioner(role).move_to(target_deg, approach=step.approach, settle_s=0.0)
+        bench.angles_deg[role], stands_deg[role] = target_deg, reading.value
+        if (side := came_from(step.approach, pose.angles_deg[role], target_deg)) is not None:
+            sides[role] = side
+    await asyncio.sleep(step.settle_s)
+    return {"attitude": str(step.attitude), "angles_deg": stands_deg, "came_from": sides}
+
+
+async def stop_axes(bench: Bench) -> None:
+    """Stop every axis of the table."""
+    for role in bench.file.axes:
+        await bench.rig.positioner(role).stop()
+
+
+async def _angle_deg(role: str, bench: Bench) -> float:
+    """Target of the last move or, if unknown, the present angle of the axis."""
+    if role not in bench.angles_deg:
+        return (await bench.rig.positioner(role).angle()).value
+    return bench.angles_deg[role]

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.engine.crediting import SoakCredit
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
-from bench.engine.numbered import Numbered
-from bench.engine.questions import Desk
+from bench.engine.questions import PromptQueue
 from bench.rig import Rig
+from bench.store.decoder import Decoder
 from bench.store.writer import RunWriter
+from drivers.can.decoded import GapWatch
 
 Found = Mapping[str, Any]  # result of a step, for the journal
 
@@ -30,7 +32,7 @@ class Bench:
     rig: Rig
     monitor: Monitor
     journal: Journal
-    desk: Desk
+    prompts: PromptQueue
     notice: Callable[[str], None]
     numbered: Numbered
     angles_deg: dict[str, float] = field(default_factory=dict)
@@ -41,3 +43,19 @@ class Bench:
     def writer(self) -> RunWriter:
         """Writer of the record of the run."""
         return self.journal.writer
+
+
+class Numbered:
+    """Devices of a bench that number their frames, by role; their decoders are created on demand."""
+
+    def __init__(self, devices: Mapping[str, DeviceEntry]) -> None:
+        self.devices = devices
+        self._decoders: dict[str, Decoder] = {}
+
+    def of(self, role: str) -> Sequence[GapWatch]:
+        """Return the gap detectors of a device for a new acquisition; none if its driver describes no frames."""
+        if self.devices[role].description.frames is None:
+            return ()
+        if role not in self._decoders:
+            self._decoders[role] = Decoder(self.devices[role])
+        return self._decoders[role].watches()

@@ -15,7 +15,7 @@ from pathlib import PurePath
 from typing import Any, NamedTuple
 
 from bench.clock import SLEWED, SMALLEST_STEP_S
-from drivers.kinds.chamber.arrival import KEPT_WITHIN_C
+from drivers.kinds.chamber.arrival import SET_POINT_TOLERANCE_C
 
 GAP_S = 60.0  # largest interval between readings of the chamber: two periods of a guardian that has missed none
 SAME_C = 0.05  # largest difference of consecutive read-backs of an unchanged set point
@@ -43,7 +43,7 @@ class Instant(NamedTuple):
     utc_s: float
 
 
-class Look(NamedTuple):
+class ChamberReading(NamedTuple):
     """A reading of the chamber, °C; `from_safe_c` is the last command minus the safe set point, 0 if off."""
 
     at: Instant
@@ -63,15 +63,15 @@ class Soaked(NamedTuple):
     read_back_c: float
 
 
-class Held(NamedTuple):
+class GuardedPeriod(NamedTuple):
     """Period proved by the guardian: number of readings in band, longest gap `longest_s`, and the last reading."""
 
     looks: int
     longest_s: float
-    last: Look
+    last: ChamberReading
 
 
-def held(lines: Sequence[Mapping[str, Any]], run: str, chamber: Chamber, before: Soaked) -> Held:
+def held(lines: Sequence[Mapping[str, Any]], run: str, chamber: Chamber, before: Soaked) -> GuardedPeriod:
     """Return the period in which the guardian held the chamber, from the lines of its record; raise NoCredit."""
     course = _last_course(lines, chamber.role)
     if any(not isinstance(each.get("run"), str) or PurePath(each["run"]).name != run for each in course):
@@ -81,14 +81,14 @@ def held(lines: Sequence[Mapping[str, Any]], run: str, chamber: Chamber, before:
     gaps_s = [looks[0].at.up_s - before.until_up_s]
     if looks[0].at.boot != before.boot:
         raise NoCredit("the computer was started again")
-    expect_gap(gaps_s[0])
+    check_gap(gaps_s[0])
     gaps_s += [_passed_s(one, following) for one, following in pairwise(instants)]
     for look in looks:
         _expect_in_band(look, chamber, before.set_point_c, before.read_back_c)
-    return Held(len(looks), max(gaps_s), looks[-1])
+    return GuardedPeriod(len(looks), max(gaps_s), looks[-1])
 
 
-def credit_s(before: Soaked, meanwhile: Held, now: Look, chamber: Chamber) -> float:
+def credit_s(before: Soaked, meanwhile: GuardedPeriod, now: ChamberReading, chamber: Chamber) -> float:
     """Return the credited time (s) until the first reading of the resumed run, `now`; raise NoCredit."""
     _passed_s(meanwhile.last.at, now.at)
     _expect_in_band(now, chamber, before.set_point_c, before.read_back_c)
@@ -135,8 +135,8 @@ def _instant(line: Mapping[str, Any]) -> Instant:
     return Instant(boot, up_s, at.timestamp())
 
 
-def _look(line: Mapping[str, Any], at: Instant) -> Look:
-    return Look(at, *(number(line.get(key)) for key in ("air_c", "set_point_c", "from_safe_c")))
+def _look(line: Mapping[str, Any], at: Instant) -> ChamberReading:
+    return ChamberReading(at, *(number(line.get(key)) for key in ("air_c", "set_point_c", "from_safe_c")))
 
 
 def number(value: object) -> float:
@@ -156,11 +156,11 @@ def _passed_s(before: Instant, after: Instant) -> float:
     passed_s, by_day_s = after.up_s - before.up_s, after.utc_s - before.utc_s
     if not abs(by_day_s - passed_s) <= SMALLEST_STEP_S + SLEWED * abs(passed_s):
         raise NoCredit(f"the computer's clock was set by {by_day_s - passed_s:+.1f} s, or its record was changed")
-    expect_gap(passed_s)
+    check_gap(passed_s)
     return passed_s
 
 
-def expect_gap(gap_s: float) -> None:
+def check_gap(gap_s: float) -> None:
     """Raise NoCredit for a gap (s) between readings that is too long."""
     if not gap_s <= GAP_S:
         raise NoCredit(f"nobody read the chamber for {gap_s:.0f} s; at most {GAP_S:g} s are allowed")
@@ -168,18 +168,18 @@ def expect_gap(gap_s: float) -> None:
         raise NoCredit("the times of the readings of the chamber contradict each other")
 
 
-def expect_at(found_c: float, set_point_c: float) -> None:
+def check_set_point(found_c: float, set_point_c: float) -> None:
     """Raise NoCredit for a set point (°C) other than that of the soak."""
-    if not abs(found_c - set_point_c) <= KEPT_WITHIN_C:
+    if not abs(found_c - set_point_c) <= SET_POINT_TOLERANCE_C:
         raise NoCredit(f"the set point was {found_c:g} °C and not the {set_point_c:g} °C of the soak")
 
 
-def _expect_in_band(look: Look, chamber: Chamber, set_point_c: float, read_back_c: float) -> None:
+def _expect_in_band(look: ChamberReading, chamber: Chamber, set_point_c: float, read_back_c: float) -> None:
     """Raise NoCredit unless the controller keeps the chamber in the band at the set point of the soak."""
-    expect_at(look.set_point_c, set_point_c)
+    check_set_point(look.set_point_c, set_point_c)
     if not abs(look.set_point_c - read_back_c) <= SAME_C:
         raise NoCredit(f"the set point changed from {read_back_c:g} to {look.set_point_c:g} °C")
-    if not abs(look.from_safe_c - abs(look.set_point_c - chamber.safe_c)) <= KEPT_WITHIN_C:
+    if not abs(look.from_safe_c - abs(look.set_point_c - chamber.safe_c)) <= SET_POINT_TOLERANCE_C:
         raise NoCredit(f"the controller of {chamber.role} was switched off, or its state is unknown")
     if not abs(look.air_c - set_point_c) <= chamber.band_c:
         raise NoCredit(f"the air was at {look.air_c:.1f} °C, outside {set_point_c:g} ± {chamber.band_c:g} °C")

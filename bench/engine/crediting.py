@@ -6,7 +6,7 @@ import asyncio
 from typing import Any, NamedTuple
 
 from bench.clock import boot_id, since_boot_s, wall_utc
-from bench.engine.credit import GAP_S, Chamber, Held, Instant, Look, NoCredit, Soaked, credit_s
+from bench.engine.credit import GAP_S, Chamber, ChamberReading, GuardedPeriod, Instant, NoCredit, Soaked, credit_s
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
 from bench.quality import Invalid, Window
@@ -17,17 +17,17 @@ from bench.sequence.steps.stimulus import Ramp, SetOutput
 from bench.sequence.steps.verbs import Step
 from bench.sequence.steps.waits import Soak
 from drivers.errors import DriverError
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 
 LOOKED_AT_WITHIN_S = 5.0
 
 
-class Proved(NamedTuple):
+class SoakEvidence(NamedTuple):
     """Evidence on a soak before its run was resumed: from its record and from its guardian."""
 
     chamber: Chamber
     soaked: Soaked
-    held: Held
+    held: GuardedPeriod
 
 
 class SoakCredit:
@@ -37,7 +37,7 @@ class SoakCredit:
     first reading and the soak may still withdraw the credit.
     """
 
-    def __init__(self, step: str, claim: Proved | str) -> None:
+    def __init__(self, step: str, claim: SoakEvidence | str) -> None:
         self._step = step
         self._proved = None if isinstance(claim, str) else claim
         self._why = ""
@@ -56,11 +56,11 @@ class SoakCredit:
             return
         chamber, soaked, held = self._proved
         try:
-            async with patience(LOOKED_AT_WITHIN_S):
+            async with fair_timeout(LOOKED_AT_WITHIN_S):
                 state = await rig.chamber(chamber.role).state()
             now = Instant(boot_id(), since_boot_s(), wall_utc().timestamp())
             from_safe_c = float("nan") if state.from_safe_c is None else state.from_safe_c
-            look = Look(now, state.process_value_c, state.target_c, from_safe_c)
+            look = ChamberReading(now, state.process_value_c, state.target_c, from_safe_c)
             self._credit_s = credit_s(soaked, held, look, chamber)
         except (NoCredit, DriverError) as problem:
             self.rule_out(str(problem))

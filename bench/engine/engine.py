@@ -7,26 +7,25 @@ from collections.abc import Collection
 from typing import Any, Literal, Protocol
 
 from bench.config.models import BenchFile
-from bench.engine.context import Bench
+from bench.engine.context import Bench, Numbered
 from bench.engine.control import OPERATOR, Control
 from bench.engine.ending import OPERATOR as BY_OPERATOR
 from bench.engine.ending import EndRequest, Outcome
 from bench.engine.interlocks import Change
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
-from bench.engine.numbered import Numbered
 from bench.engine.past import Past
-from bench.engine.questions import Desk, Question
+from bench.engine.questions import PromptQueue, Question
 from bench.engine.safety import finish
 from bench.engine.stepper import Stopped, UnitFailed, Watcher
 from bench.engine.units import UnitFailure
 from bench.engine.walk import Walk
-from bench.errors import InputError, StepError, WindowError, in_words
+from bench.errors import InputError, StepError, WindowError, error_message
 from bench.rig import Rig
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.stimulus import Ramp
 from drivers.errors import DriverError, InstrumentFault
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 
 END_BEYOND_S = 5.0  # time for a step to end, in addition to the time that stopping its motion may take
 LOOK_S = 1.0  # polling interval meanwhile
@@ -63,11 +62,11 @@ class Engine:
     ) -> None:
         self._plan, self._rig, self._monitor, self._observer = plan, rig, monitor, observer
         self.journal = journal
-        self.desk = Desk(observer.asked)
+        self.prompts = PromptQueue(observer.asked)
         self._control = Control(self.journal, observer.notice, observer.held)
         numbered = Numbered(file.devices)
         credit = past.credit if past is not None else None
-        bench = Bench(file, rig, monitor, journal, self.desk, observer.notice, numbered, credit=credit)
+        bench = Bench(file, rig, monitor, journal, self.prompts, observer.notice, numbered, credit=credit)
         monitor.units.angles_deg = bench.angles_deg
         self._places = file.places
         if past is not None:
@@ -270,7 +269,7 @@ class Engine:
         source = self._rig.source(role)
         self._monitor.being_made_safe.add(role)
         try:
-            async with patience(self._rig.safe_within_s):
+            async with fair_timeout(self._rig.safe_within_s):
                 await source.make_safe()
                 found = await source.read()
         finally:
@@ -351,7 +350,7 @@ class Engine:
         self.outcome.how = "error"
         of_chamber = isinstance(problem, DriverError) and problem.device in self._may_be_held
         self._is_hold_ruled_out |= of_chamber or isinstance(problem, WindowError)
-        text = in_words(problem)
+        text = error_message(problem)
         if text in self.outcome.problems:  # a store that fails, fails the teardown as well
             return
         self.outcome.problems.append(text)

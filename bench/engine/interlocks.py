@@ -67,12 +67,12 @@ class Interlocks:
                 if (change := interlock.take(source, reading)) is not None:
                     self._changes.append(change)
 
-    def lapse(self, source: str) -> None:
+    def invalidate(self, source: str) -> None:
         """Note that the newest reading of DEVICE.CHANNEL is invalid."""
         for interlock in self._of_source.get(source, ()):
-            interlock.lapse(source)
+            interlock.invalidate(source)
 
-    def rely_on(self, source: str) -> bool:
+    def judge_values_of(self, source: str) -> bool:
         """True if interlocks judge DEVICE.CHANNEL and none of them monitors the age of its valid readings."""
         judging = self._of_source.get(source, ())
         return bool(judging) and not any(isinstance(each, _Age) for each in judging)
@@ -81,7 +81,7 @@ class Interlocks:
         """True if an interlock monitors the age of a device's readings, which grows while it is silent."""
         return any(isinstance(each, _Age) and role == each.sources[0].partition(".")[0] for each in self._interlocks)
 
-    def disregard(self, source: str) -> list[str]:
+    def disable(self, source: str) -> list[str]:
         """Disable the interlocks on DEVICE.CHANNEL, whose readings are no longer valid; return their names."""
         gone = self._of_source.pop(source, [])
         self._interlocks = [each for each in self._interlocks if each not in gone]
@@ -89,14 +89,14 @@ class Interlocks:
             others[:] = [each for each in others if each not in gone]
         return [each.name for each in gone]
 
-    def look(self, now_s: float, stalled_s: Stalled = _never) -> Sequence[Change]:
+    def evaluate(self, now_s: float, stalled_s: Stalled = _never) -> Sequence[Change]:
         """Return the interlocks that have changed since the last call.
 
         To be called after every poll of a device, even a failed one. `stalled_s` returns the time since an instant in
         which the program was suspended; it does not age readings.
         """
         for interlock in self._interlocks:
-            if (change := interlock.look(now_s, stalled_s)) is not None:
+            if (change := interlock.evaluate(now_s, stalled_s)) is not None:
                 self._changes.append(change)
         if not self._changes:
             return ()
@@ -137,10 +137,10 @@ class _Interlock:
         self._newest[source] = reading
         return None
 
-    def lapse(self, source: str) -> None:
+    def invalidate(self, source: str) -> None:
         """Note that the newest reading of one of the sources is invalid."""
 
-    def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
+    def evaluate(self, now_s: float, stalled_s: Stalled) -> Change | None:
         """Judge after time has passed and all simultaneous readings are added."""
         return None
 
@@ -222,10 +222,10 @@ class _Difference(_Interlock):
         if source == self.sources[1] and (rests is None or abs(reading.value - rests.value) > self._good.high / 2):
             self._rests_since = reading
 
-    def lapse(self, source: str) -> None:
+    def invalidate(self, source: str) -> None:
         self._lapsed.add(source)
 
-    def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
+    def evaluate(self, now_s: float, stalled_s: Stalled) -> Change | None:
         if len(self._newest) < 2 or self._rests_since is None:
             return None
         if self._newest[self.sources[1]].at_s - self._rests_since.at_s < self._rest_s:
@@ -248,14 +248,13 @@ class _Age(_Interlock):
     def take(self, source: str, reading: Valid) -> None:
         self._newest_s = reading.at_s
 
-    def look(self, now_s: float, stalled_s: Stalled) -> Change | None:
+    def evaluate(self, now_s: float, stalled_s: Stalled) -> Change | None:
         if self._newest_s is None:
             self._newest_s = now_s
         return self._judge(now_s, now_s - self._newest_s - stalled_s(self._newest_s))
 
 
 def _made(name: str, entry: AnyInterlock, channels: Mapping[str, Channel]) -> _Interlock:
-    """Return the interlock of an entry for the channels of the bench."""
     sources = tuple(channels[reading].source for reading in entry.names)
     unit, named = channels[entry.names[0]].unit, " and ".join(entry.names)
     stale_s = max(channels[reading].stale_after_s for reading in entry.names)

@@ -109,7 +109,7 @@ async def _value_since(began_s: float, name: str, monitor: Monitor) -> None:
     loop = asyncio.get_running_loop()
     give_up_s = loop.time() + VALUE_WITHIN_S
     while True:
-        await monitor.freshen(name)
+        await monitor.wait_for_fresh(name)
         latest = monitor.latest(name)
         if isinstance(latest, Fresh) and latest.reading.at_s >= began_s:
             return

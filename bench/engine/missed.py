@@ -5,12 +5,15 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 
+from bench.config.devices import DeviceEntry
 from bench.engine.context import Bench
-from bench.metrology.gaps import EVENT
+from bench.metrology.gaps import EVENT, missed_of
 from bench.metrology.missed import Missed
 from bench.quality import Valid
-from bench.store.missed import missed_in_step
+from bench.store.decoder import decoders_of
+from bench.store.reader import RunReader
 from drivers.can.decoded import GapWatch
 from drivers.can.frame_block import FrameBlock
 
@@ -77,3 +80,13 @@ def _in_words(role: str, missed: Mapping[str, Missed]) -> str:
         f"{role}: frames are missing: {channels}. Check the cable and the termination of the bus, and the load "
         f"of this computer. This message is not repeated; the report lists every acquisition with gaps."
     )
+
+
+def missed_in_step(folder: Path, step: str, devices: Mapping[str, DeviceEntry]) -> dict[tuple[str, str], Missed]:
+    """Return the losses of these devices during a step, finished or not, by device and channel. Raises StoreError."""
+    with RunReader(folder) as reader:
+        frames = reader.frames_of(step)
+    found: dict[tuple[str, str], Missed] = {}
+    for role, decoder in decoders_of(devices, folder).items():
+        found |= missed_of(role, decoder.outputs(frames.get(role, FrameBlock.empty())))
+    return found

@@ -82,7 +82,7 @@ class Monitor:
     async def stop(self) -> None:
         """Stop polling; all data received until now, including unsolicited data, is with the writer."""
         for role in self._rig.devices:
-            await self.freshen(role)
+            await self.wait_for_fresh(role)
         for task in self._tasks:
             task.cancel()
         if self._tasks:
@@ -98,11 +98,11 @@ class Monitor:
         channel = self._channels.get(self._source(name))
         return channel.latest() if channel is not None else NEVER_READ
 
-    async def freshen(self, name: str) -> None:
+    async def wait_for_fresh(self, name: str) -> None:
         """Wait until unsolicited data of a reading, or of all channels of a device, has been read in."""
         device = self._rig.devices[self._source(name).partition(".")[0]]
         if isinstance(device, FrameSource):
-            device.take_in()
+            device.drain()
             await asyncio.sleep(0)  # tasks that wait for data of the device go first
 
     def newest(self) -> dict[str, tuple[Latest, str]]:
@@ -125,7 +125,11 @@ class Monitor:
     async def _watch(self, role: str) -> None:
         every_s, device = period_s(role, self._bench), self._rig.devices[role]
         units = self._bench.devices[role].channels
-        news = device.news if isinstance(device, FrameSource) and not self._interlocks.judge_age_of(role) else None
+        wait = (
+            device.wait_for_data
+            if isinstance(device, FrameSource) and not self._interlocks.judge_age_of(role)
+            else None
+        )
         loop = asyncio.get_running_loop()
         due_s = loop.time()
         self.polls[role] = 0
@@ -138,15 +142,15 @@ class Monitor:
                     if role not in self.being_made_safe:  # this interrupts the answer to a poll
                         raise
                 due_s = max(due_s + every_s, loop.time())
-                await (news() if news is not None else asyncio.sleep(due_s - loop.time()))
+                await (wait() if wait is not None else asyncio.sleep(due_s - loop.time()))
         except DriverError as problem:
             if role in self.used:
-                self._tell("fault", device=role, problem=str(problem))
+                self._record("fault", device=role, problem=str(problem))
                 self.report(problem)
             else:
                 self.on_left_out(role, problem)
         except Exception as problem:  # noqa: BLE001  nobody looks at the device any more, which the run must not outlast
-            self._tell("fault", device=role, problem=str(problem))
+            self._record("fault", device=role, problem=str(problem))
             self.report(problem)
         finally:
             self.polls.pop(role, None)
@@ -177,18 +181,18 @@ class Monitor:
         channel = self._channels.get(source)
         if channel is None:
             rule = rule_of(source, unit, self._bench)
-            if self._interlocks.rely_on(source):
+            if self._interlocks.judge_values_of(source):
                 rule = replace(rule, matters=True)
             channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule)
         valid, invalid = channel.take(readings, now_s)
         for each in invalid:
             facts = {"reading": channel.name, "read_s": each.at_s, "number": each.number, "raw": each.raw}
-            self._tell("doubted", **facts, text=f"{channel.name} {each.why}")
+            self._record("doubted", **facts, text=f"{channel.name} {each.why}")
         if valid:
             self._journal.writer.readings(channel.name, channel.unit, valid)
             self._on_reading(channel.name, valid[-1])
         if channel.invalid is not None:
-            self._interlocks.lapse(source)
+            self._interlocks.invalidate(source)
             self._on_reading(channel.name, channel.invalid)
         return valid
 
@@ -198,9 +202,9 @@ class Monitor:
         return channel.problem if channel is not None else ""
 
     def _look_at_interlocks(self) -> None:
-        for change in self._interlocks.look(asyncio.get_running_loop().time(), stalled_s):
+        for change in self._interlocks.evaluate(asyncio.get_running_loop().time(), stalled_s):
             facts = {"name": change.name, "action": change.action, "tripped": change.tripped}
-            self._tell("interlock", **facts, since_s=change.since_s, text=change.text)
+            self._record("interlock", **facts, since_s=change.since_s, text=change.text)
             self.on_interlock(change)
 
     def _look_at_units(self, role: str) -> None:
@@ -222,10 +226,10 @@ class Monitor:
         """Failure of the unit in a place, from the newest values of a device."""
         unit = self._bench.places[place]
         found: tuple[Kind, str] | None = None
-        if role == unit.supply and self.units.alone_at(role) == place:
+        if role == unit.supply and self.units.sole_unit(role) == place:
             found = self._problem_with_current(role, self.windows[role])
         reading = self._bench.readings[unit.temperature]
-        if found is None and role == reading.device and self.units.alone_at(unit.temperature) == place:
+        if found is None and role == reading.device and self.units.sole_unit(unit.temperature) == place:
             found = self._problem_with(unit.temperature, reading)
         if found is None:
             found = self._silence(place, role)
@@ -237,12 +241,12 @@ class Monitor:
         if on_since_s is None or not isinstance(device, FrameSource):
             return None
         sends_itself = "telemetry" in self._bench.devices[role].description.capabilities
-        heard = device.heard().get((unit.telemetry or "") if sends_itself else unit.channel)
-        if heard is None:
+        seen = device.last_seen().get((unit.telemetry or "") if sends_itself else unit.channel)
+        if seen is None:
             return None
         now_s, late_s = asyncio.get_running_loop().time(), self._bench.devices[role].description.reports_every_s
-        late_s += stalled_s(max(heard.frame_s, on_since_s))
-        text = self.units.silence(place, heard, on_since_s, now_s, late_s)
+        late_s += stalled_s(max(seen.frame_s, on_since_s))
+        text = self.units.silence(place, seen, on_since_s, now_s, late_s)
         return ("silent", f"{text} Check the unit, its converter and their wiring.") if text else None
 
     def drop(self, failure: UnitFailure) -> None:
@@ -250,15 +254,15 @@ class Monitor:
         unit = self._bench.places[failure.place]
         disregarded: list[str] = []
         if failure.kind in ("thermometer", "temperature"):
-            disregarded = self._interlocks.disregard(self._source(unit.temperature))
+            disregarded = self._interlocks.disable(self._source(unit.temperature))
         self.units.drop(failure)
         if not self.units.is_needed(unit.supply):
             self.windows[unit.supply].on_since_s = None
         self.on_unit_failure(failure, disregarded)
 
-    def drop_those_at(self, names: Collection[str], kind: Kind, text: str) -> bool:
+    def drop_by_readings(self, names: Collection[str], kind: Kind, text: str) -> bool:
         """Drop the units to which these readings belong alone; return true if others remain."""
-        places = {place for name in names if (place := self.units.alone_at(name)) is not None}
+        places = {place for name in names if (place := self.units.sole_unit(name)) is not None}
         return len(places) == len(names) and self.drop_all(places, kind, text)
 
     def drop_all(self, places: Collection[str], kind: Kind, text: str) -> bool:
@@ -308,7 +312,7 @@ class Monitor:
             return "temperature", f"{text}Check the chamber and the sensor."
         return None
 
-    def _tell(self, kind: str, **data: Any) -> None:
+    def _record(self, kind: str, **data: Any) -> None:
         try:
             self._journal.write(kind, **data)
         except BenchError as problem:

@@ -43,14 +43,14 @@ async def acquire_into(
     """
     over = asyncio.Event()
 
-    async def all_of_them() -> None:
+    async def run_all() -> None:
         async with asyncio.TaskGroup() as group:
             for role in roles:
                 group.create_task(_take_in(role, rig, sinks, over, block_s), name=f"take in {role}")
             await end
             over.set()
 
-    await grouped(all_of_them())
+    await grouped(run_all())
 
 
 async def _take_in(role: str, rig: Rig, sinks: Sequence[Sink], over: asyncio.Event, block_s: float | None) -> None:

@@ -88,14 +88,14 @@ def past_of(entries: Iterable[Entry]) -> Past:
                 past.decisions[entry.step] = bool(entry.data["taken"])
             case _:
                 pass
-        for node in _begun_anew(entry):
+        for node in _repeated_nodes(entry):
             past.forget(node)
     past.under_way = tuple(map(first_visit, past.state.under_way))
     past.state = advanced(past.state, "run_resumed", "", {})
     return past
 
 
-def _begun_anew(entry: Entry) -> Iterable[str]:
+def _repeated_nodes(entry: Entry) -> Iterable[str]:
     """Ids of the nodes that are repeated from their first step after an entry."""
     match entry.kind:
         case "retried":
@@ -118,7 +118,7 @@ def done_of(nodes: Nodes, past: Past) -> Iterator[PlannedStep]:
     return _those_of(nodes, past, past.over)
 
 
-def under_way_of(nodes: Nodes, past: Past) -> Iterator[PlannedStep]:
+def interrupted_steps(nodes: Nodes, past: Past) -> Iterator[PlannedStep]:
     """Steps of nodes that an interruption cut short, except those inside an acquisition, which is repeated whole."""
     return _those_of(nodes, past, past.under_way)
 
@@ -129,11 +129,11 @@ def _those_of(nodes: Nodes, past: Past, ids: Container[str]) -> Iterator[Planned
             if node.id in ids:
                 yield node
         else:
-            for inner in _gone_into(node, past):
+            for inner in _entered_nodes(node, past):
                 yield from _those_of(inner, past, ids)
 
 
-def _gone_into(node: Node, past: Past) -> Iterator[Nodes]:
+def _entered_nodes(node: Node, past: Past) -> Iterator[Nodes]:
     """Nodes inside a node that were begun and are not to be repeated as a whole."""
     match node:
         case Meanwhile() if node.step.id not in past.over and isinstance(node.step.step, Acquire):
@@ -159,11 +159,11 @@ def interrupted_in(nodes: Nodes, past: Past) -> Iterator[Section]:
             beginning = f"{node.id}/"
             if any(step.startswith(beginning) for step in past.begun):
                 yield node
-        for inner in _gone_into(node, past):
+        for inner in _entered_nodes(node, past):
             yield from interrupted_in(inner, past)
 
 
-def to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
+def steps_to_restore(done: Iterable[PlannedStep]) -> list[PlannedStep]:
     """Steps that bring a bench that was made safe back to its previous condition, in order.
 
     They are the last step of each stimulus and the complete wait that followed it: after an interruption nothing counts

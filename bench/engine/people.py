@@ -8,19 +8,21 @@ from collections.abc import Callable
 from typing import Any
 
 from bench.engine.journal import Journal
-from bench.engine.questions import Answer, Desk, Question
+from bench.engine.questions import Answer, PromptQueue, Question
 from bench.errors import StepError
 from bench.sequence.steps.talk import TypedInput
 from drivers.errors import NoAnswer
-from drivers.person import NOBODY, Errand, Person, Typed
+from drivers.person import NO_OPERATOR, OperatorAnswer, OperatorRequest, Person
 from drivers.quantity.quantities import Quantity
 
 
-async def answered(desk: Desk, journal: Journal, question: Question, give_up_after_s: float, /, **facts: Any) -> Answer:
+async def answered(
+    prompts: PromptQueue, journal: Journal, question: Question, give_up_after_s: float, /, **facts: Any
+) -> Answer:
     """Return the answer; question and outcome are written to the journal, with `facts` beside the answer."""
     journal.write("asked", question.step, text=question.text, expected=question.expected)
     try:
-        answer = await desk.ask(question, give_up_after_s)
+        answer = await prompts.ask(question, give_up_after_s)
     except BaseException:
         journal.try_to_write("unanswered", question.step)
         raise
@@ -36,40 +38,40 @@ class People:
     """
 
     def __init__(self) -> None:
-        self._person: Person = NOBODY
+        self._person: Person = NO_OPERATOR
 
-    def meet(self, desk: Desk, journal: Journal, notice: Callable[[str], None]) -> None:
+    def meet(self, prompts: PromptQueue, journal: Journal, notice: Callable[[str], None]) -> None:
         """Connect to a desk; withdrawn questions are passed to `notice`."""
-        self._person = _AtADesk(desk, journal, notice)
+        self._person = _PromptingPerson(prompts, journal, notice)
 
-    async def ask(self, errand: Errand) -> Typed:
+    async def prompt(self, request: OperatorRequest) -> OperatorAnswer:
         """Return the answer. Raise NoAnswer if there is none in time, CannotConnect before a run has started."""
-        return await self._person.ask(errand)
+        return await self._person.prompt(request)
 
 
-class _AtADesk:
-    def __init__(self, desk: Desk, journal: Journal, notice: Callable[[str], None]) -> None:
-        self._desk, self._journal, self._notice = desk, journal, notice
-        self._errands: Counter[str] = Counter()
+class _PromptingPerson:
+    def __init__(self, prompts: PromptQueue, journal: Journal, notice: Callable[[str], None]) -> None:
+        self._prompts, self._journal, self._notice = prompts, journal, notice
+        self._requests: Counter[str] = Counter()
         self._times: Counter[str] = Counter()
 
-    async def ask(self, errand: Errand) -> Typed:
-        question = Question(self._id(errand), errand.text, input=TypedInput(unit=errand.unit), errand=errand)
-        facts = {"device": errand.device, "question": errand.text}
+    async def prompt(self, request: OperatorRequest) -> OperatorAnswer:
+        question = Question(self._id(request), request.text, input=TypedInput(unit=request.unit), request=request)
+        facts = {"device": request.device, "question": request.text}
         try:
-            answer = await answered(self._desk, self._journal, question, errand.give_up_s, **facts)
+            answer = await answered(self._prompts, self._journal, question, request.give_up_s, **facts)
         except StepError as problem:
-            raise NoAnswer(errand.device, str(problem)) from problem
+            raise NoAnswer(request.device, str(problem)) from problem
         except asyncio.CancelledError:
-            self._notice(f"No longer needed: {errand.text}")
+            self._notice(f"No longer needed: {request.text}")
             raise
         if not isinstance(answer.value, Quantity):
             raise TypeError(f"{question.step}: {answer.value!r} has no unit")
-        return Typed(answer.value.to(errand.unit), answer.by)
+        return OperatorAnswer(answer.value.to(request.unit), answer.by)
 
-    def _id(self, errand: Errand) -> str:
-        if not errand.again:
-            self._errands[errand.device] += 1
-        name = f"{errand.device}#{self._errands[errand.device]}"
+    def _id(self, request: OperatorRequest) -> str:
+        if not request.again:
+            self._requests[request.device] += 1
+        name = f"{request.device}#{self._requests[request.device]}"
         self._times[name] += 1
         return name if self._times[name] == 1 else f"{name}~{self._times[name]}"

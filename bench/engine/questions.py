@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.errors import InputError, StepError
 from bench.sequence.steps.talk import PhysicalChange, TypedInput
-from drivers.person import Errand
+from drivers.person import OperatorRequest
 from drivers.quantity.quantities import Quantity, parse
 from drivers.quantity.units import QuantityError
 from drivers.schema.suggest import did_you_mean
@@ -19,7 +19,7 @@ from drivers.schema.suggest import did_you_mean
 class Question:
     """A question of a step: the answer is one of `choices` or, without them, free input.
 
-    A request of a device, `errand`, has its own id in `step`.
+    A request of a device, `request`, has its own id in `step`.
     """
 
     step: str
@@ -28,7 +28,7 @@ class Question:
     input: TypedInput | None = None
     picture: Path | None = None
     expect: PhysicalChange | None = None
-    errand: Errand | None = None
+    request: OperatorRequest | None = None
 
     def read(self, answer: str) -> Quantity | str:
         """Parse an answer; the InputError describes the expected form."""
@@ -77,7 +77,7 @@ class Answer:
     by: str
 
 
-class Desk:
+class PromptQueue:
     """Open questions. `on_question` is called for each new one, `on_answer` for each answer."""
 
     def __init__(self, on_question: Callable[[Question], None]) -> None:

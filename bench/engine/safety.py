@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 
 T = TypeVar("T")
 
@@ -23,7 +23,9 @@ async def finish(work: Coroutine[Any, Any, T], limit_s: float, unless: Callable[
     return await _unless_cancelled(asyncio.create_task(_limited(work, limit_s)), unless)
 
 
-async def outlast(task: asyncio.Task[Any], unless: Callable[[], bool] = _never) -> asyncio.CancelledError | None:
+async def wait_uncancelled(
+    task: asyncio.Task[Any], unless: Callable[[], bool] = _never
+) -> asyncio.CancelledError | None:
     """Wait for a task to end, however often the caller is cancelled; return the last cancellation, to be raised.
 
     A cancellation while `unless` is true is passed on to the task.
@@ -52,7 +54,7 @@ async def grouped(work: Coroutine[Any, Any, None]) -> None:
 
 async def _unless_cancelled(task: asyncio.Task[T], unless: Callable[[], bool]) -> T:
     """Result or exception of an ended task; a cancellation of the caller takes precedence."""
-    if (cancelled := await outlast(task, unless)) is not None:
+    if (cancelled := await wait_uncancelled(task, unless)) is not None:
         if not task.cancelled():
             task.exception()  # exception retrieved; the caller gets the cancellation
         raise cancelled
@@ -65,5 +67,5 @@ def _first_of(problems: BaseExceptionGroup[BaseException]) -> BaseException:
 
 
 async def _limited(work: Coroutine[Any, Any, T], limit_s: float) -> T:
-    async with patience(limit_s):
+    async with fair_timeout(limit_s):
         return await work

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.engine.credit import Chamber, NoCredit, Soaked, expect_at, expect_gap, number
+from bench.engine.credit import Chamber, NoCredit, Soaked, check_gap, check_set_point, number
 from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import Event, Series
 
@@ -46,7 +46,7 @@ def soaked(record: Record, step: str, chamber: Chamber) -> Soaked:
     begun_s, first = entries[begun].at_s, entries[0]
     air_s, air_c = _readings(record.air, begun_s)
     _, read_back_c = _readings(record.set_point, begun_s)
-    expect_at(float(read_back_c[np.abs(read_back_c - set_point_c).argmax()]), set_point_c)
+    check_set_point(float(read_back_c[np.abs(read_back_c - set_point_c).argmax()]), set_point_c)
     inside = np.abs(air_c - set_point_c) <= chamber.band_c
     arrived = int(inside.argmax())
     if not inside[arrived]:
@@ -147,7 +147,7 @@ def _readings(series: Series, since_s: float) -> tuple[NDArray[np.float64], NDAr
     if not len(at_s):
         raise NoCredit("the chamber was not read since the soak began")
     for gap_s in np.diff(at_s, prepend=since_s):
-        expect_gap(float(gap_s))
+        check_gap(float(gap_s))
     if not np.isfinite(values).all():
         raise NoCredit(f"a reading of {series.name} is no number")
     return at_s, values

@@ -15,7 +15,7 @@ from bench.config.places import PlaceEntry
 from bench.metrology.acquisition import Mount
 from bench.metrology.bench_uncertainty import Vector
 from bench.metrology.orientation import turned_axes
-from drivers.values import Heard
+from drivers.values import LastSeen
 
 Kind = Literal["thermometer", "temperature", "silent", "draws_too_much", "draws_too_little", "not_settled"]
 SILENT_S = 5.0  # time without a frame of its channel, beyond the interval of blocks
@@ -87,12 +87,12 @@ class Units:
         """Members of a name in the sequence, without those of absent units."""
         return [member for member in self._bench.members(name) if self.is_needed(member)]
 
-    def alone_at(self, name: str) -> str | None:
+    def sole_unit(self, name: str) -> str | None:
         """The only unit that a supply or a reading belongs to, if the run has several."""
         places = [place for place in self.at(name) if place in self.places]
         return places[0] if self.several and len(places) == 1 else None
 
-    def silence(self, place: str, heard: Heard, on_since_s: float, now_s: float, late_s: float) -> str:
+    def silence(self, place: str, seen: LastSeen, on_since_s: float, now_s: float, late_s: float) -> str:
         """Evidence that a unit under power has become silent; empty if there is none.
 
         `late_s` is the possible delay of frames. Constant counts are evidence only where the input axis is far enough
@@ -101,10 +101,10 @@ class Units:
         """
         entry = self._bench.places[place]
         channel = entry.telemetry or entry.channel
-        quiet_s = now_s - max(heard.frame_s, on_since_s)
+        quiet_s = now_s - max(seen.frame_s, on_since_s)
         if quiet_s > SILENT_S + late_s:
             return f"no frame of its channel '{channel}' for {quiet_s:.0f} s, while those of other units arrive."
-        standing_s = now_s - max(heard.pulse_s, on_since_s, self._standing_since_s(now_s))
+        standing_s = now_s - max(seen.change_s, on_since_s, self._standing_since_s(now_s))
         if self._must_pulse(place) and standing_s > STANDING_S + late_s:
             return f"its count on channel '{channel}' has not changed for {standing_s:.0f} s under power."
         return ""

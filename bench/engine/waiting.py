@@ -28,7 +28,7 @@ async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
     high = math.inf if step.below is None else step.below.to(unit)
     while True:
         for name in monitor.units.members(step.reading):
-            await monitor.freshen(name)
+            await monitor.wait_for_fresh(name)
         windows = {name: monitor.window(name, step.hold_s, began_s) for name in monitor.units.members(step.reading)}
         values: dict[str, Any] = {
             name: value
@@ -38,14 +38,14 @@ async def until(step: WaitUntil, monitor: Monitor) -> Mapping[str, Any]:
         waiting = [name for name in windows if name not in values]
         if not waiting:
             value = values.get(step.reading, values)
-            return {"reading": step.reading, "value": value, "unit": unit, **_waited(began_s)}
+            return {"reading": step.reading, "value": value, "unit": unit, "waited_s": loop.time() - began_s}
         if loop.time() - began_s >= step.give_up_after_s:
             text = "; ".join(f"{name} {_newest(windows[name], unit)}" for name in waiting)
             text += (
                 f" after {step.give_up_after_s / 60:.1f} min, expected {_condition(step)}. "
                 "Check what it measures and the sensor, or wait longer."
             )
-            if not monitor.drop_those_at(waiting, "not_settled", text):
+            if not monitor.drop_by_readings(waiting, "not_settled", text):
                 raise StepError(text)
             continue
         await asyncio.sleep(LOOK_EVERY_S)
@@ -64,10 +64,6 @@ def _covers(window: Window, hold_s: float) -> bool:
 
 def _newest(window: Window | Absent, unit: str) -> str:
     return f"is {window.values[-1]:.2f} {unit}" if isinstance(window, Window) else window.why
-
-
-def _waited(began_s: float) -> dict[str, float]:
-    return {"waited_s": asyncio.get_running_loop().time() - began_s}
 
 
 def _condition(step: WaitUntil) -> str:
@@ -98,7 +94,7 @@ async def soak(step: Soak, monitor: Monitor, passed_s: float = 0.0) -> Mapping[s
         waited_s = loop.time() - began_s
         if step.give_up_after_s is not None and waited_s >= step.give_up_after_s:
             text = " ".join(_not_stable(name, seen, waited_s, stable) for name, seen in restless.items())
-            if not monitor.drop_those_at(restless, "not_settled", text):
+            if not monitor.drop_by_readings(restless, "not_settled", text):
                 raise StepError(text)
             continue
         await asyncio.sleep(LOOK_EVERY_S)

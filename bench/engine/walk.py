@@ -11,10 +11,10 @@ from typing import Any, assert_never
 
 from bench.engine.context import Bench
 from bench.engine.control import Control
-from bench.engine.past import Past, decision, done_of, to_restore
+from bench.engine.past import Past, decision, done_of, steps_to_restore
 from bench.engine.people import answered
 from bench.engine.questions import Question
-from bench.engine.safety import grouped, outlast
+from bench.engine.safety import grouped, wait_uncancelled
 from bench.engine.stepper import Stepper, Stopped, Watcher
 from bench.errors import BenchError, StepError, StoreError
 from bench.sequence.plan.plan import (
@@ -60,7 +60,7 @@ class Walk:
         self._plan, self._bench, self._journal = plan, bench, bench.journal
         self._past = past
         self._restoring = asyncio.Lock()
-        self._left_to_restore = to_restore(done_of((*plan.setup, *plan.steps), past))
+        self._left_to_restore = steps_to_restore(done_of((*plan.setup, *plan.steps), past))
         self._control, self._watcher, self._failed = control, watcher, failed
         self._indices = {planned.id: index for index, planned in enumerate(plan)}
         self._stepper = Stepper(plan, bench, control, watcher, self._indices)
@@ -159,12 +159,12 @@ class Walk:
             except Stopped:  # the steps that run in the other branches are cancelled
                 stopped = True
 
-        async def all_of_them() -> None:
+        async def run_all() -> None:
             async with asyncio.TaskGroup() as group:
                 for name, nodes in node.branches.items():
                     group.create_task(branch(nodes), name=f"{node.id}/{name}")
 
-        await grouped(all_of_them())
+        await grouped(run_all())
         if stopped:
             raise Stopped
 
@@ -204,7 +204,7 @@ class Walk:
         """
         task = asyncio.create_task(self.teardown(teardown))
         self._teardowns.add(task)
-        cancelled = await outlast(task)
+        cancelled = await wait_uncancelled(task)
         self._teardowns.discard(task)
         if cancelled is not None or task.cancelled():
             if why is not None and not isinstance(why, Stopped):
@@ -280,7 +280,7 @@ class Walk:
 
     async def _asked(self, step_id: str, problem: Exception) -> str:
         question = Question(f"{step_id}?", f"{problem} What now?", AFTER_A_FAILURE)
-        answer = await answered(self._bench.desk, self._journal, question, A_DAY_S)
+        answer = await answered(self._bench.prompts, self._journal, question, A_DAY_S)
         return str(answer.value)
 
     def _visited(self, planned: PlannedStep) -> PlannedStep:

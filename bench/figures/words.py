@@ -99,7 +99,7 @@ def shared_in_words(shared: str) -> str:
     return source_in_words(f"{what}: {part.replace('_', ' ')}") if point else shared
 
 
-def said_in_words(text: str) -> str:
+def answer_text(text: str) -> str:
     """Text of an answer, or of who gave it; text typed by people is unchanged."""
     return tr(text) if text in SAID else text
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 from bench.config.devices import DeviceEntry
-from drivers.kinds.chamber.arrival import KEPT_WITHIN_C, Arrival
+from drivers.kinds.chamber.arrival import SET_POINT_TOLERANCE_C, Arrival
 from drivers.kinds.chamber.following import FollowWatch
 from drivers.values import ChamberState
 
@@ -106,7 +106,7 @@ class Course:
             noted = noted._replace(event="reading")
         self.noted.append(noted)
         wrong = self._watch.problem(at_s, state.process_value_c, state.set_point_c, commanded=True)
-        if abs(state.target_c - self._held_c) > KEPT_WITHIN_C:
+        if abs(state.target_c - self._held_c) > SET_POINT_TOLERANCE_C:
             wrong = f"another master changed the set point from {self._held_c:g} °C to {state.target_c:g} °C"
         if not wrong and at_s >= self.hold_ends_s:
             wrong = "the hold time has expired"

@@ -18,7 +18,7 @@ from typing import NamedTuple, Self
 
 from bench.clock import Stopwatch
 from bench.config.models import BenchFile
-from bench.errors import InUseError, StoreError, in_words
+from bench.errors import InUseError, StoreError, error_message
 from bench.guardian.course import Course, Noted
 from bench.guardian.notes import Notes
 from bench.rig import CLOSE_S, device_of, limits_to_make_safe
@@ -36,7 +36,7 @@ from bench.store.energised import note_safe
 from bench.store.followed import FOLLOWED
 from drivers.capabilities import ThermalChamber
 from drivers.kinds.chamber.description import ChamberOptions, ChamberSafe
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport.wires import RealWires
 
 FIRST_S, EVERY_S = 1.0, 30.0  # intervals between readings, doubled each time
@@ -160,28 +160,28 @@ class Following:
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)
         except Exception as problem:  # noqa: BLE001  after any error the next reading is tried
-            course.unseen(now_s(), in_words(problem) or type(problem).__name__)
+            course.unseen(now_s(), error_message(problem) or type(problem).__name__)
 
     async def _visit(self, role: str, course: Course) -> None:
         device = device_of(role, self._bench.devices[role], RealWires())
         if not isinstance(device, ThermalChamber):
             raise TypeError(f"{role} is not a chamber")
         try:
-            async with patience(VISIT_S):
+            async with fair_timeout(VISIT_S):
                 await device.__aenter__()
                 await device.identify()
                 course.seen(self._now_s(), await device.state())
             if course.is_held and (course.hold_is_over or self._ends.is_set()):
                 course.hold_is_over = course.hold_is_over or "its guardian was ended"
-                async with patience(limits_to_make_safe(self._bench)[role]):
+                async with fair_timeout(limits_to_make_safe(self._bench)[role]):
                     await device.make_safe()
                 course.commanded(self._now_s())
                 self._notes.do(partial(note_safe, {str(self._addresses[role])}))
-                async with patience(VISIT_S):
+                async with fair_timeout(VISIT_S):
                     course.seen(self._now_s(), await device.state())
         finally:
             with suppress(Exception):
-                async with patience(CLOSE_S):
+                async with fair_timeout(CLOSE_S):
                     await device.__aexit__(None, None, None)
 
     def _end(self) -> bool:

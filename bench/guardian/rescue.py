@@ -13,7 +13,7 @@ from pathlib import Path
 from bench.clock import wall_utc
 from bench.config.bench import load_bench
 from bench.config.channels import period_s
-from bench.errors import InputError, InUseError, in_words
+from bench.errors import InputError, InUseError, error_message
 from bench.guardian.follow import Following, end_on_sigterm, guardian_of, in_own_process, redirect_to_null
 from bench.guardian.notes import Notes
 from bench.guardian.watch import Lost, Over
@@ -23,7 +23,7 @@ from bench.runner.alert import alert
 from bench.runner.held import Kind, address_lock, energising_addresses, is_locked_out
 from bench.store.energised import note_safe
 from bench.store.latch import INCIDENT
-from bench.store.unsafe import keep_unsafe
+from bench.store.unsafe import write_unsafe
 from drivers.capabilities import Device
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
@@ -76,7 +76,9 @@ class Rescue:
                     unsafe = self._record(lanes)
                     following = self._following(lanes, stack)
             except Exception as problem:  # noqa: BLE001  record any failure as "not safe"
-                unsafe = self._record([Lane(role, "not reached", in_words(problem), 0.0) for role in self._addresses])
+                unsafe = self._record(
+                    [Lane(role, "not reached", error_message(problem), 0.0) for role in self._addresses]
+                )
             notes.close()
             self._alert(f"NOT MADE SAFE: {', '.join(unsafe)}" if unsafe else "ended by its guardian", lost.why)
             if following is not None:
@@ -92,7 +94,7 @@ class Rescue:
             end_on_sigterm(following)  # before other programs can find it
             return stack.enter_context(following)
         except Exception as problem:  # noqa: BLE001  the bench is safe all the same
-            self._notes.entry("alert", problem=f"the chambers cannot be followed: {in_words(problem)}")
+            self._notes.entry("alert", problem=f"the chambers cannot be followed: {error_message(problem)}")
             return None
 
     def _lanes(self, *, may_hold: bool) -> list[Lane]:
@@ -111,7 +113,7 @@ class Rescue:
         notes.do(partial(note_safe, {str(self._addresses[lane.role]) for lane in lanes if lane.state == "safe"}))
         if unsafe:
             connections = {role: str(address) for role, address in self._addresses.items()}
-            notes.do(partial(keep_unsafe, self._run, wall_utc(), unsafe, connections))
+            notes.do(partial(write_unsafe, self._run, wall_utc(), unsafe, connections))
         notes.close()
         return unsafe
 

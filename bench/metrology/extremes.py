@@ -52,7 +52,7 @@ def largest_u(values: Array, sd: float) -> tuple[float, float]:
     The values without scatter are estimated by means of neighbours, all reduced by the scatter left in them: to zero if
     all is scatter, hardly changed if there is none. Equal values give equal results.
     """
-    calm = _calm(values, sd)
+    calm = _denoised(values, sd)
     draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
     found = np.max(np.abs(calm + sd * draws), axis=-1)
     return float(np.std(found, ddof=1)), float(np.mean(found) - np.max(np.abs(calm)))
@@ -60,7 +60,7 @@ def largest_u(values: Array, sd: float) -> tuple[float, float]:
 
 def span_u(values: Array, sd: float) -> tuple[float, float]:
     """The same for the span of (n,), the largest value minus the smallest."""
-    calm = _calm(values - np.mean(values), sd)
+    calm = _denoised(values - np.mean(values), sd)
     draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
     found = np.ptp(calm + sd * draws, axis=-1)
     return float(np.std(found, ddof=1)), float(np.mean(found) - np.ptp(calm))
@@ -121,7 +121,7 @@ def interval_of_rms(values: Array, sd: float, along_u: float | None = None) -> I
     return Interval(low, high, sd)
 
 
-def _calm(values: Array, sd: float) -> Array:
+def _denoised(values: Array, sd: float) -> Array:
     together = np.ones(min(NEIGHBOURS, len(values)))
     count = np.convolve(np.ones(len(values)), together, "same")
     means = np.convolve(values, together, "same") / count

@@ -12,7 +12,7 @@ import numpy as np
 from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Turned, Voltages, Window
 from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates
 from bench.metrology.run_data import UnitUnderTest
-from bench.metrology.sampled_codes import FEWEST_CODES, begins_anew, mean_between, mean_code, sampled_at_s, stuck
+from bench.metrology.sampled_codes import FEWEST_CODES, has_restarted, mean_between, mean_code, sampled_at_s, stuck
 
 FEWEST_VOLTAGES = 2  # minimum number for a standard deviation
 NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
@@ -150,7 +150,7 @@ def outputs_between(found: Measured, edges_s: Array) -> tuple[Array, Array, Coun
         return edges_s, output, Counter(too_few_voltages=int(np.count_nonzero(np.isnan(output))))
     if isinstance(found, Codes):
         output = _means_of_codes(found, edges_s)
-        problem = "irregular_clock" if begins_anew(found) else "too_few_codes"
+        problem = "irregular_clock" if has_restarted(found) else "too_few_codes"
         return edges_s, output, Counter({problem: int(np.count_nonzero(np.isnan(output)))})
     latches = np.searchsorted(found.host_s, edges_s)
     latches = latches[latches < len(found.host_s)]
@@ -161,7 +161,7 @@ def outputs_between(found: Measured, edges_s: Array) -> tuple[Array, Array, Coun
 
 def _means_of_codes(found: Codes, edges_s: Array) -> Array:
     """Means of samples between edges; the required share of samples is that of a whole acquisition."""
-    if len(found.values) < FEWEST_CODES or begins_anew(found):
+    if len(found.values) < FEWEST_CODES or has_restarted(found):
         return np.full(max(len(edges_s) - 1, 0), np.nan)
     at_s, usable = sampled_at_s(found), ~stuck(found)
     usual_s = float(np.median(np.diff(at_s) / np.diff(found.sequence)))

@@ -10,13 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
-from bench.metrology.acquisition import Acquisition, Codes, Counts, Shift, Voltages, Window
+from bench.metrology.acquisition import Acquisition, Shift
 from bench.metrology.results.budget import BudgetLine, combined
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.results.limits import U_UNKNOWN
 from bench.metrology.run_data import RunData, UnitUnderTest
+
+T = TypeVar("T")
 
 SOURCE = "power cycles: repeatability of the unit"
 DEPENDS = 1e-6  # relative to the largest change of a result; smaller changes are rounding
@@ -131,27 +133,13 @@ def _shifted(data: RunData, stretch: int, shifts: Shifts) -> RunData:
 
 
 def _changed(acquisition: Acquisition, shifts: Shifts) -> Acquisition:
-    """An acquisition with changed outputs."""
+    def changed(found: Mapping[str, T], change: Callable[[T, Shift], T]) -> dict[str, T]:
+        return {key: change(each, shifts[key]) if key in shifts else each for key, each in found.items()}
+
     return replace(
         acquisition,
-        counts={key: _counts(each, shifts.get(key)) for key, each in acquisition.counts.items()},
-        voltages={key: _voltages(each, shifts.get(key)) for key, each in acquisition.voltages.items()},
-        codes={key: _codes(each, shifts.get(key)) for key, each in acquisition.codes.items()},
-        windows={key: _window(each, shifts.get(key)) for key, each in acquisition.windows.items()},
+        counts=changed(acquisition.counts, lambda found, by: replace(found, shift=by)),
+        voltages=changed(acquisition.voltages, lambda found, by: replace(found, values_v=by.of_each(found.values_v))),
+        codes=changed(acquisition.codes, lambda found, by: replace(found, values=by.of_each(found.values))),
+        windows=changed(acquisition.windows, lambda found, by: replace(found, mean=by.of(found.mean))),
     )
-
-
-def _counts(found: Counts, shift: Shift | None) -> Counts:
-    return found if shift is None else replace(found, shift=shift)
-
-
-def _voltages(found: Voltages, shift: Shift | None) -> Voltages:
-    return found if shift is None else replace(found, values_v=shift.of_each(found.values_v))
-
-
-def _codes(found: Codes, shift: Shift | None) -> Codes:
-    return found if shift is None else replace(found, values=shift.of_each(found.values))
-
-
-def _window(found: Window, shift: Shift | None) -> Window:
-    return found if shift is None else replace(found, mean=shift.of(found.mean))

@@ -41,7 +41,7 @@ def mean_code(codes: Codes) -> MeanCode:
     problems = []
     if len(codes.values) < LEAST_SHARE * (len(codes.values) + codes.lost + codes.invalid):
         problems.append("too_few_codes")
-    if begins_anew(codes):
+    if has_restarted(codes):
         problems.append("irregular_clock")
     if stuck(codes).any():
         problems.append("stuck_code")
@@ -70,7 +70,7 @@ def mean_between(codes: Codes, from_s: float, to_s: float) -> MeanCode:
     return MeanCode(mean, sd / float(np.sqrt(len(values))), hidden_by_steps(sd, codes.step), ())
 
 
-def begins_anew(codes: Codes) -> bool:
+def has_restarted(codes: Codes) -> bool:
     """True if clock and sample numbers of the unit disagree, or have gone back."""
     if codes.restarts:
         return True
@@ -85,7 +85,7 @@ def sampled_at_s(codes: Codes) -> Array:
     The unit's clock is converted to the host's by the straight line through the arrivals: a frame may be late, and both
     clocks have errors. If the unit restarted, only the arrival times are available.
     """
-    if len(codes.tick) < 2 or begins_anew(codes):
+    if len(codes.tick) < 2 or has_restarted(codes):
         return codes.host_s
     return on_the_host_clock(np.concatenate(([0.0], np.cumsum(_device_steps_s(codes)))), codes.host_s)
 

@@ -14,7 +14,7 @@ from bench.errors import InputError
 from bench.offline.csv_record import Table, read_table, read_text
 from drivers.schema.fields import FileBeside, StrictModel, keys_of
 from drivers.schema.suggest import did_you_mean, nearest
-from drivers.schema.wording import in_plain_words, in_words, telling
+from drivers.schema.wording import error_text, telling, value_text
 
 LEGS = ("up", "down")  # of a record over temperature
 CASE_LIMIT_BYTES = 2**20
@@ -40,7 +40,7 @@ def without_truths(content: Any) -> Any:
     """Return a mapping. Raises an error for pydantic to report if a value is true or false: no setting is."""
     for key, value in content.items() if isinstance(content, dict) else ():
         if isinstance(value, bool):
-            raise telling(f"{key}: is {in_words(value)}, expected a number or a word")
+            raise telling(f"{key}: is {value_text(value)}, expected a number or a word")
     return content
 
 
@@ -218,7 +218,7 @@ def validated(model: type[SettingsT], content: Any, where: str, folder: Path | N
     except ValidationError as problem:
         file, colon, place = where.partition(": ")
         details = [
-            place + ".".join(map(str, item["loc"])) + (": " if item["loc"] else "") + in_plain_words(item)
+            place + ".".join(map(str, item["loc"])) + (": " if item["loc"] else "") + error_text(item)
             for item in problem.errors(include_url=False)
         ]
         raise InputError(file + colon + "; ".join(details)) from None

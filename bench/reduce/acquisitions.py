@@ -135,7 +135,7 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
 
 @dataclass(frozen=True)
 class _BenchState:
-    """State of the bench during an acquisition."""
+    """State of the bench during an acquisition, which has the same fields."""
 
     angles_deg: Mapping[str, float]
     mount: Mount
@@ -279,20 +279,10 @@ def _acquisition(event: Event, dwell: str, state: _BenchState, temperatures: Map
         loops=loop_values(event.step),
         begin_s=begin_s,
         end_s=end_s,
-        angles_deg=state.angles_deg,
-        set_from_c=state.set_from_c,
-        set_c=state.set_c,
-        mount=state.mount,
+        **vars(state),
         turned=_turned(event, state.motion),
-        input=state.input,
-        sources_a=state.sources_a,
         sources_set_a=state.sources_a,
         counts={},
-        motion=state.motion,
-        on_since_s=state.on_since_s,
-        came_from=state.came_from,
-        stand=state.stand,
-        stretch=state.stretch,
         temperatures_c={name: series.values for name, series in meanwhile.items()},
         temperatures_at_s={name: series.at_s for name, series in meanwhile.items()},
         over_s=event.data.get("over_s"),

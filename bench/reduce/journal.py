@@ -183,16 +183,9 @@ class JournalRecords:
         }  # fmt: skip
         return {
             **{name: [asdict(each) for each in found] for name, found in sometimes.items() if found},
-            "measurements": [
-                {
-                    "step": found.step, "reading": found.reading, "name": found.name, "value": found.value,
-                    "unit": found.unit, "u": found.u, "limits": dict(found.limits) if found.limits else None,
-                    "verdict": found.verdict, "marginal": found.marginal,
-                }
-                for found in self.measurements
-            ],
-            "left_out": [{"step": found.step, "why": found.why} for found in self.left_out],
-        }  # fmt: skip
+            "measurements": [asdict(found) | {"limits": found.limits or None} for found in self.measurements],
+            "left_out": [asdict(found) for found in self.left_out],
+        }
 
 
 def journal_records(reader: RunReader, unstated: Sequence[str] = ()) -> JournalRecords:

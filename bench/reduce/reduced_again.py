@@ -152,7 +152,6 @@ def _findings(content: Mapping[str, Any]) -> dict[str, Found]:
 
 
 def _differs(change: Change) -> bool:
-    """True if the findings differ."""
     before, now = change.before, change.now
     if before is None or now is None:
         return True

@@ -123,7 +123,7 @@ def _without_manifest(folder: Path) -> str:
 
 
 @contextmanager
-def _what_is_left_of(record: Record) -> Iterator[None]:
+def _damage_as_store_error(record: Record) -> Iterator[None]:
     """Raise StoreError instead of any error that altered contents of a damaged record cause in their readers."""
     try:
         yield
@@ -155,7 +155,7 @@ def open_run(folder: Path, *, damaged: bool = False) -> Iterator[StoredRun]:
         )
     manifest = read_kept(folder / MANIFEST, WHOLE_FORM)
     state = summary(folder).state
-    with _what_is_left_of(record), RunReader(folder) as reader:
+    with _damage_as_store_error(record), RunReader(folder) as reader:
         yield StoredRun(
             folder, {**manifest, "state": manifest["state"] if state == "damaged" else state}, reader, record
         )

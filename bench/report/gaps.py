@@ -25,10 +25,10 @@ def lines(found: Sequence[MissedIn]) -> Iterator[str]:
             gaps=sum(each.gaps for each in missed),
         )  # fmt: skip
         not_used = [each.step for each in of_channel if each.missed.unusable]
-        yield f"{text} {_what_becomes(not_used)}"
+        yield f"{text} {_consequence(not_used)}"
 
 
-def _what_becomes(not_used: Sequence[str]) -> str:
+def _consequence(not_used: Sequence[str]) -> str:
     if not not_used:
         return tr("No mean is left out for this reason.")
     return tr("The means of these are not used: {steps}.", steps=", ".join(not_used))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -12,20 +12,21 @@ from bench.figures.languages import current, tr
 from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import drawing, font_of
-from bench.figures.words import of_those_within_u, said_in_words
+from bench.figures.times_and_sizes import instant
+from bench.figures.words import answer_text, of_those_within_u
 from bench.metrology.results.curves import TemperatureModel
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
 from bench.reduce.evaluate import Results
-from bench.reduce.journal import JournalRecords
+from bench.reduce.journal import JournalRecords, Measurement
 from bench.reduce.stored_run import BENCH_COPY, StoredRun
 from bench.report import gaps, page, tables
 from bench.report.afterwards import Afterwards, lines
 from bench.report.budgets import Budget, BudgetsOfDwells, budget, budgets_of_dwells, budgets_of_points
 from bench.report.course import course_of, course_plot
 from bench.report.flag_words import flag_in_words
-from bench.report.head import head, report_number
+from bench.report.page import Facts
 from bench.report.plan_view.timeline import clock
 from bench.report.revision import Revision
 from bench.sequence.method import CHANNEL, MethodDescription, known_methods
@@ -67,12 +68,12 @@ def render(run: StoredRun, results: Results | None, not_evaluated: str, revision
     not_come = results.missed if results is not None else ()
     problems = list(page.problems(run, not_evaluated, verdict))
     notes = [
-        *page.past_due(instruments), *page.faults_on_purpose(run), *page.done_again(run), *page.power(run),
+        *page.past_due(instruments), *page.faults_on_purpose(run), *page.repetitions(run), *page.power(run),
         *page.left_on(run), *page.notes_of_steps(run), *gaps.lines(not_come), *_flags(results),
     ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
-        number=report_number(run.manifest, revision),
+        number=tr("{run}, revision {number}", run=run.manifest["run"], number=revision.number),
         head=head(run, revision, journal_records.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
         within_u=of_those_within_u(results.within_u) if results is not None and results.within_u else "",
@@ -107,7 +108,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"tr": tr, "clock": clock, "said_in_words": said_in_words}
+    environment.globals |= {"tr": tr, "clock": clock, "answer_text": answer_text}
     return environment
 
 
@@ -164,7 +165,6 @@ def _drawn(method: MethodDescription, unit: UnitResult, name: str) -> Iterator[P
 
 
 def _flags(results: Results | None) -> Iterator[str]:
-    """Texts of the flags of the units."""
     units = results.units if results is not None else ()
     flagged: dict[str, list[str]] = {}
     for unit in units:
@@ -181,3 +181,51 @@ def _documents(run: StoredRun) -> list[tuple[str, str]]:
         (tr("The sequence as it was run"), run.document.text),
         (tr("The bench file as it was run"), bench),
     ]
+
+
+def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *, deviates: bool) -> Facts:
+    """Entries of the head; `deviates` is true if the report lists deviations."""
+    manifest = run.manifest
+    issued = instant(revision.issued.isoformat(), run.bench.site.time_zone)
+    return [
+        (tr("Issued"), issued),
+        (tr("Order"), manifest.get("order") or tr("not stated")),
+        (tr("Procedure"), manifest.get("procedure") or tr("not stated")),
+        (tr("Method"), tr("; ").join(dict.fromkeys(_methods(run))) or tr("none")),
+        (
+            tr("Decision rule"),
+            tr("; ").join(dict.fromkeys(_decision_rules(run, measured))) or tr("none: nothing is judged"),
+        ),
+        (tr("Ambient conditions"), tr("; ").join(_ambient(run)) or tr("not recorded")),
+        (tr("Deviations"), tr("see below") if deviates else tr("none recorded")),
+    ]
+
+
+def _methods(run: StoredRun) -> Iterator[str]:
+    """Methods with the standards that they follow; conformity to these is not claimed."""
+    for entry in run.sequence.results:
+        method = known_methods()[entry.method]
+        if method.after:
+            yield tr("{method}, after {standards}", method=tr(method.title), standards=", ".join(method.after))
+        else:
+            yield tr(method.title)
+
+
+def _decision_rules(run: StoredRun, measured: Sequence[Measurement]) -> Iterator[str]:
+    """Decision rule for each kind of limit of results and single measurements."""
+    of_results = [limit.guard for entry in run.sequence.results for limit in entry.limits.values()]
+    of_measurements = [found.limits.get("guard") for found in measured if found.limits is not None]
+    for guard_k in (*of_results, *of_measurements):
+        if guard_k is None:
+            yield tr("simple acceptance: a value inside its limits passes")
+        else:
+            yield tr("guarded acceptance: a value passes that is inside its limits by {k} u", k=f"{guard_k:g}")
+
+
+def _ambient(run: StoredRun) -> Iterator[str]:
+    """Ambient conditions: readings of the room, from minimum to maximum over the run."""
+    for name in run.bench.site.ambient:
+        series = run.reader.series(name)
+        if len(series.values):
+            low, high = f"{series.values.min():.4g}", f"{series.values.max():.4g} {series.unit}"
+            yield f"{name.replace('_', ' ')} {tr('{low} to {high}', low=low, high=high)}"

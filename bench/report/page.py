@@ -133,7 +133,7 @@ def power(run: StoredRun) -> Iterator[str]:
         yield f"{tr(POWER[event.data['state']])} ({event.data['text']}, {_since_start(run, event)})"
 
 
-def done_again(run: StoredRun) -> Iterator[str]:
+def repetitions(run: StoredRun) -> Iterator[str]:
     """Repeated questions, readings and steps, after a failure or by the operator."""
     yield from (each.in_words for each in run.journal_records.superseded)
     kinds = ("retried", "operator", "device_note", "doubted", "clock_step", "stalled", "device_left_out", "not_reached")
@@ -337,7 +337,6 @@ def _record(record: Record) -> str:
 
 
 def _released(found: Mapping[str, Any]) -> str:
-    """Released calibration of a unit."""
     low_c, high_c = found["valid_c"]
     return tr(
         "{file}, of run {run}, known from {low} °C to {high} °C",

@@ -21,13 +21,14 @@ from typing import Any
 
 from bench.clock import wall_utc
 from bench.errors import StoreError
-from bench.files import write_whole
+from bench.files import write_atomically
 from bench.reduce.evaluate import Results
 from bench.report.afterwards import Afterwards
 from bench.store.kept_json import TEXT, WHOLE, list_of, named, object_of, one_of, read_kept
 from bench.store.manifest_form import instant
 from bench.store.runs import SEAL, json_text
 from bench.store.seal import file_hash
+from bench.store.verify import Record, examine
 from drivers.schema.bounded import UnfitFileError, expect_bounded
 
 REVISIONS = "report_revisions.json"
@@ -160,9 +161,20 @@ def _keep(folder: Path, reports: _Reports) -> None:
     content: dict[str, Any] = {"schema": SCHEMA, "revisions": list(reports.revisions), "files": dict(reports.files)}
     if reports.writing:
         content["writing"] = dict(reports.writing)
-    write_whole(folder / REVISIONS, json_text({**content, "hash": _hash_of(content)}).encode())
+    write_atomically(folder / REVISIONS, json_text({**content, "hash": _hash_of(content)}).encode())
 
 
 def _hash_of(content: object) -> str:
     text = json.dumps(content, ensure_ascii=False, sort_keys=True)
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def examined(folder: Path) -> Record:
+    """Full examination of a run directory; reads every row and every file."""
+    record = examine(folder)
+    return replace(record, damage=(*record.damage, *changed_reports(folder)))
+
+
+def verify(folder: Path) -> list[str]:
+    """Problems of a run's files; empty if there are none."""
+    return list(examined(folder).damage)

@@ -1,22 +1,33 @@
-"""Write the report of a run in the requested form."""
+"""Write the report of a run as a page, as PDF (A4, with page numbers), or its results as JSON or CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import csv
+import io
+import os
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 from bench.errors import BenchError
 from bench.figures.languages import ENGLISH, language
-from bench.files import write_whole
+from bench.files import write_atomically
+from bench.metrology.results.coverage import COVERAGE
+from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
 from bench.report.afterwards import afterwards
+from bench.report.export.csv_cells import harmless
 from bench.report.html import render
-from bench.report.pdf import library, pdf
-from bench.report.results_csv import spreadsheet
+from bench.report.optional import imported
 from bench.report.revision import replacing, revision_of
 from bench.store.runs import json_text
 
 REPORT = "report"
+COLUMNS = (
+    "id", "uut", "quantity", "name", "at", "value", "unit", "u", "k", "dof", "min", "max", "guard", "verdict",
+    "marginal", "flags",
+)  # fmt: skip
 
 
 def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Path:
@@ -31,7 +42,7 @@ def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Pat
     with language(lang):
         content = FORMS[form](run)
     with replacing(run.folder, path.name, content):
-        write_whole(path, content)
+        write_atomically(path, content)
     return path
 
 
@@ -64,3 +75,62 @@ def _csv(run: StoredRun) -> bytes:
 
 
 FORMS: Mapping[str, Callable[[StoredRun], bytes]] = {"html": _html, "pdf": _pdf, "json": _json, "csv": _csv}
+
+
+def library() -> ModuleType:
+    """Import WeasyPrint; InputError with advice on installation if it is missing."""
+    return imported("weasyprint", "pdf", "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0")
+
+
+def pdf(page: str) -> bytes:
+    """PDF of the page, tagged for screen readers; equal pages give equal bytes. InputError without WeasyPrint."""
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # otherwise its embedded fonts contain their time of writing
+    content: bytes = library().HTML(string=page).write_pdf(pdf_tags=True, pdf_identifier=b"inertial-test-bench")
+    return content
+
+
+def spreadsheet(results: Results) -> str:
+    """A line for each finding, each single measurement and each acquisition with gaps; unknown values are empty.
+
+    `u` is the standard uncertainty, `k` the coverage factor of U = k · u, `dof` its degrees of freedom, `inf` for
+    unlimited. Text that a spreadsheet would take for a formula is made harmless.
+    """
+    content = results.to_json()
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    for row in (*_findings(content), *_measurements(content), *_missed(content)):
+        writer.writerow({name: harmless(cell) for name, cell in row.items()})
+    return text.getvalue()
+
+
+def _findings(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for finding in content["findings"]:
+        yield {
+            **finding,
+            **(finding["limits"] or {}),
+            "at": "; ".join(f"{name} {value}" for name, value in finding["at"].items() if value is not None),
+            "dof": "inf" if finding["dof"] is None else finding["dof"],
+            "flags": " ".join(finding["flags"]),
+        }
+
+
+def _measurements(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for found in content["measurements"]:
+        limits = found["limits"] or {}
+        yield {**found, **limits, "id": found["step"], "quantity": found["reading"], "k": COVERAGE}
+
+
+def _missed(content: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Losses of a channel in an acquisition; its first gaps are in the column `at`."""
+    for found in content.get("missed", ()):
+        gaps = [f"{gap['first']}-{gap['last']}" for gap in found["listed"]]
+        more = [f"{found['gaps']} in all"] if found["gaps"] > len(gaps) else []
+        yield {
+            "id": found["step"],
+            "quantity": f"missed_{found['what']}",
+            "name": f"{found['device']}.{found['channel']}",
+            "at": "; ".join((*gaps, *more)),
+            "value": found["lost"],
+            "flags": " ".join(found["unusable"]),
+        }

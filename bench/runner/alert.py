@@ -30,6 +30,6 @@ def alert(program: Sequence[str], title: str, text: str) -> str:
     return f"the alert program {program[0]} ended with code {done.returncode}{f': {output}' if output else ''}"
 
 
-def route(program: Sequence[str]) -> str:
+def program_id(program: Sequence[str]) -> str:
     """Return the identification of an alert program in a record."""
     return hashlib.sha256(json.dumps(list(program)).encode()).hexdigest()

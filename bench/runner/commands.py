@@ -60,12 +60,12 @@ def commands_of(  # noqa: C901  one small function for each command
     def answer(request: Arguments) -> str:
         if "answer" not in request:
             raise InputError("an answer is missing")
-        question = engine.desk.answer(request["answer"], request["by"], request.get("step") or None)
+        question = engine.prompts.answer(request["answer"], request["by"], request.get("step") or None)
         return f"answered: {question.text}"
 
     async def status(_: Arguments) -> str:
         state = {"state": "running"} | state_to_json(engine.journal.state) | _now(engine, monitor)
-        await _kept(engine.journal, "the state of the run could not be written to the disk")
+        await _durable(engine.journal, "the state of the run could not be written to the disk")
         return json.dumps(state, ensure_ascii=False)
 
     def command(name: str, act: Callable[[Arguments], str]) -> Callable[[Arguments], Awaitable[str]]:
@@ -74,7 +74,7 @@ def commands_of(  # noqa: C901  one small function for each command
             engine.journal.try_to_write("command", command=name, **request)
             notice(f"{name.replace('_', ' ')} by {request['by']}: {reply}")
             if name not in STOPS:
-                await _kept(engine.journal, f"{reply}; this is not recorded on the disk")
+                await _durable(engine.journal, f"{reply}; this is not recorded on the disk")
             return reply
 
         return done
@@ -83,7 +83,7 @@ def commands_of(  # noqa: C901  one small function for each command
     return {act.__name__: command(act.__name__, act) for act in acts} | {"status": status}
 
 
-async def _kept(journal: Journal, otherwise: str) -> None:
+async def _durable(journal: Journal, otherwise: str) -> None:
     """Wait until the journal is on the disk. Raises InputError if that fails."""
     try:
         await journal.commit()
@@ -117,7 +117,7 @@ def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
         "now_s": asyncio.get_running_loop().time(),
         "questions": [
             {"step": question.step, "text": question.text, "expected": question.expected}
-            for question in engine.desk.questions
+            for question in engine.prompts.questions
         ],
         "readings": {name: _latest_to_json(latest, unit) for name, (latest, unit) in monitor.newest().items()},
     }

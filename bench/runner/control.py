@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import InputError, StoreError
-from bench.files import write_whole
+from bench.files import write_atomically
 from bench.runner.held import peer
 from bench.store.runs import RUNNER, json_text
 
@@ -71,7 +71,7 @@ def control_socket(folder: Path, handlers: Handlers) -> Iterator[None]:
         undo.callback(thread.join)
         undo.callback(own.call_soon_threadsafe, ended.set)
         undo.callback(_remove, folder / RUNNER)
-        write_whole(folder / RUNNER, json_text({"pid": os.getpid(), **names}).encode())
+        write_atomically(folder / RUNNER, json_text({"pid": os.getpid(), **names}).encode())
         yield
 
 

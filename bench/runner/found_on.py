@@ -10,7 +10,7 @@ from typing import NamedTuple
 from bench.rig import Rig
 from drivers.capabilities import Device, Positioner, RateTable, Source, ThermalChamber
 from drivers.errors import DriverError
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 
 LOOKED_AT_WITHIN_S = 5.0
 LOOKS_APART_S = 0.5  # readings of an axis: a swinging one is at rest for a moment
@@ -51,7 +51,7 @@ async def found_energised(rig: Rig, roles: Collection[str]) -> dict[str, Found]:
 
 async def _look(device: Device) -> Found | None:
     try:
-        async with patience(LOOKED_AT_WITHIN_S):
+        async with fair_timeout(LOOKED_AT_WITHIN_S):
             if isinstance(device, Source):
                 return await _output(device)
             if isinstance(device, ThermalChamber):

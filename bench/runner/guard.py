@@ -76,7 +76,7 @@ async def guarded(loaded: LoadedBench, run: Path, signals: Signals, writer: RunW
     guard = Guard(roles, Pulse([role for role in roles if loaded.bench.devices[role].safe_state.hold_s]))
     try:
         _wait_until_armed(link)
-        beating = asyncio.create_task(_beat(link, process.pid, signals, guard, writer), name="guardian")
+        beating = asyncio.create_task(_send_heartbeats(link, process.pid, signals, guard, writer), name="guardian")
         try:
             yield guard
         finally:
@@ -121,7 +121,9 @@ def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Po
     return near, process
 
 
-async def _beat(link: socket.socket, guardian: int, signals: Signals, guard: Guard, writer: RunWriter) -> None:
+async def _send_heartbeats(
+    link: socket.socket, guardian: int, signals: Signals, guard: Guard, writer: RunWriter
+) -> None:
     """Send beats for ever; a guardian that takes none gets SIGCONT, and the run ends if that does not help."""
     untaken = 0
     for turns in count():

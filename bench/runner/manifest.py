@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
 import uuid
 from collections.abc import Mapping
 from datetime import datetime
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 from bench.config.models import BenchFile
@@ -81,16 +79,11 @@ def _instrument(bench: BenchFile, role: str, identity: Identity | None) -> dict[
         "driver": entry.driver,
         "connection": str(entry.connection),
         "simulated": entry.connection.simulated,
-        "maker": found.maker,
-        "model": found.model,
-        "serial": found.serial,
-        "serial_verified": found.verified,
-        "firmware": found.firmware,
-        "fingerprint": found.fingerprint,
+        **facts(found),
         "calibration": calibration.model_dump(mode="json", exclude={"U"}) if calibration is not None else None,
     }
 
 
-def file_hash(path: Path) -> str:
-    """Return the SHA-256 of a file with the prefix `sha256:`."""
-    return "sha256:" + hashlib.sha256(path.read_bytes()).hexdigest()
+def facts(identity: Identity) -> dict[str, Any]:
+    """Return an identity as in the record of a run."""
+    return {"serial_verified" if name == "verified" else name: fact for name, fact in identity._asdict().items()}

@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from bench.config.models import BenchFile
 from bench.engine.ending import Outcome
@@ -18,15 +17,16 @@ from bench.engine.monitor import Monitor
 from bench.engine.past import Past
 from bench.engine.people import People
 from bench.engine.pulse import Pulse
-from bench.engine.questions import Desk
+from bench.engine.questions import PromptQueue
 from bench.engine.safety import finish
-from bench.errors import StoreError, in_words
+from bench.errors import StoreError, error_message
 from bench.quality import Judged
 from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
 from bench.runner.control import control_socket
 from bench.runner.found_on import NOTHING, Found, LeftOn, found_energised
 from bench.runner.held import energising_addresses, is_locked_out
+from bench.runner.manifest import facts
 from bench.runner.power import Hold
 from bench.runner.signals import EndSignal, Signals
 from bench.runner.terminal import answers_from_terminal
@@ -51,7 +51,7 @@ async def run_plan(
     can_pause: bool,
     signals: Signals,
     hold: Hold,
-    on_desk: Callable[[Desk], object] | None = None,
+    on_prompts: Callable[[PromptQueue], object] | None = None,
     places: Collection[str] | None = None,
     people: People | None = None,
     past: Past | None = None,
@@ -62,10 +62,10 @@ async def run_plan(
 
     All errors are in the outcome. Opened devices are made safe, also if others failed to open; those are named. A
     signal ends the opening, or the run as `_acting` says. `teardown_s` is the estimated duration of the teardown, for a
-    message. A control socket, named in `folder`, takes commands during the run. `on_desk` receives the desk that queues
-    questions, before the first one. `hold` holds the run while its computer is on battery. `places` are those with a
-    unit; None for all. `people` answer requests of the devices. `past` is the part done before an interruption. If
-    other runs may have `left_on` devices, or a real instrument is found energised, everything but a held chamber is
+    message. A control socket, named in `folder`, takes commands during the run. `on_prompts` receives the desk that
+    queues questions, before the first one. `hold` holds the run while its computer is on battery. `places` are those
+    with a unit; None for all. `people` answer requests of the devices. `past` is the part done before an interruption.
+    If other runs may have `left_on` devices, or a real instrument is found energised, everything but a held chamber is
     made safe before the first step. The guardian of the run reads `pulse`.
     """
     rig = Rig(devices, limits_to_make_safe(bench), partial(is_locked_out, bench))
@@ -96,14 +96,14 @@ async def run_plan(
 
             journal.writer.on_failure = end_run
             if people is not None:
-                people.meet(engine.desk, engine.journal, observer.notice)
-            if on_desk is not None:
-                on_desk(engine.desk)
+                people.meet(engine.prompts, engine.journal, observer.notice)
+            if on_prompts is not None:
+                on_prompts(engine.prompts)
             with (
                 signals.calling(_acting(engine, observer, teardown_s)),
                 hold.calling(partial(engine.hold, POWER_FAILURE)),
                 control_socket(folder, commands_of(engine, monitor, observer.notice, can_pause=can_pause)),
-                answers_from_terminal(engine.desk, observer, can_wait=can_pause),
+                answers_from_terminal(engine.prompts, observer, can_wait=can_pause),
             ):
                 outcome = await engine.run()
     except Exception as problem:  # noqa: BLE001  after any error opened devices must be made safe
@@ -131,7 +131,7 @@ async def _open(rig: Rig, used: Collection[str], signals: Signals) -> None:
 
 def _report_identities(rig: Rig, journal: Journal, observer: Observer) -> None:
     for role, identity in rig.identities.items():
-        journal.write("identified", device=role, **_facts(identity))
+        journal.write("identified", device=role, **facts(identity))
     for role, why in rig.not_reached.items():
         journal.try_to_write("not_reached", device=role, text=why, used=False)
         observer.notice(
@@ -175,7 +175,7 @@ async def _failed(
     problem: Exception, outcome: Outcome | None, rig: Rig, journal: Journal, observer: Observer
 ) -> Outcome:
     """Return the outcome of a run that an error outside of its steps has ended."""
-    text = in_words(problem)
+    text = error_message(problem)
     journal.try_to_write("problem", text=text)
     observer.notice(text)
     if outcome is None:  # the engine has not started
@@ -216,18 +216,7 @@ async def _close(rig: Rig, outcome: Outcome) -> None:
     try:
         await rig.close()
     except Exception as problem:  # noqa: BLE001  the outcome of the run must not be lost
-        outcome.failed(in_words(problem))
-
-
-def _facts(identity: Identity) -> dict[str, Any]:
-    return {
-        "maker": identity.maker,
-        "model": identity.model,
-        "serial": identity.serial,
-        "firmware": identity.firmware,
-        "serial_verified": identity.verified,
-        "fingerprint": identity.fingerprint,
-    }
+        outcome.failed(error_message(problem))
 
 
 def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[EndSignal], None]:

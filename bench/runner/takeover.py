@@ -14,7 +14,7 @@ from functools import partial
 
 from bench.rig import CLOSE_S, GRACE_S
 from bench.runner.held import LOOKS, Kind, Owner, owners
-from drivers.timing.awake import came_true
+from drivers.timing.awake import succeeded_within
 from drivers.transport.address import Address
 
 END_BEYOND_S = CLOSE_S + 3 * GRACE_S  # beyond the time in which a run that is ended makes its bench safe
@@ -51,7 +51,7 @@ def take_over(addresses: Sequence[Address], notice: Callable[[str], object], end
             os.close(process)
 
 
-def relieve(addresses: Sequence[Address], notice: Callable[[str], object]) -> None:
+def end_supervision(addresses: Sequence[Address], notice: Callable[[str], object]) -> None:
     """End supervision of chambers at the addresses by other programs, on behalf of the run that now holds them."""
     for owner in owners(addresses, LOOKS):
         with suppress(ProcessLookupError, PermissionError):
@@ -62,7 +62,7 @@ def relieve(addresses: Sequence[Address], notice: Callable[[str], object]) -> No
                     notice(f"{owner.words} hands the bench over.")
             finally:
                 os.close(process)
-    came_true(lambda limit_s: not owners(addresses, LOOKS) or bool(_pause(limit_s)), RELIEVED_WITHIN_S)
+    succeeded_within(lambda limit_s: not owners(addresses, LOOKS) or bool(_pause(limit_s)), RELIEVED_WITHIN_S)
 
 
 def _end(
@@ -71,15 +71,15 @@ def _end(
     notice(f"Ending {owner}, which has instruments of this bench.")
     with suppress(ProcessLookupError):
         signal.pidfd_send_signal(process, signal.SIGTERM)
-        if came_true(lambda limit_s: _let_go(has, limit_s), end_within_s):
+        if succeeded_within(lambda limit_s: _released(has, limit_s), end_within_s):
             return
         notice(f"{owner} did not release them within {end_within_s:g} s and is killed.")
         signal.pidfd_send_signal(process, signal.SIGKILL)
-    if not came_true(lambda limit_s: _let_go(has, limit_s), DIE_WITHIN_S):
+    if not succeeded_within(lambda limit_s: _released(has, limit_s), DIE_WITHIN_S):
         notice(f"{owner} does not end. It may still send commands to instruments of this bench.")
 
 
-def _let_go(has: Callable[[], bool], limit_s: float) -> bool:
+def _released(has: Callable[[], bool], limit_s: float) -> bool:
     return not has() or bool(_pause(limit_s))
 
 

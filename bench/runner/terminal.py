@@ -10,14 +10,14 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
 
 from bench.engine.engine import Observer
-from bench.engine.questions import Desk
+from bench.engine.questions import PromptQueue
 from bench.errors import InputError
 
 READ_AT_ONCE_BYTES = 4096
 
 
 @contextmanager
-def answers_from_terminal(desk: Desk, observer: Observer, *, can_wait: bool) -> Iterator[None]:
+def answers_from_terminal(prompts: PromptQueue, observer: Observer, *, can_wait: bool) -> Iterator[None]:
     """Answer open questions with lines typed on the terminal during the block; no effect without a terminal."""
     if not can_wait or not _is_a_terminal():
         yield
@@ -31,9 +31,9 @@ def answers_from_terminal(desk: Desk, observer: Observer, *, can_wait: bool) -> 
             line = ""
         if not line:
             loop.remove_reader(sys.stdin)
-        elif desk.questions:
+        elif prompts.questions:
             try:
-                desk.answer(line, os.environ.get("USER", "operator"))
+                prompts.answer(line, os.environ.get("USER", "operator"))
             except InputError as problem:
                 observer.notice(str(problem))
 

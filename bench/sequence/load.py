@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any
 
 from bench.config.document import Document, Problem, parse_document, read_document
 from bench.config.load import load
@@ -22,19 +21,13 @@ from bench.sequence.plan.expand import expand
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.unit_places import occupied
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import in_words
+from drivers.schema.wording import value_text
 
 
 def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
     """Load a sequence file without evaluating expressions; InputError lists every problem with its place."""
     document = read_document(path)
     return document, load(document, SequenceFile, **CONTEXT, files_needed=False)
-
-
-def load_plan(path: Path, bench: BenchFile | None, **wishes: Any) -> Plan:
-    """Plan of a file, checked against a bench as by `load_judged_plan`, without its warnings."""
-    plan, _ = load_judged_plan(path, bench, **wishes)
-    return plan
 
 
 def load_judged_plan(
@@ -107,7 +100,7 @@ def _from_file(outline: Outline, path: Path) -> tuple[list[str], dict[str, Value
     except InputError as error:
         return list(error.problems), {}
     if not isinstance(document.value, dict):
-        problem = f"is {in_words(document.value)}, expected a mapping of parameters to values"
+        problem = f"is {value_text(document.value)}, expected a mapping of parameters to values"
         return document.located([((), problem)]), {}
     found: list[Problem] = []
     given: dict[str, Value] = {}

@@ -112,6 +112,20 @@ class MethodDescription(NamedTuple):
         }
 
 
+Units = Mapping[str, str | tuple[str, str]]
+"""Unit of each quantity, or a pair of its unit and the one that a report displays."""
+
+
+def stated(units: Units) -> dict[str, str]:
+    """Unit of each quantity."""
+    return {name: unit if isinstance(unit, str) else unit[0] for name, unit in units.items()}
+
+
+def displayed(units: Units) -> dict[str, str]:
+    """Displayed unit of each quantity with another one than its own."""
+    return {name: unit[1] for name, unit in units.items() if not isinstance(unit, str)}
+
+
 class MethodWords(Mapping[str, str]):
     """Words of one kind, such as `REASONS`: common ones, and those of all installed methods, loaded on demand."""
 

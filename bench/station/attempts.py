@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from bench.errors import InputError, StoreError
-from bench.files import make_folder, write_whole
+from bench.files import make_folder, write_atomically
 
 COMMAND, CLAIM, LOCK = "command.json", "claim", "lock"
 OUTPUT, MESSAGES = "stdout.txt", "stderr.txt"
@@ -47,7 +47,7 @@ def prepare(folder: Path, words: Sequence[str], working_folder: Path) -> None:
         make_folder(folder)
     except OSError as problem:
         raise StoreError(f"{folder}: cannot be created ({problem})") from problem
-    write_whole(folder / COMMAND, json.dumps({"words": list(words), "folder": str(working_folder)}).encode())
+    write_atomically(folder / COMMAND, json.dumps({"words": list(words), "folder": str(working_folder)}).encode())
 
 
 def as_subprocess(folder: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from abc import ABC, abstractmethod
 
-from bench.errors import BenchError, in_words
+from bench.errors import BenchError, error_message
 
 
 class Part(ABC):
@@ -36,7 +36,7 @@ class Part(ABC):
                 await self.look()
                 self.problem = ""
             except (BenchError, OSError) as problem:
-                self.problem = in_words(problem) if isinstance(problem, BenchError) else str(problem)
+                self.problem = error_message(problem) if isinstance(problem, BenchError) else str(problem)
             try:
                 await asyncio.wait_for(self._woken.wait(), self.every_s)
             except TimeoutError:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bench.clock import Stopwatch, wall_utc
 from bench.config.models import BenchFile
-from bench.errors import BenchError, InputError, StoreError, in_words
+from bench.errors import BenchError, InputError, StoreError, error_message
 from bench.runner.held import owners, real_addresses, why_locked_out
 from bench.station import attempts
 from bench.station.attempts import Attempt, Launcher
@@ -132,7 +132,7 @@ class Scheduler(Part):
                 return f"the bench is {why}"
             found = owners(real_addresses(bench).values())
         except BenchError as problem:
-            return in_words(problem)
+            return error_message(problem)
         return f"waits for {', '.join(sorted(map(str, found)))}" if found else ""
 
     def _bench(self, name: str) -> BenchFile:

@@ -81,7 +81,7 @@ class ChainCheck:
     damage: tuple[str, ...]
 
 
-def walk(database: sqlite3.Connection) -> ChainCheck:
+def check_rows(database: sqlite3.Connection) -> ChainCheck:
     """Check every row of a run against its hash chain, in one snapshot of the database."""
     try:
         database.execute("BEGIN")

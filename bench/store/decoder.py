@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 from bench.config.devices import DeviceEntry
 from bench.errors import StoreError
@@ -74,50 +76,29 @@ def _frame_decoder(entry: DeviceEntry, folder: Path | None) -> FrameDecoder:
 
 
 def _counts(raw: decoded.Counts, output: Counted) -> Counts:
-    return Counts(
-        sequence=raw.sequence,
-        tick=raw.tick,
-        positive=raw.positive,
-        negative=raw.negative,
-        host_s=raw.host_s,
-        tick_bits=raw.tick_bits,
-        counter_bits=raw.counter_bits,
-        tick_period_s=output.tick_period_s,
-        max_rate_pps=output.max_rate_pps,
-        lost=raw.lost,
-        restarts=raw.restarts,
-        gaps=raw.gaps,
-    )
+    kept = _without(raw, "first", "dropped")
+    return Counts(**kept, tick_period_s=output.tick_period_s, max_rate_pps=output.max_rate_pps)
 
 
 def _codes(raw: decoded.Samples, output: Sampled, scale: decoded.Scale) -> Codes:
     return Codes(
-        sequence=raw.sequence,
-        tick=raw.tick,
-        values=raw.values,
-        host_s=raw.host_s,
-        tick_bits=raw.tick_bits,
+        **_without(raw, "first"),
         tick_period_s=output.tick_period_s,
         step=abs(scale.factor),
-        lost=raw.lost,
-        dropped=raw.dropped,
-        invalid=raw.invalid,
         stuck_after=output.stuck_after,
         averaged=output.averaged,
-        restarts=raw.restarts,
-        gaps=raw.gaps,
     )
 
 
 def _positions(raw: decoded.Positions, encoder: Encoder) -> Positions:
     return Positions(
-        sequence=raw.sequence,
-        tick=raw.tick,
-        position=raw.position,
-        tick_bits=raw.tick_bits,
-        position_bits=raw.position_bits,
+        **_without(raw, "lost", "restarts"),
         tick_period_s=encoder.tick_period_s,
         resolution_deg=encoder.resolution_arcsec / 3600,
-        host_s=raw.host_s,
         channel=encoder.channel,
     )
+
+
+def _without(raw: decoded.Counts | decoded.Samples | decoded.Positions, *names: str) -> dict[str, Any]:
+    """Return the fields of decoded frames but these."""
+    return {field.name: getattr(raw, field.name) for field in fields(raw) if field.name not in names}

@@ -20,7 +20,7 @@ from bench.store.followed import FOLLOWED, read_lines
 from bench.store.machine_state import printable
 from bench.store.runs import RunSummary, summary
 from bench.store.signed import check_signed
-from bench.store.unsafe import kept_unsafe
+from bench.store.unsafe import read_unsafe
 
 INCIDENT, ACKNOWLEDGED = "incident.jsonl", "acknowledged.jsonl"
 
@@ -35,7 +35,7 @@ class Latch(NamedTuple):
 def latch(run: RunSummary) -> Latch | None:
     """Return the latch of a run, or None if nothing happened or it was acknowledged."""
     ended = {str(role): str(why) for role, why in run.manifest.get("unsafe", {}).items()}
-    unsafe = {**kept_unsafe(run.path), **ended}
+    unsafe = {**read_unsafe(run.path), **ended}
     incident = [entry for entry in read_lines(run.path / INCIDENT) if entry.get("event") not in ("alert", "alarm")]
     late = [entry for entry in read_lines(run.path / FOLLOWED) if entry.get("event", "not_arrived") == "not_arrived"]
     if not unsafe and not incident and not late:

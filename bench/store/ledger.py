@@ -25,7 +25,7 @@ _FORM = object_of({
 
 
 @dataclass(frozen=True)
-class Noted:
+class LedgerEntry:
     """Line of the ledger: run, head of link 0, a link, and the SHA-256 of the seal if there is one.
 
     Heads are hexadecimal.
@@ -43,12 +43,12 @@ class Noted:
 def note(run: str, beginning: bytes, link: Link, seal: str = "") -> None:
     """Append a head, durably. Raises OSError."""
     utc = wall_utc().isoformat(timespec="seconds")
-    line = Noted(run, beginning.hex(), link.number, link.total, link.head.hex(), utc, seal)
+    line = LedgerEntry(run, beginning.hex(), link.number, link.total, link.head.hex(), utc, seal)
     text = json.dumps(asdict(line), ensure_ascii=False)
     append_line(state_folder() / LEDGER, text)
 
 
-def noted(run: str) -> Iterator[Noted]:
+def entries_of(run: str) -> Iterator[LedgerEntry]:
     """Yield the entries of a run, oldest first; lines that cannot be read are ignored. Raises OSError."""
     path = state_folder() / LEDGER
     if not path.exists():
@@ -59,9 +59,9 @@ def noted(run: str) -> Iterator[Noted]:
                 yield found
 
 
-def _read(line: str) -> Noted | None:
+def _read(line: str) -> LedgerEntry | None:
     try:
-        found = Noted(**json.loads(line))
+        found = LedgerEntry(**json.loads(line))
     except (ValueError, TypeError, RecursionError):
         return None
     return found if _FORM(asdict(found)) == "" else None

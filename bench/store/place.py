@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bench.errors import StoreError
 from bench.files import make_folder
-from bench.store.chain import Link, walk
+from bench.store.chain import Link, check_rows
 from bench.store.user_state import state_folder
 
 RESCUED = "rescued"  # subfolder for records of runs whose directory was removed
@@ -74,7 +74,7 @@ def rescue(database: sqlite3.Connection, run: str, file: str) -> Path:
     return folder
 
 
-def rescue_whole(database: sqlite3.Connection, run: str, file: str, last: Link) -> Path:
+def rescue_database(database: sqlite3.Connection, run: str, file: str, last: Link) -> Path:
     """Copy a database with lost pages; return the folder of the copy, which is complete up to the link `last`.
 
     The copy includes pages that are only in the log or in memory. Raises StoreError, with the number of intact rows, if
@@ -82,7 +82,7 @@ def rescue_whole(database: sqlite3.Connection, run: str, file: str, last: Link) 
     """
     folder = rescue(database, run, file)
     with contextlib.closing(sqlite3.connect(folder / file)) as copy:
-        walked = walk(copy)
+        walked = check_rows(copy)
     if walked.damage or walked.links[-1:] != (last,):
         rows = 0 if walked.intact is None else walked.intact.total
         raise StoreError(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bench.errors import StoreError
 from bench.store import database
-from bench.store.chain import ChainCheck, walk
+from bench.store.chain import ChainCheck, check_rows
 from bench.store.digest import Digest
 from bench.store.encoded import encoded
 from drivers.can.frame_block import FrameBlock
@@ -195,7 +195,7 @@ class RunReader:
 
     def check_chain(self) -> ChainCheck:
         """Check every row of the run against its hash chain."""
-        return walk(self._database)
+        return check_rows(self._database)
 
     def ignores_log(self) -> bool:
         """Return True if there is a log beside the database that SQLite ignores, as when the first page is damaged."""

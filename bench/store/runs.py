@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import InputError, StoreError
-from bench.files import make_folder, sync_folder, write_whole
+from bench.files import make_folder, sync_folder, write_atomically
 from bench.store.kept_json import read_kept
 from bench.store.manifest_form import MANIFEST_FORM, SEAL_FORM
 
@@ -73,7 +73,7 @@ class RunDirectory:
 
     def write_json(self, name: str, value: Any) -> None:
         """Write a JSON file of the run, atomically and durably. Raises StoreError."""
-        write_whole(self.path / name, json_text(value).encode())
+        write_atomically(self.path / name, json_text(value).encode())
 
     def write_text(self, name: str, text: str) -> None:
         """Write a text file of the run, atomically and durably; `name` may include a subfolder. Raises StoreError."""
@@ -82,16 +82,16 @@ class RunDirectory:
             make_folder(path.parent)
         except OSError as problem:
             raise StoreError(f"{path.parent}: cannot be created ({problem})") from problem
-        write_whole(path, text.encode())
+        write_atomically(path, text.encode())
 
-    def use_reserve(self) -> None:
+    def free_reserve(self) -> None:
         """Free the reserved space for the final records."""
         (self.path / RESERVE).unlink(missing_ok=True)
 
     def release(self) -> None:
         """Release the locks and the reserved space; releasing twice is harmless."""
         with contextlib.suppress(OSError):
-            self.use_reserve()
+            self.free_reserve()
         for lock in self._locks:
             os.close(lock)
         self._locks = ()

@@ -18,7 +18,7 @@ _DEVICE = object_of({"why": TEXT, "connection": TEXT}, ("why",))
 _FORM = object_of({"schema": one_of(SCHEMA), "run": TEXT, "at": TEXT, "unsafe": named(_DEVICE)}, ("run", "unsafe"))
 
 
-def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections: Mapping[str, str]) -> Path:
+def write_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections: Mapping[str, str]) -> Path:
     """Write the devices that may still be energised, with the reasons; return the file. Raises StoreError.
 
     `connections` are the addresses of devices by role.
@@ -39,8 +39,8 @@ def keep_unsafe(run: Path, at: datetime, unsafe: Mapping[str, str], connections:
     return path
 
 
-def kept_unsafe(run: Path) -> dict[str, str]:
-    """Return the reasons why devices of a run could not be made safe, by role, from the files of `keep_unsafe`.
+def read_unsafe(run: Path) -> dict[str, str]:
+    """Return the reasons why devices of a run could not be made safe, by role, from the files of `write_unsafe`.
 
     A file that cannot be read gives an entry under its name.
     """

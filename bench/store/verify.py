@@ -18,12 +18,12 @@ from bench.errors import StoreError
 from bench.store import database
 from bench.store.chain import ChainCheck, Link, beginning
 from bench.store.kept_json import LIMIT_BYTES, read_kept
-from bench.store.ledger import Noted, noted
+from bench.store.ledger import LedgerEntry, entries_of
 from bench.store.manifest_form import MANIFEST_FORM
 from bench.store.reader import RunReader, digest_of
 from bench.store.runs import MANIFEST, SEAL, RunSummary, summary
 from bench.store.seal import file_hash, read_seal, sealable
-from bench.store.wal import unread_part
+from bench.store.wal import unreadable_part
 from drivers.schema.bounded import UnfitFileError, expect_bounded, read_bounded
 
 Kind = Literal["running", "sealed", "unsealed", "unchained", "unreadable"]
@@ -84,7 +84,7 @@ def _unreadable(found: RunSummary, problem: str) -> Record:
         files = read_seal(folder).files
     known = [problem, *_unread(folder)[0]]
     with contextlib.suppress(OSError):
-        if ledger := list(noted(str(found.manifest.get("run", found.id)))):
+        if ledger := list(entries_of(str(found.manifest.get("run", found.id)))):
             last = ledger[-1]
             known.append(f"the ledger has commit {last.number} with {last.rows} rows of this run, of {last.utc}")
         elif found.state == "interrupted":
@@ -152,7 +152,7 @@ def _unread(folder: Path) -> tuple[list[str], list[str]]:
     """Return the damage of the log beside the database, and remarks on what damage or a power cut can explain."""
     log = folder / f"{database.FILE_NAME}-wal"
     try:
-        unread = unread_part(log)
+        unread = unreadable_part(log)
     except OSError as problem:
         return [f"{log}: cannot be read ({problem})"], []
     if unread is None:
@@ -210,7 +210,7 @@ def changed_files(folder: Path, hashes: Mapping[str, str]) -> Iterator[str]:
 def _by_ledger(found: RunSummary, links: Sequence[Link], seal: bytes) -> tuple[list[str], list[str]]:
     """Return the contradictions with the ledger, and remarks on it. Without links only the seal is compared."""
     try:
-        ledger = list(noted(str(found.manifest.get("run", found.id))))
+        ledger = list(entries_of(str(found.manifest.get("run", found.id))))
     except OSError as problem:
         return [], [f"the ledger of this computer cannot be read ({problem})"]
     if not ledger:
@@ -232,7 +232,7 @@ def _by_ledger(found: RunSummary, links: Sequence[Link], seal: bytes) -> tuple[l
     return list(_contradictions(own, links)), []
 
 
-def _contradictions(ledger: Sequence[Noted], links: Sequence[Link]) -> Iterator[str]:
+def _contradictions(ledger: Sequence[LedgerEntry], links: Sequence[Link]) -> Iterator[str]:
     last = ledger[-1]
     if last.number >= len(links):
         yield (

@@ -20,7 +20,7 @@ Sum = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Unread:
+class UnreadablePart:
     """Unreadable part of a log: number of whole commits, and whether it is damage or may be due to a power cut.
 
     `commits` is 0 if only a part of a commit remains, and -1 if the header of the log is wrong.
@@ -44,7 +44,7 @@ class Unread:
         )
 
 
-def unread_part(wal: Path) -> Unread | None:
+def unreadable_part(wal: Path) -> UnreadablePart | None:
     """Return the unreadable part of a log, or None if all is readable or there is none. Raises OSError."""
     if not wal.is_file() or wal.stat().st_size <= _HEADER:
         return None
@@ -53,7 +53,7 @@ def unread_part(wal: Path) -> Unread | None:
     order = ">" if magic & 1 else "<"
     total = _sum((0, 0), data[: _HEADER - 8], order)
     if magic & ~1 != _MAGIC or total != (first, second) or not 512 <= page <= 65536:
-        return Unread(-1, damage=True)
+        return UnreadablePart(-1, damage=True)
     frames = list(_frames(data, page, total, salts, order))
     bad = next((number for number, frame in enumerate(frames) if not frame.right), len(frames))
     read = max((number + 1 for number, frame in enumerate(frames[:bad]) if frame.commits), default=0)
@@ -65,7 +65,7 @@ def unread_part(wal: Path) -> Unread | None:
     last = frames[read:]
     complete = lost == 1 and last[-1].commits and tail == len(data) and all(frame.of_log for frame in last)
     written = not any(_is_unwritten(data, frame.begin, page) for frame in last if not frame.right)
-    return Unread(lost, damage=lost > 1 or (complete and written))
+    return UnreadablePart(lost, damage=lost > 1 or (complete and written))
 
 
 @dataclass(frozen=True)
@@ -115,11 +115,7 @@ def _free_part(content: bytes) -> tuple[int, int]:
 def _sum(total: Sum, data: bytes, order: str) -> Sum:
     """Return SQLite's checksum of `data`, continued from `total`."""
     first, second = total
-    for even, odd in _pairs(data, order):
+    for even, odd in struct.iter_unpack(f"{order}2I", data):
         first = (first + even + second) & 0xFFFFFFFF
         second = (second + odd + first) & 0xFFFFFFFF
     return first, second
-
-
-def _pairs(data: bytes, order: str) -> Iterator[tuple[int, int]]:
-    return struct.iter_unpack(f"{order}2I", data)

@@ -22,10 +22,10 @@ from bench.store import database, ledger
 from bench.store.chain import NOTHING, Link, beginning
 from bench.store.digest import Digest
 from bench.store.encoded import Row, encoded
-from bench.store.place import WatchedFiles, rescue, rescue_whole
+from bench.store.place import WatchedFiles, rescue, rescue_database
 from bench.store.runs import MANIFEST
 from drivers.can.frame_block import FrameBlock
-from drivers.timing.awake import came_true
+from drivers.timing.awake import succeeded_within
 
 T = TypeVar("T")
 
@@ -163,7 +163,7 @@ class RunWriter:
             self._raise_failure()
             if self._waiting > WAITING_LIMIT:
                 self._changed.notify_all()
-                if not came_true(partial(self._changed.wait_for, self._has_room), SLOW_DISK_S):
+                if not succeeded_within(partial(self._changed.wait_for, self._has_room), SLOW_DISK_S):
                     raise StoreError(f"the disk has accepted no data for {SLOW_DISK_S:g} s; is it failing or full?")
             first = self._numbers[table] + 1
             self._rows[table] += [(number, *row) for number, row in enumerate(rows, start=first)]
@@ -299,7 +299,7 @@ class RunWriter:
         if truncated is None:
             return
         try:
-            self.folder = rescue_whole(self._database, self.folder.name, database.FILE_NAME, self._link)
+            self.folder = rescue_database(self._database, self.folder.name, database.FILE_NAME, self._link)
             kept = f"everything recorded until then is in {self.folder}"
         except StoreError as problem:
             kept = str(problem)

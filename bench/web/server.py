@@ -15,7 +15,7 @@ from typing import NamedTuple
 import uvicorn
 
 from bench.errors import BenchError, InputError
-from bench.files import write_whole
+from bench.files import write_atomically
 from bench.runner.notify import notify
 from bench.station.audit import Audit
 from bench.station.daemon import Daemon, at_work
@@ -144,7 +144,7 @@ def _announce(folder: Path, url: str, identity: Identity) -> None:
         descriptor = os.open(token, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
         with os.fdopen(descriptor, "w") as file:
             file.write(identity.new_token(_user(), "commands of this user", EVERYTHING, DAYS))
-    write_whole(folder / WHERE, json.dumps({"url": url, "pid": os.getpid()}).encode())
+    write_atomically(folder / WHERE, json.dumps({"url": url, "pid": os.getpid()}).encode())
 
 
 def _user() -> str:

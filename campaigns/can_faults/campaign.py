@@ -31,7 +31,7 @@ from campaigns.can_faults.story import CounterFault, Story, draw_story
 from campaigns.can_faults.truth import CAME_ROUND, MAY_BE_TOLD, Truth, truth_of, truth_of_samples
 from drivers.can.dbc import Dbc
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
+from drivers.can.gap_detection import GapDetector
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
 from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.description import DESCRIPTION, CounterOptions
@@ -186,7 +186,7 @@ def judge(story: Story, options: CounterOptions, acquired: Acquired) -> tuple[li
     return outcomes, problems + [f"samples: {wrong}" for wrong in wrongs]
 
 
-def overlooked(look: Unbroken, story: Story, truth: Truth, acquired: Acquired) -> list[str]:
+def overlooked(look: GapDetector, story: Story, truth: Truth, acquired: Acquired) -> list[str]:
     """Errors of the gap check of blocks: missed gaps, or gaps reported where there are none."""
     for block in acquired.blocks:
         look.take(block)

@@ -11,7 +11,7 @@ import numpy as np
 
 from campaigns.can_faults.layout import AXES, AXIS_ID, LATCH_ID, Layout
 from drivers.can.frame_block import FrameBlock
-from simulators.faults.frame_faults import FrameFault, carry
+from simulators.faults.frame_faults import FrameFault, apply_fault
 
 ERROR_ID = 1 << 29 | 0x008  # a protocol violation, as SocketCAN tells it
 LEAD_IN = 6  # latches that nothing happens to, so that the driver finds its counter
@@ -222,7 +222,7 @@ def _suffer(story: Story, kind: FrameFault, draws: np.random.Generator, *, is_lo
         begin, end = np.sort(draws.integers(0, len(tail), 2))
         _keep(story, (np.arange(len(story.block)) < first + begin) | (np.arange(len(story.block)) >= first + end))
         return
-    carried = carry(kind, tail, draws, share if kind is not FrameFault.BURST else 0.2, axes)
+    carried = apply_fault(kind, tail, draws, share if kind is not FrameFault.BURST else 0.2, axes)
     rows = carried.rows.tolist()
     story.sent[first:] = [None if row < 0 else story.sent[first + row] for row in rows]
     story.altered[first:] = [

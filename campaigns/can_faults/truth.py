@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 
 from campaigns.can_faults.story import Counter, Sent
-from drivers.can.encoder_frames import MOST_AHEAD
-from drivers.can.sequence_numbers import MOST_LATE
+from drivers.can.encoder_frames import MAX_AHEAD
+from drivers.can.sequence_numbers import MAX_LATE
 
 AT_THE_LIMIT = "at the limit"  # of what is told: the last digits of a product decide
 CAME_ROUND = "clock came round"
@@ -64,7 +64,7 @@ def truth_of(counter: Counter, axis: str, came: Sequence[Came]) -> Truth:
     truth.lost = sum(last - first + 1 for first, last in truth.gaps)
     if _come_very_late(latches):
         truth.reasons.add("very late")
-    if max((last - first for first, last in truth.gaps), default=0) >= MOST_AHEAD:
+    if max((last - first for first, last in truth.gaps), default=0) >= MAX_AHEAD:
         truth.strays += len(all_own)  # of what comes late over such a gap nobody can tell whose it is
     truth.ticks = [known[latch].values["Tick"] for latch in truth.latches]
     truth.positive = [with_counts[latch].values["Positive"] for latch in truth.latches]
@@ -104,7 +104,7 @@ def truth_of_samples(came: Sequence[Came]) -> Truth:
 def _come_very_late(latches: Sequence[Sent]) -> bool:
     """Return whether one comes so much later than others as none does from a counter that has not begun anew."""
     newest = accumulate((sent.latch for sent in latches), max)
-    return any(most - sent.latch > MOST_LATE for most, sent in zip(newest, latches, strict=True))
+    return any(most - sent.latch > MAX_LATE for most, sent in zip(newest, latches, strict=True))
 
 
 def _gaps(expected: range, found: Sequence[int]) -> list[tuple[int, int]]:

@@ -16,7 +16,7 @@ from bench.config.bench import load_bench
 from bench.config.load import load_file
 from bench.config.scenario import ScenarioFile
 from bench.errors import InputError
-from bench.sequence.load import load_plan
+from bench.sequence.load import load_judged_plan
 from bench.sequence.plan.plan import Plan
 from campaigns.hostile.corpus import ROOT
 from campaigns.hostile.documents import Hostile
@@ -95,10 +95,10 @@ class Readers:
         bench = load_bench(ROOT / "config/simulated.yaml").bench
         smoke = WARM_UP[0]
         self._ways: dict[str, Callable[[Path], object]] = {
-            "sequence": lambda path: load_plan(path, bench),
+            "sequence": lambda path: load_judged_plan(path, bench),
             "bench": load_bench,
             "scenario": lambda path: load_file(path, ScenarioFile),
-            "parameters": lambda path: load_plan(smoke, bench, parameters=path),
+            "parameters": lambda path: load_judged_plan(smoke, bench, parameters=path),
             "layout": lambda path: layout.changes([path]),
         }
         for path in WARM_UP:

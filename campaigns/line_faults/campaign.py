@@ -16,9 +16,9 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from campaigns.line_faults.cases import Case, Link
 from drivers.can.options import FRAME_SCHEMES
 from drivers.capabilities import Device
-from drivers.description import Setup, make_driver, unheard
+from drivers.description import Setup, ignore_note, make_driver
 from drivers.errors import DriverError
-from simulators.faults.line_faults import HARMLESS, BadLine, Injected, LineFault
+from simulators.faults.line_faults import HARMLESS, FaultyLine, Injected, LineFault
 from tests.support.instruments import bench_named
 
 RECOVERS_IN = 4  # readings
@@ -70,7 +70,7 @@ class Stand:
     laboratory: Laboratory
     twin: Device
     driver: Device
-    bad: BadLine
+    bad: FaultyLine
     chooser: Chooser
     told: list[str]
     tally: Tally
@@ -159,7 +159,7 @@ def a_stand(case: Case, seed: int) -> Stand:
     bench = bench.model_copy(update={"simulation": bench.simulation.model_copy(update={"chamber": still})})
     laboratory = make_laboratory(bench, unit_files(bench, None), seed, asyncio.get_running_loop().time)
     chooser, told = Chooser(), list[str]()
-    bad = BadLine(seed, chooser, case.instrument.patience_s)
+    bad = FaultyLine(seed, chooser, case.instrument.client_timeout_s)
     twin, driver = a_driver(bench, case, laboratory), a_driver(bench, case, laboratory, bad, told.append)
     return Stand(case, laboratory, twin, driver, bad, chooser, told, Tally())
 
@@ -170,8 +170,8 @@ def asked(bench: BenchFile) -> dict[str, DeviceEntry]:
 
 
 def a_driver(
-    bench: BenchFile, case: Case, laboratory: Laboratory, bad: BadLine | None = None,
-    note: Callable[[str], object] = unheard,
+    bench: BenchFile, case: Case, laboratory: Laboratory, bad: FaultyLine | None = None,
+    note: Callable[[str], object] = ignore_note,
 ) -> Device:  # fmt: skip
     """A driver of the instrument; on a bad line, where one is given."""
     role = case.instrument.role

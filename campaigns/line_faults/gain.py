@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 from campaigns.line_faults.campaign import GRAMMATICAL, play
 from campaigns.line_faults.cases import CASES, Link
-from drivers.transport.double_read import Takes
+from drivers.transport.double_read import DoubleRead
 from simulators.faults.line_faults import LineFault
 
 UNPROTECTED = [name for name, case in CASES.items() if case.link is Link.NOTHING]
@@ -26,8 +26,8 @@ def believed(trials: int, seed: int) -> tuple[int, list[str]]:
 def one_take() -> Iterator[None]:
     """As if nothing were asked twice."""
 
-    async def first(_self: Takes, _what: str, take: Callable[[], Awaitable[Any]], **_: object) -> Any:
-        return await take()
+    async def first(_self: DoubleRead, _what: str, read: Callable[[], Awaitable[Any]], **_: object) -> Any:
+        return await read()
 
-    with patch.object(Takes, "agreed", first):
+    with patch.object(DoubleRead, "confirmed", first):
         yield

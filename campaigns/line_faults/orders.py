@@ -47,7 +47,7 @@ def play_orders(name: str, trials: int, seed: int, kinds: Iterable[LineFault] = 
                     stand.chooser.at = stand.bad.answers + at
                     where += f" at answer {at}"
                 else:
-                    stand.chooser.aims = lambda: order.heard.search(stand.bad.heard[-1])
+                    stand.chooser.aims = lambda: order.heard.search(stand.bad.received_data[-1])
                 await one(stand, order, trial, where)
         return stand.tally
 
@@ -56,7 +56,7 @@ def play_orders(name: str, trials: int, seed: int, kinds: Iterable[LineFault] = 
 
 async def one(stand: Stand, order: Order, trial: int, where: str) -> None:
     """One order while an answer suffers."""
-    stand.bad.heard.clear()
+    stand.bad.received_data.clear()
     stand.told.clear()
     try:
         given = await order.give(stand.driver, trial)
@@ -68,7 +68,7 @@ async def one(stand: Stand, order: Order, trial: int, where: str) -> None:
             outcome = "done otherwise"
             stand.tally.unexpected.append(f"{where}: said to be done, but {found} is there and not {given}")
     stand.tally.outcomes[outcome] += 1
-    sent = Counter(found for data in stand.bad.heard for found in order.heard.findall(data))
+    sent = Counter(found for data in stand.bad.received_data for found in order.heard.findall(data))
     stand.tally.unexpected += [f"{where}: {what!r} was sent {times} times" for what, times in sent.items() if times > 1]
 
 

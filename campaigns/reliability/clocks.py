@@ -17,7 +17,7 @@ from pathlib import Path
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
-from bench.app.resume import Resumption, prepared_again, read_interrupted
+from bench.app.resume import Resumption, prepare_again, read_interrupted
 from bench.clock import wall_utc
 from bench.runner.quiet import Quiet
 from bench.store.reader import Event
@@ -213,7 +213,7 @@ def _run(
         truly_s = ON_OUTAGE_S + kill_s - resumption.last_s
         most_s = truly_s + sum(max(0.0, each.by_s) for each in moved if each.kind in ("set", "sleep")) + 2
         assert 0 <= outage_s <= most_s, f"an outage of {outage_s} s, of really {truly_s} s"
-        execute(prepared_again(resumption), Quiet(), None, resumption)
+        execute(prepare_again(resumption), Quiet(), None, resumption)
     return path
 
 

@@ -106,8 +106,8 @@ def _played(faults: tuple[FaultSimulation, ...]) -> tuple[Rehearsal, str, float]
 
 def _wrong_with(rehearsal: Rehearsal) -> Iterator[str]:
     outcome, faults = rehearsal.result.outcome, [f"{fault.device} {fault.kind}" for fault in rehearsal.faults]
-    if rehearsal.unsafe_unbroken:
-        yield f"{faults}: not safe though not broken: {rehearsal.unsafe_unbroken}"
+    if rehearsal.unsafe_without_fault:
+        yield f"{faults}: not safe though not broken: {rehearsal.unsafe_without_fault}"
     if rehearsal.lost:
         yield f"{faults}: lost: {rehearsal.lost[:3]}"
     if outcome.how == "completed":

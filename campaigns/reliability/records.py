@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.report.verify import examined
+from bench.report.revision import examined
 from bench.store.runs import list_runs
 from campaigns.trials import record
 from tests.support.runs import ROOT

@@ -25,16 +25,16 @@ import numpy as np
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
-from bench.app.resume import prepared_again, read_interrupted
+from bench.app.resume import prepare_again, read_interrupted
 from bench.errors import BenchError
 from bench.loop import REAL_TIME
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
-from bench.report.verify import examined
-from bench.runner.manifest import file_hash
+from bench.report.revision import examined
 from bench.runner.quiet import Quiet
 from bench.store.database import TABLES
 from bench.store.runs import list_runs
+from bench.store.seal import file_hash
 from bench.store.verify import Record
 from bench.store.writer import RunWriter
 from campaigns.trials.rows import Row
@@ -130,7 +130,7 @@ def not_resumable(runs: Path) -> list[str]:
     (run,) = list_runs(runs)
     try:
         if run.state == "interrupted":
-            prepared_again(read_interrupted(run.path))
+            prepare_again(read_interrupted(run.path))
     except BenchError as problem:
         return [] if HAD_ENDED in str(problem) else [f"cannot be resumed: {problem}"]
     return []

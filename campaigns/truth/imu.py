@@ -15,8 +15,8 @@ import numpy as np
 from bench.app.request import RunRequest
 from campaigns.truth import judge
 from campaigns.truth.campaign import Comparison, campaign, full_bench, results_of
+from campaigns.truth.imu_constants import accelerometer_constants, gyro_constants
 from campaigns.truth.replay import at_record_level
-from simulators.truth.imu import accelerometer_constants, gyro_constants
 from simulators.units.accelerometer import Decoding, UnitTruth
 from simulators.units.gyro import GyroTruth
 from simulators.units.imu_drawn import GyroSends, ImuTruth, ZeroDrift

@@ -29,9 +29,9 @@ def error_classes(block: FrameBlock) -> NDArray[np.uint32]:
     return np.asarray(ids & np.uint32(ERROR - 1), np.uint32)
 
 
-def in_words(classes: Iterable[int]) -> str:
+def class_names(classes: Iterable[int]) -> str:
     """Names of error-frame classes for a message."""
-    together = 0
+    combined = 0
     for each in classes:
-        together |= each
-    return ", ".join(text for bit, text in _CLASSES.items() if together & bit) or "of unknown class"
+        combined |= each
+    return ", ".join(text for bit, text in _CLASSES.items() if combined & bit) or "of unknown class"

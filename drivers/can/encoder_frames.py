@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.dbc import Dbc, Field
-from drivers.can.sequence_numbers import MOST_LATE, Integers, ascending, shortest
+from drivers.can.sequence_numbers import MAX_LATE, Integers, ascending, shortest
 
-MOST_AHEAD = 8  # numbers by which a frame may be ahead of the next known one
+MAX_AHEAD = 8  # numbers by which a frame may be ahead of the next known one
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ def position_formats(dbc: Dbc, positions: Mapping[str, Mapping[str, Any]]) -> di
     }
 
 
-def numbered_beside(
+def unwrap_by_neighbours(
     rows: NDArray[np.intp], raw: Integers, bits: int, known_rows: NDArray[np.intp], known: Integers
 ) -> tuple[Integers, NDArray[np.bool_]]:
     """Unwrap numbers in rows of a block by neighbouring known numbers; also return which of them exceed all before.
@@ -47,6 +47,6 @@ def numbered_beside(
     from_before, from_after = shortest(raw - before, bits), shortest(raw - after, bits)
     is_nearer = np.abs(from_after) < np.abs(from_before)
     numbers = np.where(is_nearer, after + from_after, before + from_before)
-    fresh = numbers - after <= np.where(place < len(known), MOST_AHEAD, MOST_LATE)
+    fresh = numbers - after <= np.where(place < len(known), MAX_AHEAD, MAX_LATE)
     fresh[fresh] = ascending(numbers[fresh])
     return numbers, fresh

@@ -18,7 +18,7 @@ from drivers.can.sequence_numbers import Integers
 
 
 @dataclass(slots=True)
-class _Numbers:
+class _SequenceNumbers:
     """Sequence numbers of one message so far: count, and first and last raw number."""
 
     field: Field
@@ -26,15 +26,15 @@ class _Numbers:
     first: int = 0
     last: int = 0
 
-    def rise(self, raw: Integers) -> bool:
+    def extend(self, raw: Integers) -> bool:
         """Add numbers; return whether each is the successor of the one before."""
         if not len(raw):
             return True
         mask = (1 << self.field.signal.length) - 1
-        goes_on = not self.count or (int(raw[0]) - self.last) & mask == 1
+        continues = not self.count or (int(raw[0]) - self.last) & mask == 1
         self.note(raw)
         steps = raw[1:] - raw[:-1]
-        return goes_on and bool(((steps & mask) == 1).all())
+        return continues and bool(((steps & mask) == 1).all())
 
     def note(self, raw: Integers) -> None:
         """Add numbers that are known to be consecutive; at least one."""
@@ -45,44 +45,44 @@ class _Numbers:
 
 
 @dataclass(slots=True)
-class Unbroken:
+class GapDetector:
     """Gap detector for frames with consecutive numbers and a clock, and for other messages sent with each of them.
 
     A missing frame of a latch that began before the first block or ends after the last is not a gap.
     """
 
-    leading: _Numbers
+    leading: _SequenceNumbers
     tick: Field
-    others: Sequence[_Numbers]
+    others: Sequence[_SequenceNumbers]
     is_whole: bool = field(default=True, init=False)
     _in_step: bool = field(default=True, init=False)  # True while all others have followed the leading message at once
     _last_tick: int | None = field(default=None, init=False)
-    _least_ticks: int = field(default=1 << 62, init=False)
-    _most_ticks: int = field(default=0, init=False)
+    _min_ticks: int = field(default=1 << 62, init=False)
+    _max_ticks: int = field(default=0, init=False)
 
     @classmethod
-    def of(cls, sequence: Field, tick: Field, others: Sequence[Field] = ()) -> Unbroken:
+    def of(cls, sequence: Field, tick: Field, others: Sequence[Field] = ()) -> GapDetector:
         """Build from a message with number and clock, and from the numbers in other messages."""
         distinct = {(each.message.id, each.signal.name): each for each in others}
-        return cls(_Numbers(sequence), tick, tuple(map(_Numbers, distinct.values())))
+        return cls(_SequenceNumbers(sequence), tick, tuple(map(_SequenceNumbers, distinct.values())))
 
     def take(self, block: FrameBlock) -> None:
         """Check the next block; `is_whole` is True until a frame may be missing."""
         if self.is_whole and len(block):
-            self.is_whole = self._goes_on(block)
+            self.is_whole = self._continues(block)
 
-    def _goes_on(self, block: FrameBlock) -> bool:
+    def _continues(self, block: FrameBlock) -> bool:
         leading = self.leading
         rows = leading.field.message.rows(block)
         data = block.payloads(rows)
         raw = leading.field.signal.raw(data)
-        if not (leading.rise(raw) and self._in_time(self.tick.signal.raw(data))):
+        if not (leading.extend(raw) and self._in_time(self.tick.signal.raw(data))):
             return False
         if self._in_step and self._are_followed(block, rows, raw):
             return True
         self._in_step = False
         return all(
-            each.rise(each.field.signal.raw(block.payloads(each.field.message.rows(block)))) and self._beside(each)
+            each.extend(each.field.signal.raw(block.payloads(each.field.message.rows(block)))) and self._as_many(each)
             for each in self.others
         )
 
@@ -101,7 +101,7 @@ class Unbroken:
             each.note(numbers)
         return True
 
-    def _common(self, other: _Numbers) -> int:
+    def _common(self, other: _SequenceNumbers) -> int:
         """Bits that the number of another message has in common with the leading one."""
         return (1 << min(other.field.signal.length, self.leading.field.signal.length)) - 1
 
@@ -114,11 +114,11 @@ class Unbroken:
         self._last_tick = int(ticks[-1])
         if len(ticks) > 1:
             steps = (ticks[1:] - ticks[:-1]) & ((1 << self.tick.signal.length) - 1)
-            self._least_ticks = min(self._least_ticks, int(steps.min()))
-            self._most_ticks = max(self._most_ticks, int(steps.max()))
-        return self._most_ticks < 2 * self._least_ticks
+            self._min_ticks = min(self._min_ticks, int(steps.min()))
+            self._max_ticks = max(self._max_ticks, int(steps.max()))
+        return self._max_ticks < 2 * self._min_ticks
 
-    def _beside(self, other: _Numbers) -> bool:
+    def _as_many(self, other: _SequenceNumbers) -> bool:
         """Return whether another message arrived as often as the leading one, apart from both ends."""
         leading = self.leading
         if not other.count or not leading.count:

@@ -11,7 +11,7 @@ from pydantic import Field
 from pydantic_core import InitErrorDetails
 
 from drivers.can.dbc_outline import frames_bits, lengths_bits, outline
-from drivers.can.sent_frames import OnTheWire
+from drivers.can.sent_frames import BusLoad
 from drivers.schema.bounded import read_bounded
 from drivers.schema.fields import FileBeside, InUnit, Ratio, Seconds, StrictModel, TextLike
 from drivers.schema.suggest import did_you_mean
@@ -59,14 +59,14 @@ def encoder_signals(positions: Mapping[str, PositionOptions]) -> dict[tuple[str 
     }
 
 
-def on_the_wire(dbc: Path, periods_s: Mapping[str, float], positions: Mapping[str, PositionOptions]) -> OnTheWire:
+def bus_load(dbc: Path, periods_s: Mapping[str, float], positions: Mapping[str, PositionOptions]) -> BusLoad:
     """Bus load of the frames with these signals, each sent once in its period, and the bits of positions."""
     text = text_of(dbc)
     bits, lengths = frames_bits(text), lengths_bits(text)
     of_messages = {signal.partition(".")[0]: period_s for signal, period_s in periods_s.items()}
     bits_per_s = math.fsum(bits.get(message, 0) / period_s for message, period_s in of_messages.items())
     known = {device: encoder.position for device, encoder in positions.items() if encoder.position in lengths}
-    return OnTheWire(bits_per_s, {device: lengths[position] for device, position in known.items()})
+    return BusLoad(bits_per_s, {device: lengths[position] for device, position in known.items()})
 
 
 def text_of(dbc: Path) -> str:

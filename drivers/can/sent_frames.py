@@ -53,7 +53,7 @@ class Encoder:
 
 
 @dataclass(frozen=True, slots=True)
-class OnTheWire:
+class BusLoad:
     """Maximum bus load in bit/s, and the bits of the encoder positions; 0 and none if not known."""
 
     bits_per_s: float = 0.0
@@ -64,8 +64,8 @@ def _no_encoders(_options: object) -> Mapping[str, Encoder]:
     return {}
 
 
-def _not_known(_options: object) -> OnTheWire:
-    return OnTheWire()
+def _not_known(_options: object) -> BusLoad:
+    return BusLoad()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class SentFrames:
 
     `outputs` are the channels with outputs of units. `encoders` are latched with them, by the devices that drive their
     axes. `decoder` is the "module:callable" that makes a `drivers.can.decoded.FrameDecoder` from the options.
-    `on_the_wire` may read files that the options name; it is called only where these exist.
+    `bus_load` may read files that the options name; it is called only where these exist.
 
     A file that an option names (a `Path`) is kept with a run under its own name; the options given to `decoder` then
     name the kept one.
@@ -83,4 +83,4 @@ class SentFrames:
     outputs: Callable[[Any], Mapping[str, Output]]
     decoder: str
     encoders: Callable[[Any], Mapping[str, Encoder]] = _no_encoders
-    on_the_wire: Callable[[Any], OnTheWire] = _not_known
+    bus_load: Callable[[Any], BusLoad] = _not_known

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
-MOST_LATE = 64  # numbers by which a frame may be behind the newest; one further back is from a restarted sender
+MAX_LATE = 64  # numbers by which a frame may be behind the newest; one further back is from a restarted sender
 CLOCK_SLACK = 0.5  # tolerance, relative to the usual interval between numbers
 
 
@@ -34,9 +34,9 @@ def unwrapped_by_clock(raw: Integers, bits: int, ticks: Integers, tick_bits: int
     if not forward.any():
         return unwrapped(raw, bits)
     each = np.median((clock[forward] % (1 << tick_bits)) / steps[forward])
-    told = np.rint(clock / each).astype(np.int64)
-    fits = (told - steps) % (1 << bits) == 0
-    return np.concatenate([raw[:1], raw[:1] + np.cumsum(np.where(fits, told, steps))])
+    expected = np.rint(clock / each).astype(np.int64)
+    fits = (expected - steps) % (1 << bits) == 0
+    return np.concatenate([raw[:1], raw[:1] + np.cumsum(np.where(fits, expected, steps))])
 
 
 def ascending(numbers: Integers) -> NDArray[np.bool_]:
@@ -46,7 +46,7 @@ def ascending(numbers: Integers) -> NDArray[np.bool_]:
     return fresh
 
 
-def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
+def count_restarts(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
     """Count restarts of a sender: jumps of its unwrapped numbers that disagree with its clock, or go back too far.
 
     After a loss of power a sender starts with other numbers, or at another clock time. A late or duplicated frame goes
@@ -64,9 +64,9 @@ def begun_anew(numbers: Integers, ticks: Integers, tick_bits: int) -> int:
     if clock.any():
         due = np.rint(behind * each).astype(np.int64)
         away = np.abs(shortest(ticks[last] - ticks - due, tick_bits)) >= CLOCK_SLACK * each
-        anew &= (behind > MOST_LATE) | away
+        anew &= (behind > MAX_LATE) | away
     else:
-        anew, jumps = anew & (behind > MOST_LATE), np.zeros(0, dtype=bool)
+        anew, jumps = anew & (behind > MAX_LATE), np.zeros(0, dtype=bool)
     return int(np.count_nonzero(anew[1:] & ~anew[:-1]) + np.count_nonzero(jumps))
 
 

@@ -24,16 +24,16 @@ class Listener(asyncio.Protocol):
         self.received = bytearray()
         self.lost = False
         self.transport: asyncio.Transport | None = None
-        self._news = asyncio.Event()
+        self._data_event = asyncio.Event()
 
     async def until_quiet(self, answer_s: float, quiet_s: float = QUIET_S) -> bytes:
         """Receive until the line was silent for `quiet_s`; b"" if nothing arrives within `answer_s`."""
         wait_s = answer_s
         while not self.lost and len(self.received) < ANSWER_LIMIT_BYTES:
-            self._news.clear()
+            self._data_event.clear()
             try:
                 async with asyncio.timeout(wait_s):
-                    await self._news.wait()
+                    await self._data_event.wait()
             except TimeoutError:
                 break
             wait_s = quiet_s
@@ -52,28 +52,28 @@ class Listener(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Buffer received bytes."""
         self.received += data
-        self._news.set()
+        self._data_event.set()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Mark the connection as closed."""
         self.lost = True
-        self._news.set()
+        self._data_event.set()
 
 
-class QuestionPort:
+class QueryPort:
     """A Port of drivers.discovery.recognition on a connection of its own.
 
-    Lifetime: an async context manager; entering raises CannotConnect. `said` holds all answers so far.
+    Lifetime: an async context manager; entering raises CannotConnect. `answers` holds all answers so far.
     """
 
     def __init__(self, wires: Wires, address: Address, unit_id: int) -> None:
         self.unit_id, self.is_serial_line = unit_id, address.is_serial_line
-        self.said: dict[bytes, bytes] = {}
+        self.answers: dict[bytes, bytes] = {}
         self._wires, self._address = wires, address
         self._listener: Listener | None = None
         self._no_modbus = False
 
-    async def __aenter__(self) -> QuestionPort:
+    async def __aenter__(self) -> QueryPort:
         """Connect, and discard unsolicited data until the line is silent."""
         self._listener = await self._wires.stream("scan", self._address, Listener)
         await self._listener.until_quiet(QUIET_S)
@@ -84,18 +84,18 @@ class QuestionPort:
         if self._listener is not None and self._listener.transport is not None:
             self._listener.transport.close()
 
-    async def ask(self, question: bytes, *, again: bool = False) -> bytes:
+    async def query(self, question: bytes, *, again: bool = False) -> bytes:
         """See Port.
 
         The instrument's input buffer may hold an incomplete message, such as one sent at another baud rate. The first
         line of text then only completes it and gets no answer, so it is sent once more.
         """
-        if question in self.said and not again:
-            return self.said[question]
-        is_first = not self.said and self.is_serial_line and question.endswith(LINE_ENDS)
+        if question in self.answers and not again:
+            return self.answers[question]
+        is_first = not self.answers and self.is_serial_line and question.endswith(LINE_ENDS)
         answer = await self._exchange(question)
-        self.said[question] = answer or (await self._exchange(question) if is_first else b"")
-        return self.said[question]
+        self.answers[question] = answer or (await self._exchange(question) if is_first else b"")
+        return self.answers[question]
 
     async def _exchange(self, question: bytes) -> bytes:
         listener = self._listener
@@ -110,7 +110,7 @@ class QuestionPort:
         if self._no_modbus:
             raise ValueError("no answer")
         frames = frames_of("rtu" if self.is_serial_line else "tcp", self.unit_id)
-        received = bytearray(await self.ask(frames.request(read_request(address, count, function))))
+        received = bytearray(await self.query(frames.request(read_request(address, count, function))))
         try:
             answer = frames.answer(received)
         except ValueError:

@@ -16,7 +16,7 @@ from drivers.protocols import scpi
 from drivers.values import Identity
 
 IDN = b"*IDN?\r\n"  # an instrument that ends lines with one of the two takes the other for an empty line
-_ERRORS_AT_MOST = 32
+_MAX_ERRORS = 32
 _IDENTITY = re.compile(rb"[\x20-\x7e]{1,200}")
 _ENDS = {"crlf": b"\r\n", "cr": b"\r", "lf": b"\n"}
 _DO_SOMETHING = ("*TST", "*CAL", "*TRG", "CAL", "TEST", "MEAS", "INIT", "READ", "DIAG")
@@ -36,7 +36,7 @@ class Port(Protocol):
     unit_id: int
     is_serial_line: bool
 
-    async def ask(self, question: bytes, *, again: bool = False) -> bytes:
+    async def query(self, question: bytes, *, again: bool = False) -> bytes:
         """Send a query; return the answer up to a silence of the line, b"" if there is none.
 
         The answer is cached for all drivers; `again` repeats the query.
@@ -46,7 +46,7 @@ class Port(Protocol):
         """Read Modbus registers; raises NoSuchRegister for an exception, ValueError for an invalid answer."""
 
 
-def scpi_asks(line: str) -> bool:
+def is_scpi_query(line: str) -> bool:
     """Return whether every command of a line is a query that has no effect on the instrument."""
     found = scpi.commands(line)
     return bool(found) and all(
@@ -59,17 +59,17 @@ class Language:
     """Command language of instruments.
 
     `rank` is the order of attempts: protocols without line ends come after text, which they would corrupt on a serial
-    line. `asks` returns whether a typed line is only a query; None if that cannot be seen from a line. A `numbered`
+    line. `is_query` returns whether a typed line is only a query; None if that cannot be seen from a line. A `numbered`
     language allows several instruments on a line.
     """
 
     name: str
     rank: int = 1
-    asks: Callable[[str], bool] | None = None
+    is_query: Callable[[str], bool] | None = None
     numbered: bool = False
 
 
-SCPI = Language("scpi", 0, scpi_asks)
+SCPI = Language("scpi", 0, is_scpi_query)
 MODBUS = Language("modbus", 3, numbered=True)
 
 
@@ -89,13 +89,13 @@ class Found:
 class Recognition:
     """Recognition of an instrument by its driver.
 
-    `ask` raises ValueError if it is another instrument. `starter` holds the other required keys of an entry, with
+    `recognise` raises ValueError if it is another instrument. `starter` holds the other required keys of an entry, with
     conservative values. `lines` are the serial line settings at delivery. A `generic` recognition is tried only after
     all others of the language.
     """
 
     language: Language
-    ask: Callable[[Port], Awaitable[Found]]
+    recognise: Callable[[Port], Awaitable[Found]]
     starter: Blocks = field(default_factory=dict)
     lines: tuple[str, ...] = ("baud=9600",)
     generic: bool = False
@@ -117,20 +117,20 @@ def answers_idn(
     With `terminators` the driver has an option `terminator`, whose value follows from the end of the answer.
     """
 
-    async def ask(port: Port) -> Found:
-        answer = await port.ask(IDN)
+    async def recognise(port: Port) -> Found:
+        answer = await port.query(IDN)
         found = read(text_of(answer).encode())
-        for pattern, told in ((maker, found.maker), (model, found.model)):
-            if re.fullmatch(pattern, told, re.IGNORECASE) is None:
-                raise ValueError(f"'{told}' is another")
+        for pattern, reported in ((maker, found.maker), (model, found.model)):
+            if re.fullmatch(pattern, reported, re.IGNORECASE) is None:
+                raise ValueError(f"'{reported}' is another")
         ends = next((name for name, end in _ENDS.items() if answer.endswith(end)), "")
         return Found(found, {"options": {"terminator": ends}} if terminators and ends else {})
 
-    return ask
+    return recognise
 
 
-async def forget_errors(port: Port, question: bytes) -> None:
+async def clear_errors(port: Port, question: bytes) -> None:
     """Clear the error queue of errors caused by unknown queries."""
-    for _ in range(_ERRORS_AT_MOST):
-        if scpi.error_entry(text_of(await port.ask(question, again=True)).encode()).code == scpi.NO_ERROR:
+    for _ in range(_MAX_ERRORS):
+        if scpi.error_entry(text_of(await port.query(question, again=True)).encode()).code == scpi.NO_ERROR:
             return

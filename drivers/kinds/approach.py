@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from drivers.values import Approach
 
 ARCSEC_PER_DEG = 3600
-ASTRAY_BANDS = 10  # a larger deviation, in bands, is no scatter: there was an interference
+DEVIATION_BANDS = 10  # a larger deviation, in bands, is no scatter: there was an interference
 FAR_AWAY_POLL_S = 0.5  # interval of polls while the end of a move is far away
 _SIDES: Mapping[Approach, int] = {"direct": 0, "from_below": -1, "from_above": 1}
 
@@ -35,9 +35,9 @@ class Hold:
         self._hold_s = hold_s
         self._since_s: float | None = None
 
-    def is_over(self, at_s: float, *, stands: bool) -> bool:
+    def is_over(self, at_s: float, *, fulfilled: bool) -> bool:
         """Return whether the condition has held for the required time, given its value at a time."""
-        if not stands:
+        if not fulfilled:
             self._since_s = None
             return False
         if self._since_s is None:

@@ -220,11 +220,11 @@ def _hint(text: str) -> str:
 def _duration(first: str, second: str, third: str | None) -> str:
     """Suggestion for a time in clock format; for two numbers it is open whether the first is hours or minutes."""
     if third is None:
-        return f"{_told((first, second), ('h', 'min'))} or {_told((first, second), ('min', 's'))}"
-    return _told((first, second, third), ("h", "min", "s"))
+        return f"{_with_units((first, second), ('h', 'min'))} or {_with_units((first, second), ('min', 's'))}"
+    return _with_units((first, second, third), ("h", "min", "s"))
 
 
-def _told(numbers: Sequence[str], units: Sequence[str]) -> str:
+def _with_units(numbers: Sequence[str], units: Sequence[str]) -> str:
     parts = [f"{int(number)} {unit}" for number, unit in zip(numbers, units, strict=True) if int(number)]
     return " ".join(parts) or f"0 {units[-1]}"
 

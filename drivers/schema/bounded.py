@@ -22,7 +22,7 @@ def read_bounded(path: Path, limit_bytes: int) -> bytes:
             _expect_bounded(os.fstat(file.fileno()), limit_bytes)
             data = file.read(limit_bytes + 1)
     except (OSError, ValueError) as problem:
-        raise _in_words(problem) from None
+        raise _unfit(problem) from None
     if len(data) > limit_bytes:  # the file has grown meanwhile
         raise UnfitFileError("grows while it is read", len(data))
     return data
@@ -33,7 +33,7 @@ def expect_bounded(path: Path, limit_bytes: int) -> None:
     try:
         _expect_bounded(path.stat(), limit_bytes)
     except (OSError, ValueError) as problem:
-        raise _in_words(problem) from None
+        raise _unfit(problem) from None
 
 
 def _not_waiting(path: str, flags: int) -> int:
@@ -46,11 +46,11 @@ def _expect_bounded(found: os.stat_result, limit_bytes: int) -> None:
     if not stat.S_ISREG(found.st_mode):
         raise UnfitFileError("is not a regular file")
     if found.st_size > limit_bytes:
-        told = f"has {found.st_size} bytes, at most {limit_bytes} are read; is it the right file?"
-        raise UnfitFileError(told, found.st_size)
+        problem = f"has {found.st_size} bytes, at most {limit_bytes} are read; is it the right file?"
+        raise UnfitFileError(problem, found.st_size)
 
 
-def _in_words(problem: Exception) -> UnfitFileError:
+def _unfit(problem: Exception) -> UnfitFileError:
     if isinstance(problem, UnfitFileError):
         return problem
     if isinstance(problem, FileNotFoundError):

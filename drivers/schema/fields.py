@@ -33,7 +33,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 from drivers.quantity.quantities import Quantity, as_quantity, parse
 from drivers.quantity.units import NO_DIMENSION, QuantityError, in_unit, parse_unit, quoted
 from drivers.schema.suggest import did_you_mean, nearest
-from drivers.schema.wording import expected, in_plain_words, in_words, telling
+from drivers.schema.wording import error_text, expected, telling, value_text
 
 ContentT = TypeVar("ContentT", bound=BaseModel)
 
@@ -115,7 +115,7 @@ class InUnit:
             if is_ratio:
                 return Quantity(float(raw))
             raise QuantityError(f"{raw} has no unit, write it like '{raw} {self.unit}'")
-        raise QuantityError(f"is {in_words(raw)}, expected {in_unit(self.unit)}")
+        raise QuantityError(f"is {value_text(raw)}, expected {in_unit(self.unit)}")
 
 
 def is_deferred(context: object) -> bool:
@@ -368,7 +368,7 @@ def keys_of(model: type[BaseModel]) -> list[str]:
 def inner_errors(error: ValidationError, place: tuple[str | int, ...] = ()) -> list[InitErrorDetails]:
     """Errors of a part in plain text, to be raised again by the model that contains it at `place`."""
     return [
-        InitErrorDetails(type=telling(in_plain_words(item)), loc=(*place, *item["loc"]), input=item["input"])
+        InitErrorDetails(type=telling(error_text(item)), loc=(*place, *item["loc"]), input=item["input"])
         for item in error.errors(include_url=False)
     ]
 

@@ -47,10 +47,10 @@ def problem_at(place: tuple[str | int, ...], problem: str) -> InitErrorDetails:
 
 def expected(what: str, found: object) -> PydanticCustomError:
     """Error for an unexpected value, to be raised by a validator."""
-    return telling(f"is {in_words(found)}, expected {what}")
+    return telling(f"is {value_text(found)}, expected {what}")
 
 
-def in_plain_words(error: ErrorDetails) -> str:
+def error_text(error: ErrorDetails) -> str:
     """Plain text of one of pydantic's errors."""
     kind, known = error["type"], error.get("ctx", {})
     if kind == "missing":
@@ -61,10 +61,10 @@ def in_plain_words(error: ErrorDetails) -> str:
         return error["msg"]
     unquoted = kind == "string_type" and isinstance(error["input"], (bool, int, float))
     what = _EXPECTED[kind].format_map(known)
-    return f"is {in_words(error['input'])}, expected {what}{'; put it in quotes' if unquoted else ''}"
+    return f"is {value_text(error['input'])}, expected {what}{'; put it in quotes' if unquoted else ''}"
 
 
-def in_words(value: object) -> str:
+def value_text(value: object) -> str:
     """Format a value of a document for a message: `'text'`, `5`, `true`, "a list", "a mapping", "empty"."""
     if value is None or value == "":
         return "empty"

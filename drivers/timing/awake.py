@@ -15,12 +15,17 @@ ROUNDING_S = 1e-9  # rounding error of loop times, which are sums
 SLICE_S = 0.25
 
 
-def came_true(wait: Callable[[float], bool], limit_s: float) -> bool:
+def succeeded_within(wait: Callable[[float], bool], limit_s: float) -> bool:
     """Return whether `wait`, which waits for at most the given time, has succeeded within the limit; for threads.
 
     Each slice counts as its nominal length, however long it took.
     """
     return any(wait(SLICE_S) for _ in range(math.ceil(limit_s / SLICE_S)))
+
+
+def now_s() -> float:
+    """Present time on the clock of the running loop."""
+    return asyncio.get_running_loop().time()
 
 
 def stalled_s(since_s: float) -> float:
@@ -31,7 +36,7 @@ def stalled_s(since_s: float) -> float:
 
 def awake_s(since_s: float) -> float:
     """Time for which the running loop was not suspended since an instant on its clock."""
-    return asyncio.get_running_loop().time() - since_s - stalled_s(since_s)
+    return now_s() - since_s - stalled_s(since_s)
 
 
 class Deadline:
@@ -52,7 +57,7 @@ class Deadline:
 
 
 @asynccontextmanager
-async def patience(limit_s: float) -> AsyncIterator[asyncio.Timeout]:
+async def fair_timeout(limit_s: float) -> AsyncIterator[asyncio.Timeout]:
     """As asyncio.timeout, but data that have arrived by the time limit are processed before it expires."""
     loop, deadline = asyncio.get_running_loop(), Deadline(limit_s)
     timer: asyncio.Handle

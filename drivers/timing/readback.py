@@ -9,25 +9,19 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
 from typing import TypeVar
 
 T = TypeVar("T")
 
+WITHIN_S, EVERY_S = 2.0, 0.2
 
-@dataclass(frozen=True, slots=True)
-class ReadBack:
-    """Time limit and interval of reading back; a driver states its own."""
 
-    within_s: float = 2.0
-    every_s: float = 0.2
-
-    async def until(self, ask: Callable[[], Awaitable[T]], agrees: Callable[[T], object]) -> T:
-        """First answer that agrees, or the last one at the time limit, for the caller to judge."""
-        now_s = asyncio.get_running_loop().time
-        over_s = now_s() + self.within_s
-        found = await ask()
-        while not agrees(found) and now_s() < over_s:
-            await asyncio.sleep(self.every_s)
-            found = await ask()
-        return found
+async def read_back(read: Callable[[], Awaitable[T]], agrees: Callable[[T], object]) -> T:
+    """First answer that agrees, or the last one at the time limit, for the caller to judge."""
+    now_s = asyncio.get_running_loop().time
+    over_s = now_s() + WITHIN_S
+    found = await read()
+    while not agrees(found) and now_s() < over_s:
+        await asyncio.sleep(EVERY_S)
+        found = await read()
+    return found

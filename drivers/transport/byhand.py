@@ -24,7 +24,7 @@ class SharedLine(Tap):
         self.lost = False
         self._listener: Listener | None = None
 
-    async def speak(self, data: bytes, answer_s: float) -> bytes:
+    async def exchange(self, data: bytes, answer_s: float) -> bytes:
         """Send bytes unchanged; return the answer up to a silence of the line."""
         self._listener = Listener()
         try:

@@ -14,13 +14,12 @@ import can
 import numpy as np
 
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
-from drivers.errors import CannotConnect, InstrumentFault, LinkLost
+from drivers.errors import CannotConnect, InstrumentFault, LinkLost, NoAnswer
 from drivers.schema.bounded import expect_bounded
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport import slcan
 from drivers.transport.address import Address
 from drivers.transport.frame_link import DURABLE_BLOCK_S, FrameLink
-from drivers.transport.log import LoggedFrames
 from drivers.transport.serial import open_serial
 from drivers.transport.text_frames import TextFrames
 
@@ -28,6 +27,8 @@ P = TypeVar("P", bound=asyncio.Protocol)
 LOG_LIMIT_BYTES = 2**30
 COLLECT_LIMIT_FRAMES = 2_000_000  # one minute of a fully loaded bus, if frames are not taken
 _ANSWER_S = 1.0
+LOG_BLOCK_S = 10.0  # recorded frames may stay buffered
+ENDED_AFTER_S = 1.0
 
 
 async def open_can(device: str, address: Address) -> FrameLink:
@@ -79,7 +80,7 @@ class Slcan(TextFrames):
         self._answer = asyncio.get_running_loop().create_future()
         self._transport.write(text + slcan.END)
         try:
-            async with patience(_ANSWER_S):
+            async with fair_timeout(_ANSWER_S):
                 agreed = await self._answer
         except TimeoutError:
             raise CannotConnect(self._device, "the CAN adapter does not answer", sent=repr(text)[1:]) from None
@@ -209,3 +210,32 @@ class PythonCan:
         if self._descriptor >= 0:
             self._loop.remove_reader(self._descriptor)
         self._failure = problem
+
+
+class LoggedFrames:
+    """Plays the frames of a log (N,), starting now."""
+
+    block_s = LOG_BLOCK_S
+
+    def __init__(self, device: str, path: Path, frames: FrameBlock) -> None:
+        self._device, self._path = device, path
+        since_s = np.maximum.accumulate(frames.at_s - frames.at_s[0])
+        began_s = asyncio.get_running_loop().time()
+        self._frames = FrameBlock(frames.ids, began_s + since_s, frames.dlc, frames.data)
+        self._next = 0
+
+    def take(self) -> FrameBlock:
+        """Frames since the last call; NoAnswer after the end of the log."""
+        at_s, now_s = self._frames.at_s, asyncio.get_running_loop().time()
+        begin, end = self._next, int(np.searchsorted(at_s, now_s, side="right"))
+        if begin == len(at_s) and now_s > at_s[-1] + ENDED_AFTER_S:
+            raise NoAnswer(
+                self._device, f"the log {self._path.name} has ended, {at_s[-1] - at_s[0]:.6g} s after its first frame",
+                remedy="Record for longer than the sequence takes, or run a shorter one.",
+            )  # fmt: skip
+        self._next = end
+        rows = np.arange(begin, end)
+        return FrameBlock(self._frames.ids[rows], at_s[rows], self._frames.dlc[rows], self._frames.payloads(rows))
+
+    def close(self) -> None:
+        """Do nothing: nothing is open."""

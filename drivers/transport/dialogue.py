@@ -11,10 +11,10 @@ from typing import TypeVar
 
 from drivers.errors import LinkLost, NoAnswer
 from drivers.safe_state import DIALOGUE_S
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport.address import Address
-from drivers.transport.double_read import Takes
-from drivers.transport.exchange import Framing, LineExchange, Pace, Proof, Wrap
+from drivers.transport.double_read import DoubleRead
+from drivers.transport.exchange import Framing, LineExchange, Pace, SyncQuery, Wrap
 from drivers.transport.wires import Wires
 
 T = TypeVar("T")
@@ -23,23 +23,23 @@ FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0  # between attempts to connect again
 SERIAL_GAP_S = 0.02  # about twenty bytes at 9600 baud
 
 
-async def once_more(ask: Callable[[], Awaitable[T]], note: Callable[[str], object]) -> T:
-    """Result of the query `ask`; repeated once if there is no answer, with a note.
+async def retry_once(query: Callable[[], Awaitable[T]], note: Callable[[str], object]) -> T:
+    """Result of the query `query`; repeated once if there is no answer, with a note.
 
     If there is none again, raises the first NoAnswer.
     """
     try:
-        return await ask()
+        return await query()
     except NoAnswer as problem:
         note(f"asked again: {problem}")
         first = problem
     try:
-        return await ask()
+        return await query()
     except (NoAnswer, LinkLost) as problem:
         raise first from problem
 
 
-class Pauses:
+class ReconnectBackoff:
     """Pauses between attempts to reconnect: 1, 2, 4 … 30 s; the first attempt is immediate."""
 
     def __init__(self) -> None:
@@ -60,28 +60,28 @@ class Dialogue:
     """Successive lines to the same instrument.
 
     A query is repeated once without an answer, and reconnects after a loss: at once, then after increasing pauses. A
-    command does neither: the state of the instrument must be read first. `greet` is sent on every new line; `note`
-    receives repeated queries, and the loss and return of the connection.
+    command does neither: the state of the instrument must be read first. `on_connect` is called on every new line;
+    `note` receives repeated queries, and the loss and return of the connection.
 
-    `takes` confirms readings that enter a result. TCP protects data by a checksum; a serial line does not, even behind
-    a serial server.
+    `double_read` confirms readings that enter a result. TCP protects data by a checksum; a serial line does not, even
+    behind a serial server.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost.
     """
 
     def __init__(
-        self, device: str, wires: Wires, address: Address, proof: Proof, *, end: bytes = b"\n",
+        self, device: str, wires: Wires, address: Address, sync_query: SyncQuery, *, end: bytes = b"\n",
         framing: Framing | None = None, wrap: Wrap | None = None, pace: Pace | None = None,
-        greet: Callable[[], Awaitable[object]] | None = None, note: Callable[[str], object] = lambda _text: None,
+        on_connect: Callable[[], Awaitable[object]] | None = None, note: Callable[[str], object] = lambda _text: None,
     ) -> None:  # fmt: skip
-        self._device, self._wires, self._address, self._proof = device, wires, address, proof
-        self._end, self._framing, self._wrap, self._greet = end, framing, wrap, greet
+        self._device, self._wires, self._address, self._sync_query = device, wires, address, sync_query
+        self._end, self._framing, self._wrap, self._on_connect = end, framing, wrap, on_connect
         self._note = note
         self._in_use = self._opening = False
-        self._reviving = asyncio.Lock()
-        self._pauses = Pauses()
+        self._reconnecting = asyncio.Lock()
+        self._backoff = ReconnectBackoff()
         self._serial = address.is_serial_line
-        self.takes = Takes(device, note, checked=not self._serial)
+        self.double_read = DoubleRead(device, note, checked=not self._serial)
         pace = pace or Pace()
         self._pace = replace(pace, gap_s=max(pace.gap_s, SERIAL_GAP_S)) if self._serial else pace
         self._line: LineExchange | None = None
@@ -99,12 +99,12 @@ class Dialogue:
         return self._line is not None and not self._line.lost
 
     async def open(self) -> None:
-        """Connect, send the proof query, and greet; raises CannotConnect, and errors of the proof.
+        """Connect, send the sync query, and call `on_connect`; raises CannotConnect, and errors of both.
 
         Retried once without an answer. A serial line is drained first, because it may hold answers to an earlier
         program.
         """
-        await once_more(self._open, self._note)
+        await retry_once(self._open, self._note)
 
     async def _open(self) -> None:
         self._drop()
@@ -112,48 +112,50 @@ class Dialogue:
         try:
             self._line = await self._wires.stream(self._device, self._address, self._new_line)
             if self._serial:
-                self._line.distrust()
-            await self._line.ask(self._proof.question, self._proof.check)
-            if self._greet is not None:
-                await self._greet()
+                self._line.mark_out_of_sync()
+            await self._line.query(self._sync_query.question, self._sync_query.check)
+            if self._on_connect is not None:
+                await self._on_connect()
         except BaseException:
             self._drop()
-            self._pauses.failed()
+            self._backoff.failed()
             raise
         finally:
             self._opening = False
-        self._pauses = Pauses()
+        self._backoff = ReconnectBackoff()
 
-    async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """Send a query, on a new line if the connection was lost; see LineExchange.ask, and `open`.
+    async def query(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """Send a query, on a new line if the connection was lost; see LineExchange.query, and `open`.
 
         It must change nothing in the instrument, because it is repeated once without an answer. Raises LinkLost at once
         during a pause between attempts to connect, and if it is not open.
         """
-        await self._be_open()
-        return await once_more(lambda: self.line.ask(question, read, answer_s=answer_s), self._note)
+        await self._ensure_open()
+        return await retry_once(lambda: self.line.query(question, read, answer_s=answer_s), self._note)
 
-    async def ask_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """As `ask`, but never sent twice: for queries that an instrument answers only once, or that have an effect."""
-        await self._be_open()
-        return await self.line.ask(question, read, answer_s=answer_s)
+    async def query_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """As `query`, but never sent twice: for queries that are answered only once, or that have an effect."""
+        await self._ensure_open()
+        return await self.line.query(question, read, answer_s=answer_s)
 
-    async def _be_open(self) -> None:
+    async def _ensure_open(self) -> None:
         if self._in_use and not self._opening and self.line.lost:
-            async with self._reviving:
-                await self._revive()
+            async with self._reconnecting:
+                await self._reconnect()
 
-    async def _revive(self) -> None:
+    async def _reconnect(self) -> None:
         """Reconnect, unless another task just has, or the pause is not over."""
-        wait_s = self._pauses.left_s()
+        wait_s = self._backoff.left_s()
         if self.line.lost and wait_s > 0:
             raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
         await self.reopen()
 
-    async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
-        """Send, once, a command that moves or energises; see LineExchange.order."""
-        self.takes.ordered()
-        return await self.line.order(command, read, answer_s=answer_s)
+    async def send_command(
+        self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None
+    ) -> T | None:
+        """Send, once, a command that moves or energises; see LineExchange.send_command."""
+        self.double_read.command_sent()
+        return await self.line.send_command(command, read, answer_s=answer_s)
 
     async def reopen(self) -> bool:
         """Reconnect if the connection was lost; return whether it was."""
@@ -177,20 +179,38 @@ class Dialogue:
     def _new_line(self) -> LineExchange:
         return LineExchange(
             self._device,
-            self._proof,
+            self._sync_query,
             end=self._end,
             framing=self._framing,
             wrap=self._wrap,
             pace=self._pace,
-            gives_up=self._address.scheme != "serial",
+            close_on_silence=self._address.scheme != "serial",
         )
+
+
+class OverDialogue:
+    """Common part of what speaks with one instrument over a Dialogue."""
+
+    _dialogue: Dialogue
+
+    async def open(self) -> None:
+        """Connect and identify; raises CannotConnect, or WrongIdentity for another instrument."""
+        await self._dialogue.open()
+
+    async def reopen(self) -> None:
+        """Connect and identify again if the wire was lost; else nothing."""
+        await self._dialogue.reopen()
+
+    def close(self) -> None:
+        """Close the wire; closing twice is harmless."""
+        self._dialogue.close()
 
 
 @asynccontextmanager
 async def safe_in_time(device: str, within_s: float = DIALOGUE_S) -> AsyncIterator[None]:
     """Limit the time of making an instrument safe: NoAnswer after `within_s`."""
     try:
-        async with patience(within_s) as limit:
+        async with fair_timeout(within_s) as limit:
             yield
     except TimeoutError as problem:
         if not limit.expired():

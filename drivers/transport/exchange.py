@@ -2,8 +2,8 @@
 
 A timeout is a data-integrity event: a late answer would be taken for the answer to the next query. After a timeout, an
 undecodable answer, unsolicited bytes or a cancelled exchange the channel is out of sync: it is drained until it has
-been silent for longer than a late answer takes, a query with an unmistakable answer (the proof) is sent, and only then
-the next exchange.
+been silent for longer than a late answer takes, a query with an unmistakable answer (the sync query) is sent, and only
+then the next exchange.
 
 Without numbered answers no client can detect a duplicated answer that arrives during the next query; on a serial line,
 where bytes arrive slowly, a query therefore waits for a short silence.
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport.memory import let_arrive
 
 T = TypeVar("T")
@@ -47,7 +47,7 @@ class Pace:
 
 
 @dataclass(frozen=True, slots=True)
-class Proof:
+class SyncQuery:
     """A query without effect, and a check that raises unless its answer comes from the right instrument."""
 
     question: bytes
@@ -65,33 +65,33 @@ def lines_ending(end: bytes) -> Framing:
 
 
 class LineExchange(asyncio.Protocol):
-    """A line-terminated dialogue with one instrument; give it to a transport, then `ask`.
+    """A line-terminated dialogue with one instrument; give it to a transport, then `query`.
 
-    `framing` finds answers that are not lines. `wrap` encodes commands that are not lines. With `gives_up` a connection
-    without an answer even to the proof is closed, so that its owner opens another: a network connection may be open at
-    one end only.
+    `framing` finds answers that are not lines. `wrap` encodes commands that are not lines. With `close_on_silence` a
+    connection without an answer even to the sync query is closed, so that its owner opens another: a network connection
+    may be open at one end only.
 
     Concurrency: callers queue for the line. Cancelling an exchange leaves the channel out of sync, as a timeout does.
     """
 
     def __init__(
-        self, device: str, proof: Proof, *, end: bytes = b"\n", framing: Framing | None = None,
-        wrap: Wrap | None = None, pace: Pace | None = None, gives_up: bool = False,
+        self, device: str, sync_query: SyncQuery, *, end: bytes = b"\n", framing: Framing | None = None,
+        wrap: Wrap | None = None, pace: Pace | None = None, close_on_silence: bool = False,
     ) -> None:  # fmt: skip
         self.device = device
-        self._proof = proof
+        self._sync_query = sync_query
         self._wrap = wrap or (lambda command: command + end)
         self._framing = framing or lines_ending(end)
         self._pace = pace or Pace()
-        self._gives_up = gives_up
+        self._close_on_silence = close_on_silence
         self._turn = asyncio.Lock()
         self._received = bytearray()
-        self._heard_at_s = -math.inf
+        self._received_at_s = -math.inf
         self._waiter: asyncio.Future[None] | None = None
         self._transport: asyncio.Transport | None = None
         self._lost = "not connected"
-        self._cut_ins = 0
-        self._doubts = 0  # communication errors since the last proof; in sync at 0
+        self._preemptions = 0
+        self._sync_errors = 0  # communication errors since the last sync query; in sync at 0
 
     @property
     def lost(self) -> bool:
@@ -103,7 +103,7 @@ class LineExchange(asyncio.Protocol):
         """Reason why the connection is closed, "" while it is open."""
         return self._lost
 
-    async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+    async def query(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
         """Send `question` and a terminator; decode the answer, without its terminator, with `read`.
 
         Raises NoAnswer after `answer_s` (the pace's by default), BadAnswer if `read` raises ValueError, for more than
@@ -113,37 +113,39 @@ class LineExchange(asyncio.Protocol):
             await self._make_ready()
             return await self._exchange(question, read, answer_s)
 
-    async def order(self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T | None:
-        """Send, once, a command that moves or energises; as `ask`, but None if its answer is missing or garbled.
+    async def send_command(
+        self, command: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None
+    ) -> T | None:
+        """Send, once, a command that moves or energises; as `query`, but None if its answer is missing or garbled.
 
         It is then unknown whether it was executed: read back, and decide. NoAnswer and BadAnswer are raised only if the
         command was not sent.
         """
-        cut_ins = self._cut_ins
+        preemptions = self._preemptions
         async with self._turn:
             await self._make_ready()
-            if self._cut_ins != cut_ins:
+            if self._preemptions != preemptions:
                 raise Refused(self.device, "not sent, the instrument is being made safe", sent=printable(command))
             try:
                 return await self._exchange(command, read, answer_s)
             except (NoAnswer, BadAnswer):
                 return None
 
-    def cut_in(self, command: bytes) -> None:
+    def preempt(self, command: bytes) -> None:
         """Send `command`, which makes an instrument safe, at once.
 
         The running exchange ends with Refused, and queued commands are not sent any more. The answer to the command is
         drained before the next exchange. Raises LinkLost.
         """
-        self._cut_ins += 1
-        self._doubts += 1
+        self._preemptions += 1
+        self._sync_errors += 1
         self._send(command)
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_exception(Refused(self.device, "aborted, the instrument is being made safe"))
 
-    def distrust(self) -> None:
+    def mark_out_of_sync(self) -> None:
         """Mark the channel as out of sync: it is drained and verified before the next exchange."""
-        self._doubts += 1
+        self._sync_errors += 1
 
     def close(self) -> None:
         """Close the wire; closing twice is harmless."""
@@ -152,17 +154,17 @@ class LineExchange(asyncio.Protocol):
             self._transport.close()
 
     async def _make_ready(self) -> None:
-        if self._doubts:
-            await self._prove()
+        if self._sync_errors:
+            await self._resynchronise()
         else:
-            await self._listen_for_strays()
+            await self._check_unsolicited()
 
     async def _exchange(self, question: bytes, read: Callable[[bytes], T], answer_s: float | None = None) -> T:
         deadline_s = self._pace.answer_s if answer_s is None else answer_s
         until_s = asyncio.get_running_loop().time() + deadline_s
-        self._doubts += 1  # until the answer is complete and decoded
+        self._sync_errors += 1  # until the answer is complete and decoded
         self._send(question)
-        while (line := self._taken()) is None and let_arrive(self._transport, until_s):
+        while (line := self._take_line()) is None and let_arrive(self._transport, until_s):
             pass  # answer of a simulator in this process, without a timer
         if line is None:
             line = await self._line_until(until_s, deadline_s, question)
@@ -178,37 +180,37 @@ class LineExchange(asyncio.Protocol):
                 self.device, f"an invalid answer: {problem}", sent=printable(question),
                 received=printable(line), remedy="Check the line settings and that nobody else uses this port.",
             ) from problem  # fmt: skip
-        self._doubts -= 1
+        self._sync_errors -= 1
         return value
 
-    async def _listen_for_strays(self) -> None:
+    async def _check_unsolicited(self) -> None:
         """Wait until the line has been silent for the gap; raises BadAnswer for unsolicited data."""
         if self._pace.gap_s:
-            silent_s = asyncio.get_running_loop().time() - self._heard_at_s
+            silent_s = asyncio.get_running_loop().time() - self._received_at_s
             if silent_s < self._pace.gap_s:
                 await asyncio.sleep(self._pace.gap_s - silent_s)
         if self._received:
-            self._doubts += 1
+            self._sync_errors += 1
             raise BadAnswer(
                 self.device, "sent unsolicited data", received=self._leftover(),
                 remedy="Nothing was sent. Check that nobody else uses this port, and the terminator in the bench file.",
             )  # fmt: skip
 
-    async def _prove(self) -> None:
+    async def _resynchronise(self) -> None:
         """Drain the channel and verify that queries and answers match again.
 
-        Without an answer the connection is closed, if it `gives_up`: its other end may be gone.
+        Without an answer the connection is closed, if it `close_on_silence`: its other end may be gone.
         """
-        doubts = self._doubts
+        sync_errors = self._sync_errors
         await self._drain()
         try:
-            await self._exchange(self._proof.question, self._proof.check)
+            await self._exchange(self._sync_query.question, self._sync_query.check)
         except NoAnswer:
-            if self._gives_up:
+            if self._close_on_silence:
                 self._lost = "no more answers"
                 self.close()
             raise
-        self._doubts -= doubts
+        self._sync_errors -= sync_errors
 
     async def _drain(self) -> None:
         """Discard received bytes until the line has been silent for long enough."""
@@ -217,8 +219,8 @@ class LineExchange(asyncio.Protocol):
         while True:
             self._received.clear()
             try:
-                async with patience(self._pace.quiet_s):
-                    await self._more()
+                async with fair_timeout(self._pace.quiet_s):
+                    await self._wait_for_bytes()
             except TimeoutError:
                 return
             if loop.time() > deadline_s:
@@ -235,11 +237,11 @@ class LineExchange(asyncio.Protocol):
     async def _line_until(self, until_s: float, deadline_s: float, question: bytes) -> bytes:
         """Receive the answer to a query; raises NoAnswer, BadAnswer for one without an end, and LinkLost."""
         try:
-            async with patience(until_s - asyncio.get_running_loop().time()):
-                while (line := self._taken()) is None:
+            async with fair_timeout(until_s - asyncio.get_running_loop().time()):
+                while (line := self._take_line()) is None:
                     if len(self._received) > ANSWER_LIMIT_BYTES:
                         raise BadAnswer(self.device, "an answer without an end", received=self._leftover())
-                    await self._more()
+                    await self._wait_for_bytes()
                 return line
         except TimeoutError:
             raise NoAnswer(
@@ -247,7 +249,7 @@ class LineExchange(asyncio.Protocol):
                 remedy="Check that the instrument is on, its cable and address, and the line terminator.",
             ) from None  # fmt: skip
 
-    def _taken(self) -> bytes | None:
+    def _take_line(self) -> bytes | None:
         """Take the first line out of the received bytes; None while it is incomplete."""
         found = self._framing(self._received)
         if found is None:
@@ -257,7 +259,7 @@ class LineExchange(asyncio.Protocol):
         del self._received[:whole]
         return line
 
-    async def _more(self) -> None:
+    async def _wait_for_bytes(self) -> None:
         """Wait for the next bytes; raises LinkLost."""
         if self._lost:
             raise LinkLost(self.device, self._lost)
@@ -281,7 +283,7 @@ class LineExchange(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the instrument."""
         self._received += data
-        self._heard_at_s = asyncio.get_running_loop().time()
+        self._received_at_s = asyncio.get_running_loop().time()
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
 

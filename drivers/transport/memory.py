@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -182,14 +181,3 @@ def join(client: asyncio.Protocol, server: asyncio.Protocol, line: Line, address
     client.connection_made(near)
     server.connection_made(far)
     return near
-
-
-def open_memory_stream(
-    server: Callable[[], asyncio.Protocol], line: Line, address: object
-) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-    """Reader and writer connected to `server()`, as `asyncio.open_connection` returns for a socket."""
-    loop = asyncio.get_running_loop()
-    reader = asyncio.StreamReader(loop=loop)
-    protocol = asyncio.StreamReaderProtocol(reader, loop=loop)
-    transport = join(protocol, server(), line, address)
-    return reader, asyncio.StreamWriter(transport, protocol, reader, loop)

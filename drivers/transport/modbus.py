@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from drivers.errors import BadAnswer, CannotConnect, DriverError, LinkLost, NoAnswer, Refused
 from drivers.protocols.modbus_frames import Frames, Framing, Pdu, ReadFunction, frames_of, read_request, write_request
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport.address import Address
 from drivers.transport.exchange import printable_hex
 from drivers.transport.memory import let_arrive
@@ -54,7 +54,7 @@ class ModbusLink:
         """Connect or reconnect; raises CannotConnect, and BadAnswer for a line that is never silent."""
         self.close()
         try:
-            async with patience(self._answer_s) as limit:
+            async with fair_timeout(self._answer_s) as limit:
                 stream = await self._wires.stream(self.device, self.address, _Stream)
         except TimeoutError as problem:
             if not limit.expired():
@@ -130,7 +130,7 @@ class ModbusLink:
                 pass
             if answer is not None:  # for a simulator in this process, which saves a timer
                 return answer
-            async with patience(until_s - asyncio.get_running_loop().time()):
+            async with fair_timeout(until_s - asyncio.get_running_loop().time()):
                 while (answer := self._frames.answer(stream.received)) is None:
                     await stream.more()
         except TimeoutError:
@@ -185,14 +185,14 @@ class _Stream(asyncio.Protocol):
     def __init__(self) -> None:
         self.received = bytearray()
         self.lost = False
-        self._heard_at_s = asyncio.get_running_loop().time()
+        self._received_at_s = asyncio.get_running_loop().time()
         self._waiter: asyncio.Future[None] | None = None
         self._transport: asyncio.Transport | None = None
 
     @property
     def silent_s(self) -> float:
         """Time since the last received byte."""
-        return asyncio.get_running_loop().time() - self._heard_at_s
+        return asyncio.get_running_loop().time() - self._received_at_s
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
@@ -229,7 +229,7 @@ class _Stream(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the instrument."""
         self.received += data
-        self._heard_at_s = asyncio.get_running_loop().time()
+        self._received_at_s = asyncio.get_running_loop().time()
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
 

@@ -9,8 +9,8 @@ from drivers.description import Setup
 from drivers.errors import NoAnswer, Refused
 from drivers.protocols import scpi
 from drivers.recognised import Recognised
-from drivers.transport.dialogue import Dialogue
-from drivers.transport.exchange import Proof
+from drivers.transport.dialogue import Dialogue, OverDialogue
+from drivers.transport.exchange import SyncQuery
 from drivers.values import Identity
 
 T = TypeVar("T")
@@ -22,15 +22,15 @@ ERROR_QUERIES: Mapping[bytes, ReadError] = {
     b":STAT:ERR?": scpi.error_entry,  # Yokogawa
     b"*ESR?": scpi.event_entry,  # IEEE 488.2, for an instrument without a queue
 }  # queries of the errors, in the order in which they are tried
-ERRORS_AT_MOST = 32
+MAX_ERRORS = 32
 
 
-class ScpiLink:
+class ScpiLink(OverDialogue):
     """The line to one SCPI instrument.
 
     Its errors are read by the first of `error_queries` that it answers; `setup.note` receives which, unless it is the
-    first of all. `takes` confirms readings that enter a result. Lifetime: `open`, then `close`; `reopen` when the wire
-    was lost. Concurrency: callers queue for the line.
+    first of all. `double_read` confirms readings that enter a result. Lifetime: `open`, then `close`; `reopen` when the
+    wire was lost. Concurrency: callers queue for the line.
     """
 
     def __init__(
@@ -38,39 +38,27 @@ class ScpiLink:
         read_identity: Callable[[bytes], Identity] = scpi.identity,
         error_queries: Mapping[bytes, ReadError] = ERROR_QUERIES,
     ) -> None:  # fmt: skip
-        self._device, self._who = setup.name, Recognised(setup.name, setup.identity)
+        self._device, self._recognised = setup.name, Recognised(setup.name, setup.identity)
         self._read_identity, self._note = read_identity, setup.note
         self._error_queries = error_queries
         self._error_query = b""  # the query that it answers
-        proof = Proof(IDENTITY_QUERY, self._recognise)
+        sync_query = SyncQuery(IDENTITY_QUERY, self._recognise)
         self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, proof, end=end, greet=self._forget_errors, note=setup.note
+            setup.name, setup.wires, setup.address, sync_query, end=end, on_connect=self._forget_errors, note=setup.note
         )
-        self.takes = self._dialogue.takes
-
-    async def open(self) -> None:
-        """Connect, identifies, and empties the error queue; raises CannotConnect or WrongIdentity."""
-        await self._dialogue.open()
-
-    async def reopen(self) -> None:
-        """Connect and identify again if the wire was lost; else nothing."""
-        await self._dialogue.reopen()
-
-    def close(self) -> None:
-        """Close the wire; closing twice is harmless."""
-        self._dialogue.close()
+        self.double_read = self._dialogue.double_read
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""
-        return await self.ask(IDENTITY_QUERY, self._recognise)
+        return await self.query(IDENTITY_QUERY, self._recognise)
 
-    async def ask(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """Send a query that may be repeated; see Dialogue.ask."""
-        return await self._dialogue.ask(question, read, answer_s=answer_s)
+    async def query(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """Send a query that may be repeated; see Dialogue.query."""
+        return await self._dialogue.query(question, read, answer_s=answer_s)
 
-    async def ask_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """Send a query that the instrument answers only once, or that has an effect; see Dialogue.ask_once."""
-        return await self._dialogue.ask_once(question, read, answer_s=answer_s)
+    async def query_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """Send a query that the instrument answers only once, or that has an effect; see Dialogue.query_once."""
+        return await self._dialogue.query_once(question, read, answer_s=answer_s)
 
     async def write(self, commands: str) -> None:
         """Send commands in one message, once; raises Refused with every error that they left in the queue.
@@ -78,16 +66,16 @@ class ScpiLink:
         Also returns if the answer is missing or garbled: the caller decides by reading back.
         """
         message = commands.encode() + b";" + self._error_query
-        entry = await self._dialogue.order(message, self._error_queries[self._error_query])
+        entry = await self._dialogue.send_command(message, self._error_queries[self._error_query])
         if entry is not None and (errors := await self._errors_from(entry)):
             raise Refused(
                 self._device, "the instrument refused a command", sent=commands, received="; ".join(errors),
                 remedy="Look at its display, and check the levels and limits in the sequence and the bench file.",
             )  # fmt: skip
 
-    def cut_in(self, commands: str) -> None:
-        """Send commands at once, ahead of everything queued; see LineExchange.cut_in."""
-        self._dialogue.line.cut_in(commands.encode())
+    def preempt(self, commands: str) -> None:
+        """Send commands at once, ahead of everything queued; see LineExchange.preempt."""
+        self._dialogue.line.preempt(commands.encode())
 
     async def _forget_errors(self) -> None:
         """Empty the error queue of errors of earlier sessions."""
@@ -101,9 +89,9 @@ class ScpiLink:
         first, *others = self._error_queries
         for query in (first, *others):
             try:
-                entry = await self.ask(query, self._error_queries[query])
+                entry = await self.query(query, self._error_queries[query])
             except NoAnswer as silent:
-                await self.ask_once(IDENTITY_QUERY, self._recognise)  # raises if it does not answer at all
+                await self.query_once(IDENTITY_QUERY, self._recognise)  # raises if it does not answer at all
                 problem = silent
             else:
                 self._error_query = query
@@ -113,18 +101,18 @@ class ScpiLink:
         raise problem
 
     async def _next_error(self) -> scpi.ErrorEntry:
-        return await self.ask(self._error_query, self._error_queries[self._error_query])
+        return await self.query(self._error_query, self._error_queries[self._error_query])
 
     async def _errors_from(self, entry: scpi.ErrorEntry) -> list[str]:
         """All entries of the error queue, from `entry` on; the queue is empty after it."""
         errors: list[str] = []
         while entry.code != scpi.NO_ERROR:
             errors.append(str(entry))
-            if len(errors) == ERRORS_AT_MOST:
+            if len(errors) == MAX_ERRORS:
                 raise Refused(self._device, "its error queue does not become empty", received=errors[-1])
             entry = await self._next_error()
         return errors
 
     def _recognise(self, line: bytes) -> Identity:
         """Decode an identity and compare it with the bench file and with that of earlier connections."""
-        return self._who.check(self._read_identity(line), line.decode("ascii"))
+        return self._recognised.check(self._read_identity(line), line.decode("ascii"))

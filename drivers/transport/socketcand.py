@@ -15,7 +15,7 @@ import numpy as np
 
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport.address import Address
 from drivers.transport.exchange import printable
 from drivers.transport.text_frames import TextFrames
@@ -124,7 +124,7 @@ class Socketcand(TextFrames):
         self._transport.write(request)
         self._find_answer()
         try:
-            async with patience(ANSWER_S):
+            async with fair_timeout(ANSWER_S):
                 await self._answer
         except TimeoutError:
             raise self._refused(f"no {wanted.decode()} within {ANSWER_S:g} s", request, self._rest) from None
@@ -143,9 +143,9 @@ class Socketcand(TextFrames):
         else:
             self._answer.set_exception(self._refused("the request was refused", b"", text[0]))
 
-    def _refused(self, problem: str, request: bytes, said: bytes) -> CannotConnect:
+    def _refused(self, problem: str, request: bytes, answer: bytes) -> CannotConnect:
         return CannotConnect(
             self._device, f"the socketcand server does not open the bus: {problem}",
-            sent=printable(request) if request else "", received=printable(said) if said else "",
+            sent=printable(request) if request else "", received=printable(answer) if answer else "",
             remedy="Check the address: the port of socketcand (29536), and the bus that it was started for (-i can0).",
         )  # fmt: skip

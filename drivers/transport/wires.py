@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from typing import Protocol, TypeVar
 
 from drivers.errors import CannotConnect
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout
 from drivers.transport.address import Address
 from drivers.transport.frame_link import FrameLink
 
@@ -35,7 +35,7 @@ class RealWires:
             return await open_serial(device, address, factory)
         loop = asyncio.get_running_loop()
         try:
-            async with patience(10):
+            async with fair_timeout(10):
                 _, protocol = await loop.create_connection(factory, address.host, address.port)
         except (OSError, TimeoutError) as problem:
             raise CannotConnect(

@@ -34,7 +34,7 @@ class FrameFault(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Carried:
+class FaultyFrames:
     """Frames after a fault, with the index of each among the sent ones; -1 for one that was not sent.
 
     `altered` marks those that differ from the sent ones.
@@ -45,28 +45,28 @@ class Carried:
     altered: NDArray[np.bool_]
 
 
-def carry(
+def apply_fault(
     fault: FrameFault, block: FrameBlock, draws: np.random.Generator, share: float, swapped: Collection[int] = ()
-) -> Carried:
+) -> FaultyFrames:
     """Apply a fault to a `share` of frames (N,); only frames with ids in `swapped` exchange theirs."""
     hit = draws.random(len(block)) < share
     rows = np.arange(len(block))
     untouched = np.zeros(len(block), dtype=bool)
     match fault:
         case FrameFault.LOST:
-            return _kept(block, rows[~hit])
+            return _reordered(block, rows[~hit])
         case FrameFault.BURST:
-            return _kept(block, rows[~_in_bursts(hit, draws)])
+            return _reordered(block, rows[~_in_bursts(hit, draws)])
         case FrameFault.DOUBLED:
-            return _kept(block, _moved(np.concatenate([rows, rows[hit]]), len(block), draws))
+            return _reordered(block, _moved(np.concatenate([rows, rows[hit]]), len(block), draws))
         case FrameFault.LATE:
-            return _kept(block, _moved(np.concatenate([rows[~hit], rows[hit]]), len(rows) - hit.sum(), draws))
+            return _reordered(block, _moved(np.concatenate([rows[~hit], rows[hit]]), len(rows) - hit.sum(), draws))
         case FrameFault.FOREIGN:
             return _among_foreign(block, rows[hit], draws)
         case FrameFault.SHORT:
             lengths = np.where(hit, (block.dlc + draws.integers(1, 9, len(block))) % 9, block.dlc).astype(np.uint8)
             data = np.where(np.arange(8) < lengths[:, np.newaxis], block.data, 0).astype(np.uint8)
-            return Carried(FrameBlock(block.ids, block.at_s, lengths, data), rows, hit)
+            return FaultyFrames(FrameBlock(block.ids, block.at_s, lengths, data), rows, hit)
         case FrameFault.SWAPPED:
             able = np.isin(block.ids, list(swapped))
             first = np.flatnonzero(hit[:-1] & able[:-1] & able[1:] & (block.ids[:-1] != block.ids[1:]))
@@ -74,14 +74,14 @@ def carry(
             ids, altered = block.ids.copy(), untouched
             ids[first], ids[first + 1] = block.ids[first + 1], block.ids[first]
             altered[first] = altered[first + 1] = True
-            return Carried(FrameBlock(ids, block.at_s, block.dlc, block.data), rows, altered)
+            return FaultyFrames(FrameBlock(ids, block.at_s, block.dlc, block.data), rows, altered)
 
 
-def _kept(block: FrameBlock, rows: Rows) -> Carried:
+def _reordered(block: FrameBlock, rows: Rows) -> FaultyFrames:
     """Indices of reordered or lost frames; a late frame arrives together with the one before it."""
     at_s = np.maximum.accumulate(block.at_s[rows]) if len(rows) else block.at_s[rows]
     moved = FrameBlock(block.ids[rows], at_s, block.dlc[rows], block.payloads(rows))
-    return Carried(moved, rows, np.zeros(len(rows), dtype=bool))
+    return FaultyFrames(moved, rows, np.zeros(len(rows), dtype=bool))
 
 
 def _in_bursts(begins: NDArray[np.bool_], draws: np.random.Generator) -> NDArray[np.bool_]:
@@ -99,7 +99,7 @@ def _moved(rows: Rows, in_place: int, draws: np.random.Generator) -> Rows:
     return rows[np.argsort(places, kind="stable")]
 
 
-def _among_foreign(block: FrameBlock, after: Rows, draws: np.random.Generator) -> Carried:
+def _among_foreign(block: FrameBlock, after: Rows, draws: np.random.Generator) -> FaultyFrames:
     """Insert frames after some rows, with identifiers that none of the frames has."""
     free = np.setdiff1d(np.arange(FOREIGN_IDS, dtype=np.uint32), block.ids)
     ids = draws.choice(free, len(after)) | np.where(draws.random(len(after)) < 0.5, np.uint32(EXTENDED), np.uint32(0))
@@ -111,4 +111,4 @@ def _among_foreign(block: FrameBlock, after: Rows, draws: np.random.Generator) -
     rows = np.concatenate([np.arange(len(block)), np.full(len(after), -1)])
     order = np.argsort(np.concatenate([np.arange(len(block)), after + 0.5]), kind="stable")
     ordered = FrameBlock(whole.ids[order], whole.at_s[order], whole.dlc[order], whole.payloads(order))
-    return Carried(ordered, rows[order], rows[order] < 0)
+    return FaultyFrames(ordered, rows[order], rows[order] < 0)

@@ -1,7 +1,7 @@
 """Faults of simulated instruments, with their times.
 
-A simulator class lists its faults in the mapping MISHAPS, kind → Mishap. Faults of any line are not in it: `silent`,
-`cut`, and the kinds in `LINE_FAULTS`.
+A simulator class lists its faults in the mapping FAULT_EFFECTS, kind → FaultEffect. Faults of any line are not in it:
+`silent`, `cut`, and the kinds in `LINE_FAULTS`.
 """
 
 from __future__ import annotations
@@ -40,22 +40,29 @@ def nothing(_instrument: Any) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Mishap:
+class FaultEffect:
     """Actions at the begin and at the end of a fault; without an end the state remains."""
 
     begin: Callable[[Any], object] = nothing
     end: Callable[[Any], object] = nothing
 
 
-LOOKED_FOR = Mishap()
-OBEYS: Mapping[FaultKind, Mishap] = {"stuck": LOOKED_FOR, "lag": LOOKED_FOR}
-MEASURES_AND_OBEYS: Mapping[FaultKind, Mishap] = {"frozen": LOOKED_FOR, **OBEYS}
+def sets(attribute: str, during: object, after: object) -> FaultEffect:
+    """Fault that gives an attribute of the instrument one value, and another one at its end."""
+    return FaultEffect(
+        lambda victim: setattr(victim, attribute, during), lambda victim: setattr(victim, attribute, after)
+    )
+
+
+PASSIVE_FAULT = FaultEffect()
+COMMAND_FAULTS: Mapping[FaultKind, FaultEffect] = {"stuck": PASSIVE_FAULT, "lag": PASSIVE_FAULT}
+MEASUREMENT_AND_COMMAND_FAULTS: Mapping[FaultKind, FaultEffect] = {"frozen": PASSIVE_FAULT, **COMMAND_FAULTS}
 """Faults of most instruments: frozen values, and commands that are not executed."""
 
 
-def mishaps_of(simulator: type) -> Mapping[FaultKind, Mishap]:
-    """Faults of the instruments of a class; without MISHAPS only those of a line."""
-    found: Mapping[FaultKind, Mishap] = getattr(simulator, "MISHAPS", {})
+def fault_effects_of(simulator: type) -> Mapping[FaultKind, FaultEffect]:
+    """Faults of the instruments of a class; without FAULT_EFFECTS only those of a line."""
+    found: Mapping[FaultKind, FaultEffect] = getattr(simulator, "FAULT_EFFECTS", {})
     return found
 
 
@@ -70,13 +77,13 @@ class Breakable(Protocol):
 def begin(victim: Breakable, kind: FaultKind) -> None:
     """Begin a fault."""
     victim.faults.begin(kind)
-    mishaps_of(type(victim)).get(kind, LOOKED_FOR).begin(victim)
+    fault_effects_of(type(victim)).get(kind, PASSIVE_FAULT).begin(victim)
 
 
 def end(victim: Breakable, kind: FaultKind) -> None:
     """End a fault."""
     victim.faults.end(kind)
-    mishaps_of(type(victim)).get(kind, LOOKED_FOR).end(victim)
+    fault_effects_of(type(victim)).get(kind, PASSIVE_FAULT).end(victim)
 
 
 class FaultPlan:

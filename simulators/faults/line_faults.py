@@ -52,23 +52,23 @@ class Injected:
 
 
 @dataclass
-class BadLine:
+class FaultyLine:
     """Applies faults to the answers on a line, and records them.
 
-    `patience_s` is the timeout of the client. `heard` holds the client's data as received. One object may serve several
-    connections in succession: numbering continues.
+    `client_timeout_s` is the timeout of the client. `received_data` holds the client's data as received. One object may
+    serve several connections in succession: numbering continues.
     """
 
     seed: int
     choose: Chooser
-    patience_s: float = 3.0
+    client_timeout_s: float = 3.0
     injected: list[Injected] = field(default_factory=list)
     answers: int = 0
-    heard: list[bytes] = field(default_factory=list)
+    received_data: list[bytes] = field(default_factory=list)
 
-    def in_front_of(self, factory: Callable[[], asyncio.Protocol]) -> Callable[[], asyncio.Protocol]:
+    def server(self, factory: Callable[[], asyncio.Protocol]) -> Callable[[], asyncio.Protocol]:
         """Server whose connections go over this line."""
-        return lambda: _BadEnd(factory(), self)
+        return lambda: _FaultyEnd(factory(), self)
 
     def next(self, answer: bytes, question: bytes) -> tuple[LineFault | None, bytes]:
         """Fault of the next answer, and the answer after it."""
@@ -86,7 +86,7 @@ def in_turn(faults: Sequence[LineFault | None]) -> Chooser:
     return lambda number: faults[number] if number < len(faults) else None
 
 
-def now_and_then(seed: int, share: float, kinds: Sequence[LineFault]) -> Chooser:
+def random_faults(seed: int, share: float, kinds: Sequence[LineFault]) -> Chooser:
     """Inject a fault into this share of the answers, drawn from `kinds`."""
 
     def choose(number: int) -> LineFault | None:
@@ -96,26 +96,26 @@ def now_and_then(seed: int, share: float, kinds: Sequence[LineFault]) -> Chooser
     return choose
 
 
-class _BadEnd(Tap):
+class _FaultyEnd(Tap):
     """The server's end of a bad line: `inner` is the instrument, whose written data are answers."""
 
-    def __init__(self, inner: asyncio.Protocol, bad: BadLine) -> None:
+    def __init__(self, inner: asyncio.Protocol, faulty: FaultyLine) -> None:
         super().__init__(inner)
-        self._bad = bad
+        self._faulty = faulty
         self._question = b""
         self._dead = False
 
     def received(self, data: bytes) -> None:
         self._question = data
-        self._bad.heard.append(data)
+        self._faulty.received_data.append(data)
         if not self._dead:
             super().received(data)
 
     def sent(self, data: bytes) -> None:
         if self._dead:
             return
-        fault, altered = self._bad.next(data, self._question)
-        patience_s = self._bad.patience_s
+        fault, altered = self._faulty.next(data, self._question)
+        client_timeout_s = self._faulty.client_timeout_s
         match fault:
             case LineFault.SILENCE:
                 pass
@@ -125,14 +125,14 @@ class _BadEnd(Tap):
                 self.line.abort()
             case LineFault.SLOW_CLOSE:
                 self._dead = True
-                self._after(patience_s / 2, self.line.close)
+                self._after(client_timeout_s / 2, self.line.close)
             case LineFault.DELAY:
-                self._after(patience_s / 2, partial(self._write, altered))
+                self._after(client_timeout_s / 2, partial(self._write, altered))
             case LineFault.LATE:
-                self._after(patience_s * 1.1, partial(self._write, altered))
+                self._after(client_timeout_s * 1.1, partial(self._write, altered))
             case LineFault.SPLIT:
                 for index, byte in enumerate(altered):
-                    self._after(index * 0.01 * patience_s / len(altered), partial(self._write, bytes([byte])))
+                    self._after(index * 0.01 * client_timeout_s / len(altered), partial(self._write, bytes([byte])))
             case _:
                 self._write(altered)
 

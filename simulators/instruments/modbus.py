@@ -135,7 +135,7 @@ class ModbusRtuSession:
     def __init__(self, server: ModbusServer, now_s: Callable[[], float], *, answer_after_s: float = 0.0) -> None:
         self._server, self._now_s, self._answer_after_s = server, now_s, answer_after_s
         self._received = bytearray()
-        self._heard_at_s = -math.inf
+        self._received_at_s = -math.inf
         self._later: Later | None = None
 
     def answer_by(self, later: Later) -> None:
@@ -144,9 +144,9 @@ class ModbusRtuSession:
 
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the answer to a completed request."""
-        if self._now_s() - self._heard_at_s > _FRAME_END_S:
+        if self._now_s() - self._received_at_s > _FRAME_END_S:
             self._received.clear()
-        self._heard_at_s = self._now_s()
+        self._received_at_s = self._now_s()
         self._received += data
         if len(self._received) < _request_bytes(self._received):
             return b""

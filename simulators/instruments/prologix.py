@@ -15,7 +15,7 @@ _MOST: Mapping[str, int] = {
     "mode": 1, "addr": 30, "auto": 1, "eoi": 1, "eos": 3, "eot_enable": 1, "eot_char": 255, "read_tmo_ms": 3000,
     "savecfg": 1, "lon": 0, "status": 255,
 }  # fmt: skip
-_KEPT = {"mode": 1, "addr": ADDRESS, "auto": 1, "eoi": 1, "eos": 2, "read_tmo_ms": 3000, "savecfg": 1}
+_STORED = {"mode": 1, "addr": ADDRESS, "auto": 1, "eoi": 1, "eos": 2, "read_tmo_ms": 3000, "savecfg": 1}
 _DONE = ("clr", "ifc", "llo", "loc", "rst", "trg", "savecfg", "read")
 
 
@@ -23,7 +23,7 @@ class Gateway:
     """Its settings: as our page on the meter has them saved, with an automatic read after every line."""
 
     def __init__(self) -> None:
-        self._settings = dict.fromkeys(_MOST, 0) | _KEPT
+        self._settings = dict.fromkeys(_MOST, 0) | _STORED
 
     @property
     def reads_by_itself(self) -> bool:

@@ -103,7 +103,7 @@ class Interpreter:
         else:
             self._errors[-1] = QUEUE_OVERFLOW
 
-    def forget_errors(self) -> None:
+    def clear_errors(self) -> None:
         """Empty the error queue; the events stay."""
         self._errors.clear()
 

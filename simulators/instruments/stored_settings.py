@@ -9,60 +9,60 @@ from simulators.instruments.scpi import ILLEGAL_VALUE, Handler, Refusal, setting
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoredSetting:
     """A setting: its default, and the format of its value, which raises Refusal."""
 
-    first: str
-    told: Callable[[str], str]
+    default: str
+    reported: Callable[[str], str]
 
 
-def kept_number(first: float, low: float, high: float, spell: Callable[[float], str]) -> Kept:
+def stored_number(default: float, low: float, high: float, format_value: Callable[[float], str]) -> StoredSetting:
     """A number in a range."""
-    return Kept(spell(first), lambda argument: spell(setting(argument, low, high)))
+    return StoredSetting(format_value(default), lambda argument: format_value(setting(argument, low, high)))
 
 
-def kept_switch(first: str) -> Kept:
+def stored_switch(default: str) -> StoredSetting:
     """On or off, reported as 1 or 0."""
-    return Kept(first, lambda argument: str(int(switch(argument))))
+    return StoredSetting(default, lambda argument: str(int(switch(argument))))
 
 
-def kept_word(first: str, *words: str) -> Kept:
+def stored_word(default: str, *words: str) -> StoredSetting:
     """One of some words in the notation of manuals, `GUARd`; reported in short form."""
     short = {word.upper(): "".join(letter for letter in word if not letter.islower()) for word in words}
     found = short | {word: word for word in short.values()}
 
-    def told(argument: str) -> str:
+    def reported(argument: str) -> str:
         if argument.upper() not in found:
             raise Refusal(ILLEGAL_VALUE)
         return found[argument.upper()]
 
-    return Kept(first, told)
+    return StoredSetting(default, reported)
 
 
-class KeptSettings:
+class StoredSettings:
     """Settings by header."""
 
-    def __init__(self, settings: Mapping[str, Kept]) -> None:
+    def __init__(self, settings: Mapping[str, StoredSetting]) -> None:
         self._settings = settings
-        self._told: dict[str, str] = {}
+        self._values: dict[str, str] = {}
 
     def __getitem__(self, header: str) -> str:
-        return self._told.get(header, self._settings[header].first)
+        return self._values.get(header, self._settings[header].default)
 
     def commands(self) -> dict[str, Handler]:
         """Handlers of settings and queries, by header."""
         setters = {header: self._setter(header) for header in self._settings}
-        return setters | {f"{header}?": self._teller(header) for header in self._settings}
+        return setters | {f"{header}?": self._query_handler(header) for header in self._settings}
 
     def reset(self) -> None:
         """Reset all settings to their defaults."""
-        self._told.clear()
+        self._values.clear()
 
     def _setter(self, header: str) -> Handler:
-        def put(argument: str) -> None:
-            self._told[header] = self._settings[header].told(argument)
+        def store(argument: str) -> None:
+            self._values[header] = self._settings[header].reported(argument)
 
-        return put
+        return store
 
-    def _teller(self, header: str) -> Handler:
+    def _query_handler(self, header: str) -> Handler:
         return lambda _: self[header]

@@ -157,12 +157,6 @@ def _sine_and_cosine(angle_deg: float) -> tuple[float, float]:
     return math.sin(math.radians(angle_deg)), math.cos(math.radians(angle_deg))
 
 
-def planar(sense: int, offset_deg: float) -> Fixture:
-    """A head with a level axis: the input axis is `sense` x head angle + `offset_deg` above the horizontal."""
-    body = raised(offset_deg)
-    return Fixture((SOUTH if sense > 0 else NORTH,), _vector(body[0]), _vector(body[2]))
-
-
 def _vector(row: Array) -> Vector:
     x, y, z = row.tolist()
     return (x, y, z)

@@ -30,8 +30,8 @@ class Line:
         return self.target_c if done_c >= abs(way_c) else self.start_c + math.copysign(done_c, way_c)
 
 
-def drawn(failure: Failure, set_point: Line, drawn_to_c: float, room_c: float) -> tuple[float, float]:
-    """Target of the air from now on, °C, and rate, °C/s, given its target `drawn_to_c` so far.
+def failing_target(failure: Failure, set_point: Line, air_target_c: float, room_c: float) -> tuple[float, float]:
+    """Target of the air from now on, °C, and rate, °C/s, given its target `air_target_c` so far.
 
     Without a heater it cannot exceed the room temperature, without cooling not fall below it. In a runaway the heater
     stays on. With the sensor in the room the controller heats, or cools, for ever. A slow chamber has almost no power.
@@ -40,7 +40,7 @@ def drawn(failure: Failure, set_point: Line, drawn_to_c: float, room_c: float) -
     match failure:
         case "heater_dead" | "cooling_dead":
             end_c = min(target_c, room_c) if failure == "heater_dead" else max(target_c, room_c)
-            by_itself = (end_c - drawn_to_c) * (room_c - drawn_to_c) > 0 and end_c == room_c
+            by_itself = (end_c - air_target_c) * (room_c - air_target_c) > 0 and end_c == room_c
             return end_c, min(BY_ITSELF_C_PER_S, set_point.rate_c_per_s) if by_itself else set_point.rate_c_per_s
         case "runaway":
             return HOTTEST_C, FULL_POWER_C_PER_S

@@ -21,13 +21,13 @@ def read_of(right: Array, table: Table) -> Array:
     return np.asarray(right - np.interp(right, readings + to_add, to_add))
 
 
-def lacking_deg(angle_deg: Array, table: Table) -> Array:
+def correction_deg(angle_deg: Array, table: Table) -> Array:
     """Correction of encoder angles by a table of one turn."""
     readings, to_add = table
     return np.interp(readings[0] + (angle_deg - readings[0]) % TURN_DEG, readings, to_add)
 
 
-def given_by(told: float, table: Table) -> float:
+def corrected_current(indicated: float, table: Table) -> float:
     """True current of a source with this indicated current; equal without a table."""
-    told_at, to_add = table
-    return told + float(np.interp(told, told_at, to_add)) if told_at else told
+    readings, to_add = table
+    return indicated + float(np.interp(indicated, readings, to_add)) if readings else indicated

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.physics.corrections import Table, lacking_deg
+from simulators.physics.corrections import Table, correction_deg
 from simulators.physics.profiles import Move, Profile, Slew, Swing, Turn
 from simulators.physics.servo import Loop, Ripple
 
@@ -37,7 +37,7 @@ class AxisErrors:
         turn = np.radians(angle_deg)
         for order, (cosine, sine) in enumerate(zip(self.cosines, self.sines, strict=True), start=1):
             error_deg = error_deg + (cosine * np.cos(order * turn) + sine * np.sin(order * turn))
-        return error_deg + lacking_deg(angle_deg, self.table) if self.table[0] else error_deg
+        return error_deg + correction_deg(angle_deg, self.table) if self.table[0] else error_deg
 
 
 class Axis:

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from simulators.physics.corrections import Array, Table, given_by
+from simulators.physics.corrections import Array, Table, corrected_current
 
 HOUR_S = 3600.0
 
@@ -57,4 +57,6 @@ class Feed:
     def current_a(self, at_s: Array) -> Array:
         """Output current at true times."""
         set_a = self.source.feeds_a
-        return np.zeros_like(at_s) if set_a is None else self.errors.current_a(given_by(set_a, self.table), at_s)
+        return (
+            np.zeros_like(at_s) if set_a is None else self.errors.current_a(corrected_current(set_a, self.table), at_s)
+        )

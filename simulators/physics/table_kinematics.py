@@ -59,7 +59,7 @@ class Level:
         return self.middle_deg + (self.drift_deg * (at_s / self.run_s - 0.5) if self.run_s else 0.0)
 
 
-class Carried:
+class TableKinematics:
     """The fixture on its axes; vectors are (3, n) for n times."""
 
     def __init__(

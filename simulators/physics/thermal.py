@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from simulators.physics.chamber_failures import Failure, Line, drawn
+from simulators.physics.chamber_failures import Failure, Line, failing_target
 
 Matrix = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class Thermal:
         self._ticks = 0
         self._ramp_end_s = 0.0
         self._target_c = chamber.start_c
-        self._pull_c = 0.0  # effect of an open door on the target of the air
+        self._door_effect_c = 0.0  # effect of an open door on the target of the air
         self._failing: tuple[Failure, float] | None = None  # and temperature of the room
         self._commanded = Line(chamber.start_c, 0.0, chamber.start_c, math.inf)
         amplitude, turn = chamber.limit_cycle_c * math.sqrt(2), 2 * math.pi / chamber.limit_cycle_period_s
@@ -95,7 +95,7 @@ class Thermal:
                 self._ticks += ticks
             if not self._state[_SET_POINT_RATE] or to_s < self._ramp_end_s:
                 return
-            self._state[_SET_POINT], self._state[_SET_POINT_RATE] = self._target_c + self._pull_c, 0.0
+            self._state[_SET_POINT], self._state[_SET_POINT_RATE] = self._target_c + self._door_effect_c, 0.0
 
     def ramp(self, target_c: float, rate_c_per_s: float) -> None:
         """Ramp the active set point to `target_c` at `rate_c_per_s`; infinity jumps."""
@@ -103,37 +103,37 @@ class Thermal:
         if self._failing is None:
             self._draw(target_c, rate_c_per_s)
         else:
-            self._draw_astray(*self._failing)
+            self._apply_failure(*self._failing)
 
     def fail(self, failure: Failure | None, room_c: float) -> None:
         """Drive the air by a failure in a room of that temperature; None repairs the chamber."""
         if failure is not None:
             self._failing = failure, room_c
-            self._draw_astray(failure, room_c)
+            self._apply_failure(failure, room_c)
         elif self._failing is not None:
             set_point_c, self._failing = self.set_point_c, None
             self._draw(set_point_c, math.inf)
             self._draw(self._commanded.target_c, self._commanded.rate_c_per_s)
 
-    def _draw_astray(self, failure: Failure, room_c: float) -> None:
-        self._draw(*drawn(failure, self._commanded, self._drawn_to_c, room_c))
+    def _apply_failure(self, failure: Failure, room_c: float) -> None:
+        self._draw(*failing_target(failure, self._commanded, self._air_target_c, room_c))
 
     def _draw(self, target_c: float, rate_c_per_s: float) -> None:
         """Drive the air linearly to `target_c`, as the set point does without a failure."""
-        distance = target_c - self._drawn_to_c
+        distance = target_c - self._air_target_c
         self._target_c = target_c
         self._state[_SET_POINT_RATE] = 0.0
         if distance and math.isfinite(rate_c_per_s) and rate_c_per_s > 0:
             self._state[_SET_POINT_RATE] = math.copysign(rate_c_per_s, distance)
             self._ramp_end_s = self.now_s + abs(distance) / rate_c_per_s
         else:
-            self._state[_SET_POINT] = target_c + self._pull_c
+            self._state[_SET_POINT] = target_c + self._door_effect_c
 
     def door(self, room_c: float | None) -> None:
         """Open the door, which pulls the air towards the room by DOOR_SHARE of the difference; None closes it."""
-        pull_c = 0.0 if room_c is None else DOOR_SHARE * (room_c - self.air_c)
-        self._state[_SET_POINT] += pull_c - self._pull_c
-        self._pull_c = pull_c
+        effect_c = 0.0 if room_c is None else DOOR_SHARE * (room_c - self.air_c)
+        self._state[_SET_POINT] += effect_c - self._door_effect_c
+        self._door_effect_c = effect_c
 
     def power(self, unit: int, on: bool) -> None:
         """Switch the self-heating of a unit."""
@@ -142,12 +142,12 @@ class Thermal:
     @property
     def set_point_c(self) -> float:
         """Active set point."""
-        return self._drawn_to_c if self._failing is None else self._commanded.at(self.now_s)
+        return self._air_target_c if self._failing is None else self._commanded.at(self.now_s)
 
     @property
-    def _drawn_to_c(self) -> float:
+    def _air_target_c(self) -> float:
         """Target of the air, without the effect of the door."""
-        return float(self._state[_SET_POINT] - self._pull_c)
+        return float(self._state[_SET_POINT] - self._door_effect_c)
 
     @property
     def air_c(self) -> float:

@@ -12,7 +12,7 @@ import argparse
 import asyncio
 import sys
 
-from simulators.faults.line_faults import BadLine, LineFault, in_turn, now_and_then
+from simulators.faults.line_faults import FaultyLine, LineFault, in_turn, random_faults
 
 
 class _Passage(asyncio.Protocol):
@@ -66,9 +66,9 @@ class _FromTarget(asyncio.Protocol):
         self._client.close()
 
 
-async def serve_bad_line(listen: tuple[str, int], to: tuple[str, int], bad: BadLine) -> asyncio.Server:
+async def serve_bad_line(listen: tuple[str, int], to: tuple[str, int], bad: FaultyLine) -> asyncio.Server:
     """Start a server at `listen` that leads to `to` over a bad line; OSError if the address is in use."""
-    factory = bad.in_front_of(lambda: _Passage(*to))
+    factory = bad.server(lambda: _Passage(*to))
     return await asyncio.get_running_loop().create_server(factory, *listen)
 
 
@@ -90,10 +90,10 @@ def main() -> None:
     options = parser.parse_args()
     kinds = [LineFault(name) for name in options.faults.split(",")]
     first = [LineFault(name) if name else None for name in options.first.split(",")]
-    choose = in_turn(first) if options.first else now_and_then(options.seed, options.share, kinds)
+    choose = in_turn(first) if options.first else random_faults(options.seed, options.share, kinds)
 
     async def serve() -> None:
-        server = await serve_bad_line(options.listen, options.to, BadLine(options.seed, choose, options.patience))
+        server = await serve_bad_line(options.listen, options.to, FaultyLine(options.seed, choose, options.patience))
         port = server.sockets[0].getsockname()[1]
         sys.stderr.write(f"ready on port {port}\n")
         await server.serve_forever()

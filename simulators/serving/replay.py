@@ -14,12 +14,12 @@ class ReplayedInstrument:
     """One device of a trace as a simulated instrument: each new connection replays the next one of the trace.
 
     The next request of the trace gets the recorded answers, with their recorded delays. Any other request is passed to
-    `complain` and not answered: then the driver, or its settings, differ from the recording.
+    `report_mismatch` and not answered: then the driver, or its settings, differ from the recording.
     """
 
-    def __init__(self, device: str, trace: Iterable[Passed], complain: Callable[[str], object]) -> None:
+    def __init__(self, device: str, trace: Iterable[Passed], report_mismatch: Callable[[str], object]) -> None:
         self.faults = FaultPlan()
-        self._device, self._complain = device, complain
+        self._device, self._report_mismatch = device, report_mismatch
         self._connections: list[list[Passed]] = []
         for passed in trace:
             if passed.device != device:
@@ -32,14 +32,14 @@ class ReplayedInstrument:
     def session(self) -> ReplayedSession:
         """Open the next connection of the trace; an empty one after the last."""
         lines = self._connections.pop(0) if self._connections else []
-        return ReplayedSession(self._device, lines, self._complain)
+        return ReplayedSession(self._device, lines, self._report_mismatch)
 
 
 class ReplayedSession:
     """One connection of a trace."""
 
-    def __init__(self, device: str, lines: list[Passed], complain: Callable[[str], object]) -> None:
-        self._device, self._lines, self._complain = device, lines, complain
+    def __init__(self, device: str, lines: list[Passed], report_mismatch: Callable[[str], object]) -> None:
+        self._device, self._lines, self._report_mismatch = device, lines, report_mismatch
         self._received = b""
         self._later: Later | None = None
 
@@ -62,7 +62,7 @@ class ReplayedSession:
             at_once += self._answers(expected.at_s)
         if self._received:
             wanted = self._lines[0].text if self._lines else "nothing more"
-            self._complain(f"{self._device}: the trace has {wanted}, not {self._received.hex(' ')}")
+            self._report_mismatch(f"{self._device}: the trace has {wanted}, not {self._received.hex(' ')}")
             self._received = b""
         return at_once
 

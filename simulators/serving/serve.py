@@ -28,6 +28,16 @@ class PatientSession(Session, Protocol):
         """Set, before anything else, the callback for later answers."""
 
 
+class DelayedAnswers:
+    """Common part of sessions with delayed answers; without a callback they are never sent."""
+
+    _later: Later = staticmethod(lambda _delay_s, _answer: None)
+
+    def answer_by(self, later: Later) -> None:
+        """Set the callback for later answers."""
+        self._later = later
+
+
 class Instrument(Protocol):
     """A simulated instrument: model and responder. It never waits, and reads the world on request."""
 
@@ -50,7 +60,7 @@ class InstrumentProtocol(asyncio.Protocol):
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
         if isinstance(self._session, PatientSession):
-            self._session.answer_by(self._say_later)
+            self._session.answer_by(self._send_later)
 
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the client."""
@@ -58,25 +68,25 @@ class InstrumentProtocol(asyncio.Protocol):
             self._transport.abort()
             return
         self._instrument.faults.catch_up()
-        self._say(self._session.feed(data))
+        self._send(self._session.feed(data))
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Drop later answers, because the client has left."""
         self._transport = None
 
-    def _say(self, answer: bytes) -> None:
+    def _send(self, answer: bytes) -> None:
         if answer and self._transport is not None and not self._instrument.faults.active("silent"):
             self._transport.write(answer)
 
-    def _say_later(self, delay_s: float, answer: Callable[[], bytes]) -> None:
-        asyncio.get_running_loop().call_later(delay_s, self._say_now, answer)
+    def _send_later(self, delay_s: float, answer: Callable[[], bytes]) -> None:
+        asyncio.get_running_loop().call_later(delay_s, self._send_now, answer)
 
-    def _say_now(self, answer: Callable[[], bytes]) -> None:
+    def _send_now(self, answer: Callable[[], bytes]) -> None:
         if self._transport is not None:
             self._instrument.faults.catch_up()
             said = answer()
             if not self._transport.get_write_buffer_size():  # unread data are not kept for the next client
-                self._say(said)
+                self._send(said)
 
 
 def protocol_factory(instrument: Instrument) -> Callable[[], InstrumentProtocol]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.truth.constants import Lies, gravity_in_unit
+from simulators.truth.constants import Orientation, gravity_in_unit
 from simulators.units.accelerometer_unit import SimulatedUnit
 from simulators.world import World
 
@@ -33,7 +33,7 @@ class LevelAsMeasured:
     place: str
     begin_s: float
     end_s: float
-    lies: Lies
+    orientation: Orientation
     source_a: float | None
 
 
@@ -65,7 +65,7 @@ def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
     board_c, thermometer_c, sensor_c, drifted_g = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
     input_a = level.source_a
     if input_a is None:
-        input_a = _accelerometer_a(world, unit, level.lies, sensor_c, drifted_g)
+        input_a = _accelerometer_a(world, unit, level.orientation, sensor_c, drifted_g)
     through = unit.settings.through
     output, digits = unit.truth.output(np.full_like(at_s, input_a), through, board_c), 6 if through is None else 10
     return {
@@ -76,8 +76,10 @@ def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
     }
 
 
-def _accelerometer_a(world: World, unit: SimulatedUnit, lies: Lies, sensor_c: Array, drifted_g: Array) -> float:
+def _accelerometer_a(
+    world: World, unit: SimulatedUnit, orientation: Orientation, sensor_c: Array, drifted_g: Array
+) -> float:
     """Mean current of the accelerometer, in the attitude stated in the bench file."""
-    along, output, pendulous = gravity_in_unit(world, unit, lies)
+    along, output, pendulous = gravity_in_unit(world, unit, orientation)
     force = tuple(np.full_like(sensor_c, g) for g in (along, pendulous, output))
     return float(np.mean(unit.truth.current_a((force[0], force[1], force[2]), sensor_c, drifted_g)))

@@ -32,7 +32,7 @@ OWN_SHARE = {"Kip": 0.3, "K3": 0.2, "asymmetry": 0.06}
 
 
 @dataclass(frozen=True, slots=True)
-class Lies:
+class Orientation:
     """Nominal angles of the table's axes, outer first, and mounting angles."""
 
     angles_deg: tuple[float, ...]
@@ -50,7 +50,7 @@ class DwellAsMeasured:
     place: str
     at_s: float
     temperature_c: float
-    lies: tuple[Lies, ...]
+    orientation: tuple[Orientation, ...]
     each_s: tuple[float, ...] = ()
 
 
@@ -62,7 +62,7 @@ class LegAsMeasured:
     place: str
     begin_s: float
     end_s: float
-    lies: Lies
+    orientation: Orientation
 
 
 def truth_record(
@@ -145,7 +145,9 @@ def _dwells(world: World, dwells: Sequence[DwellAsMeasured]) -> dict[str, Any]:
     """Truth of each dwell by key; the angles of all dwells of a run together decide on the further terms."""
     angles_deg: dict[str, list[float]] = {}
     for dwell in dwells:
-        angles_deg.setdefault(_run_of(dwell), []).extend(_axis_deg(world, dwell.place, lies) for lies in dwell.lies)
+        angles_deg.setdefault(_run_of(dwell), []).extend(
+            _axis_deg(world, dwell.place, orientation) for orientation in dwell.orientation
+        )
     extra = {run: separable_terms(at_deg) for run, at_deg in angles_deg.items()}
     return {dwell.key: _dwell(world, dwell, extra[_run_of(dwell)]) for dwell in dwells}
 
@@ -180,7 +182,7 @@ def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[s
     each_s = [world.true_time(at_s) for at_s in dwell.each_s]
     by_input_g = np.interp(each_s, history[:, 0], history[:, -1]).tolist() if any(history[:, -1]) else []
     stepped = {name: float(np.interp(true_s, history[:, 0], history[:, column])) for name, column in STEPPED.items()}
-    axis_deg = tuple(_axis_deg(world, dwell.place, lies) for lies in dwell.lies)
+    axis_deg = tuple(_axis_deg(world, dwell.place, orientation) for orientation in dwell.orientation)
     constants = channel_constants(
         unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g, unit.settings.through, extra,
         by_input_g,
@@ -192,22 +194,22 @@ def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[s
     return found | ({"extra": list(extra)} if extra else {})
 
 
-def gravity_in_unit(world: World, unit: SimulatedUnit, lies: Lies) -> Array:
+def gravity_in_unit(world: World, unit: SimulatedUnit, orientation: Orientation) -> Array:
     """Specific force along input, output and pendulous axes in local g, (3,), on the nominal bench."""
-    angles_deg = [np.array([angle_deg]) for angle_deg in lies.angles_deg]
+    angles_deg = [np.array([angle_deg]) for angle_deg in orientation.angles_deg]
     upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
-    return np.asarray(to_unit(lies.mount, unit.settings.mount_angle_deg) @ upward)
+    return np.asarray(to_unit(orientation.mount, unit.settings.mount_angle_deg) @ upward)
 
 
-def _axis_deg(world: World, place: str, lies: Lies) -> float:
+def _axis_deg(world: World, place: str, orientation: Orientation) -> float:
     """Ideal angle of a unit's input axis above the horizontal, up to ±180°."""
-    along, _, pendulous = gravity_in_unit(world, world.units[place], lies)
+    along, _, pendulous = gravity_in_unit(world, world.units[place], orientation)
     return float(np.degrees(np.arctan2(along, pendulous)))
 
 
 def _force_g(world: World, reading: LegAsMeasured) -> list[float]:
     """Specific force along the input, output and pendulous axes, in the attitude stated by the bench."""
-    forces: list[float] = gravity_in_unit(world, world.units[reading.place], reading.lies).tolist()
+    forces: list[float] = gravity_in_unit(world, world.units[reading.place], reading.orientation).tolist()
     return forces
 
 
@@ -217,7 +219,7 @@ def noiseless_output(world: World, reading: LegAsMeasured) -> float:
     true_s = world.true_time((reading.begin_s + reading.end_s) / 2)
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c = (np.interp([true_s], history[:, 0], row) for row in history.T[1:4])
-    along, across, pendulous = gravity_in_unit(world, unit, reading.lies)
+    along, across, pendulous = gravity_in_unit(world, unit, reading.orientation)
     current_a = unit.truth.current_a((along, pendulous, across), sensor_c, drifted_g + moving_g)
     return float(unit.truth.output(current_a, unit.settings.through)[0])
 
@@ -233,7 +235,7 @@ def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
     at_s = np.array([world.true_time(each_s) for each_s in cut_s.tolist()])
     history = np.array(unit.history)
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:5])
-    axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.lies)))
+    axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.orientation)))
     through = unit.settings.through
     k1 = _scale_factor(unit.truth, sensor_c, through)
     force_g = (np.sin(axis_rad), np.cos(axis_rad), np.zeros_like(axis_rad))

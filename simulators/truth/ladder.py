@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.physics.attitude import to_unit
-from simulators.truth.constants import Lies
+from simulators.truth.constants import Orientation
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ class LadderAsMeasured:
     key: str
     place: str
     at_s: float
-    lies: Lies
+    orientation: Orientation
 
 
 def ladders_record(world: World, ladders: Sequence[LadderAsMeasured]) -> dict[str, Any]:
@@ -66,12 +66,12 @@ def _force_g(world: World, ladder: LadderAsMeasured) -> tuple[Array, Array, Arra
 
     Includes the systematic errors of the axes, and the level.
     """
-    turned_deg = [STEP_DEG, *(np.zeros(3) for _ in ladder.lies.angles_deg[1:])]
+    turned_deg = [STEP_DEG, *(np.zeros(3) for _ in ladder.orientation.angles_deg[1:])]
     angles_deg = [
         axis.lasting_deg(np.full(3, at_deg)) + turn_deg
-        for axis, at_deg, turn_deg in zip(world.axes.values(), ladder.lies.angles_deg, turned_deg, strict=True)
+        for axis, at_deg, turn_deg in zip(world.axes.values(), ladder.orientation.angles_deg, turned_deg, strict=True)
     ]
     upward = world.settings.fixture.to_fixture(angles_deg, world.settings.level_deg)[:, :, 2]
     settings = world.units[ladder.place].settings
-    x, y, z = to_unit(ladder.lies.mount, settings.mount_angle_deg) @ upward.T
+    x, y, z = to_unit(ladder.orientation.mount, settings.mount_angle_deg) @ upward.T
     return x, z, y

@@ -17,7 +17,7 @@ from simulators.units.accelerometer import Hysteresis, Sent, UnitTruth, draw_uni
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import UnitFile, stream
-from simulators.units.unit_temperatures import Board, Thermometer, Warmth, followed_c
+from simulators.units.unit_temperatures import Board, Thermometer, UnitTemperatures, followed_c
 
 Array = NDArray[np.float64]
 Input = Literal["accelerometer", "source"]  # connection of a converter
@@ -63,9 +63,9 @@ class SimulatedUnit:
         self._hysteresis = Hysteresis(self.truth, settings.chamber.start_c)
         self._input_hysteresis = self._input_play() if self.truth.input_thresholds_g else None
         start_c = settings.chamber.start_c
-        self.warmth = Warmth(world.thermal, index, file, start_c, settings.thermometer_lag_s)
+        self.temperatures = UnitTemperatures(world.thermal, index, file, start_c, settings.thermometer_lag_s)
         self._thermometer, self._board_thermometer = self._thermometers(settings)
-        self.board = Board(self.warmth, start_c)
+        self.board = Board(self.temperatures, start_c)
         self._last_c, self._last_g = start_c, (0.0, 0.0)  # bias from hysteresis, and from the rate of temperature
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
@@ -101,7 +101,7 @@ class SimulatedUnit:
                 own.thermometer_table, own.thermometer_drift_c, settings.run_s,
             ),
             Thermometer(
-                start_c if self.warmth.board_in_chamber else self.warmth.board_c,
+                start_c if self.temperatures.board_in_chamber else self.temperatures.board_c,
                 own.converter_offset_c, own.converter_gain, noise_c, noise("converter thermometer"),
                 own.converter_table, own.converter_drift_c, settings.run_s,
             ),
@@ -149,7 +149,7 @@ class SimulatedUnit:
     def _currents_a(self, edges_s: Array) -> tuple[Array, Array | None]:
         """Mean currents of the intervals, 0 without power, and the converter's temperature."""
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        now_c = self.warmth.sensor_c
+        now_c = self.temperatures.sensor_c
         span = edges_s[-1] - edges_s[0]
         passed = (middle - edges_s[0]) / span
         temperature = self._last_c + passed * (now_c - self._last_c)
@@ -189,7 +189,7 @@ class SimulatedUnit:
         The world is computed up to the end, or less than a reading beyond it. Each observer has a `noise` of its own,
         so that its readings do not affect those of others.
         """
-        hysteresis_g = self._hysteresis.bias_g(self.warmth.sensor_c)
+        hysteresis_g = self._hysteresis.bias_g(self.temperatures.sensor_c)
         now_s = self._world.thermal.now_s
         state = self._state(now_s, hysteresis_g)
         if not self.settings.channel:  # only this object keeps its history
@@ -200,7 +200,7 @@ class SimulatedUnit:
         edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         since_s = middle - now_s
-        temperature = self.warmth.sensor_c + since_s * self.warmth.sensor_rate_c_per_s
+        temperature = self.temperatures.sensor_c + since_s * self.temperatures.sensor_rate_c_per_s
         bias_g = hysteresis_g + self._moving_g()
         current_a = self._current_a(middle, temperature, bias_g, noise.mean(interval))
         if self.input == "source":
@@ -215,13 +215,13 @@ class SimulatedUnit:
         at_s = np.array([true_s])
         by_input_g = float(self._by_input_g(at_s)[0])
         drifted_g = hysteresis_g + by_input_g + float(self._slow_bias_g(at_s)[0])
-        warm_c = self.warmth.sensor_c, self.warmth.thermometer_c
+        warm_c = self.temperatures.sensor_c, self.temperatures.thermometer_c
         stepped = self._turned_on_g, self._turned_on_scale
         return UnitState(true_s, drifted_g, self._moving_g(), *warm_c, *stepped, by_input_g)
 
     def _moving_g(self) -> float:
         """Bias from the rate of temperature."""
-        return self.truth.kd * self.warmth.sensor_rate_c_per_s
+        return self.truth.kd * self.temperatures.sensor_rate_c_per_s
 
     def _current_a(self, at_s: Array, temperature_c: Array, bias_g: Array | float, noise_g: Array) -> Array:
         drifting = self._slow_bias_g(at_s) + bias_g
@@ -240,16 +240,18 @@ class SimulatedUnit:
     def force_g(self, at_s: Array) -> tuple[Array, Array, Array]:
         """Specific force along the input, pendulous and output axes, in local g."""
         seat_deg = self.seats_deg[-1][1] if self.seats_deg else 0.0
-        force = self._world.carried.force_g(at_s, self.settings.arm_m)
+        force = self._world.kinematics.force_g(at_s, self.settings.arm_m)
         x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg + seat_deg) @ force
         return x, z, y
 
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
-        now_c = followed_c(self.faults, self.warmth.thermometer_c, self._world.settings.ambient_c)
+        now_c = followed_c(self.faults, self.temperatures.thermometer_c, self._world.settings.ambient_c)
         read_c = self._thermometer.readings_c(at_s, self._world.thermal.now_s, now_c)
         return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c
 
     def converter_thermometer_c(self, at_s: Array) -> Array:
         """As `thermometer_c`, of the thermometer at the converter."""
-        return self._board_thermometer.readings_c(at_s, self._world.thermal.now_s, self.warmth.board_thermometer_c)
+        return self._board_thermometer.readings_c(
+            at_s, self._world.thermal.now_s, self.temperatures.board_thermometer_c
+        )

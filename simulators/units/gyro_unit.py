@@ -119,8 +119,8 @@ class SimulatedGyro:
     def _sensed(self, at_s: Array) -> tuple[Vectors, Vectors]:
         """Rate in °/s and specific force in g, along the input, the pendulous and the output axis."""
         to_axes = to_unit(self._world.mount, self.settings.mount_angle_deg)
-        turning_dps = to_axes @ self._world.carried.rate_dps(at_s)
-        force_g = to_axes @ self._world.carried.force_g(at_s, self.settings.arm_m)
+        turning_dps = to_axes @ self._world.kinematics.rate_dps(at_s)
+        force_g = to_axes @ self._world.kinematics.force_g(at_s, self.settings.arm_m)
         return (turning_dps[0], turning_dps[2], turning_dps[1]), (force_g[0], force_g[2], force_g[1])
 
     def power(self, since_s: float | None) -> None:

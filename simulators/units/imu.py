@@ -28,7 +28,7 @@ from simulators.units.unit_file import stream
 from simulators.units.unit_temperatures import Thermometer, followed_c
 
 Array = NDArray[np.float64]
-Seen = tuple[Array, Array, Array]
+Components = tuple[Array, Array, Array]
 """Components of a vector for each axis: along itself, and along the two after it, (3, n) each."""
 
 SENSORS = ("accelerometers", "gyros")
@@ -70,10 +70,10 @@ class SimulatedImu:
             for sensor, (offset_c, gain, table, drift_c) in self.settings.thermometers.items()
         ]  # fmt: skip
         self._last_c = np.full(2, settings.chamber.start_c)
-        self._asked: tuple[float, float, int] = (-1.0, -1.0, 0)
-        self._told: Array = np.empty((len(CHANNELS), 0))
+        self._cached_for: tuple[float, float, int] = (-1.0, -1.0, 0)
+        self._cached: Array = np.empty((len(CHANNELS), 0))
         self._still_key: Any = None  # arguments of the next two
-        self._at_rest: tuple[Seen, Seen] | None = None
+        self._at_rest: tuple[Components, Components] | None = None
         self._turning: tuple[Array, Array, Array] | None = None  # up, earth rate, axis of rotation
         self.faults = FaultPlan(now_s=world.now)
         self.powered_at_s: float | None = None
@@ -117,12 +117,12 @@ class SimulatedImu:
         """Mean output of each of CHANNELS in each interval, as in `charge_pulses`, in codes before rounding, (6, n)."""
         return self._once(edges_s, self._codes)
 
-    def _once(self, edges_s: Array, tell: Callable[[Array], Array]) -> Array:
+    def _once(self, edges_s: Array, compute: Callable[[Array], Array]) -> Array:
         """Cached result for repeated calls with the same times; a unit gives pulses or sends codes, never both."""
-        asked = (float(edges_s[0]), float(edges_s[-1]), len(edges_s))
-        if asked != self._asked:
-            self._asked, self._told = asked, tell(edges_s)
-        return self._told
+        edges = (float(edges_s[0]), float(edges_s[-1]), len(edges_s))
+        if edges != self._cached_for:
+            self._cached_for, self._cached = edges, compute(edges_s)
+        return self._cached
 
     def thermometer_c(self, sensor: str, at_s: Array) -> Array:
         """Readings of one of its thermometers, of SENSORS, at times since the last call, with its errors and noise."""
@@ -181,22 +181,22 @@ class SimulatedImu:
             drift_dps = drift_dps + gyros.warm_up_dps * np.exp(-powered_s / gyros.warm_up_s)
         return np.ravel(drift_g), np.ravel(drift_dps)
 
-    def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
+    def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Components, Components]:
         """Specific force in g and rate in °/s at its sensors, (3, n) each, or (3, 1) at rest."""
-        carried = self._world.carried
-        still_deg = carried.stands(float(edges_s[0]))
+        kinematics = self._world.kinematics
+        still_deg = kinematics.stands(float(edges_s[0]))
         key = (still_deg, self._world.mount)
         if key != self._still_key:
             self._still_key, self._at_rest, self._turning = key, None, None
         if None not in still_deg:
             if self._at_rest is None:
-                lies = self._into_unit @ carried.attitude(middle_s[:1])[0]
-                self._at_rest = _along(lies[:, 2:]), _along(lies @ carried.earth_dps[:, np.newaxis])
+                attitude = self._into_unit @ kinematics.attitude(middle_s[:1])[0]
+                self._at_rest = _along(attitude[:, 2:]), _along(attitude @ kinematics.earth_dps[:, np.newaxis])
             return self._at_rest
-        if carried.sweeps(still_deg):
+        if kinematics.sweeps(still_deg):
             return self._while_one_turns(still_deg, edges_s, middle_s)
-        attitude = carried.attitude(middle_s)
-        by_earth_dps = (attitude.reshape(-1, 3) @ carried.earth_dps).reshape(-1, 3).T
+        attitude = kinematics.attitude(middle_s)
+        by_earth_dps = (attitude.reshape(-1, 3) @ kinematics.earth_dps).reshape(-1, 3).T
         turning_dps = by_earth_dps + self._turning_dps(edges_s)
         return _along(self._into_unit @ attitude[:, :, 2].T), _along(self._into_unit @ turning_dps)
 
@@ -204,14 +204,14 @@ class SimulatedImu:
     def _into_unit(self) -> Array:
         return to_unit(self._world.mount, self.settings.mount_angle_deg)
 
-    def _while_one_turns(self, still_deg: Stands, edges_s: Array, middle_s: Array) -> tuple[Seen, Seen]:
+    def _while_one_turns(self, still_deg: Stands, edges_s: Array, middle_s: Array) -> tuple[Components, Components]:
         """The same while one axis turns, about a direction that is fixed in the unit."""
         world = self._world
         if self._turning is None:
             angles_deg = [np.full(1, at or 0.0) for at in still_deg]
             about = world.fixture.rate(angles_deg, [np.full(1, float(at is None)) for at in still_deg]).T
-            sweep = self._into_unit @ world.carried.sweep(still_deg, float(edges_s[0]))
-            self._turning = sweep[:, :, 2].T, (sweep @ world.carried.earth_dps).T, self._into_unit @ about
+            sweep = self._into_unit @ world.kinematics.sweep(still_deg, float(edges_s[0]))
+            self._turning = sweep[:, :, 2].T, (sweep @ world.kinematics.earth_dps).T, self._into_unit @ about
         up, earth_dps, about = self._turning
         axis = list(world.axes.values())[still_deg.index(None)]
         angle_deg = axis.true_deg(np.concatenate([edges_s, middle_s]))
@@ -276,6 +276,6 @@ def _state(true_s: float, *added: Array | float) -> ImuState:
     return ImuState(true_s, *(tuple(np.ravel(each).tolist()) for each in added))
 
 
-def _along(vectors: Array) -> Seen:
+def _along(vectors: Array) -> Components:
     """Components along x, y and z (3, n) for each axis, as Seen."""
     return vectors, vectors[[1, 2, 0]], vectors[[2, 0, 1]]

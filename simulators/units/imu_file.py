@@ -41,7 +41,7 @@ class ImuAccelerometer(AccelerometerModel):
         return self
 
 
-class Seen(StrictModel):
+class MatrixRow(StrictModel):
     """Cross-sensitivity of an axis to the others; that to itself is one."""
 
     x: Angle = Draw(0)
@@ -52,9 +52,9 @@ class Seen(StrictModel):
 class Misalignment(StrictModel):
     """A row for each axis."""
 
-    x: Seen = Seen()
-    y: Seen = Seen()
-    z: Seen = Seen()
+    x: MatrixRow = MatrixRow()
+    y: MatrixRow = MatrixRow()
+    z: MatrixRow = MatrixRow()
 
 
 class Accelerometers(StrictModel):
@@ -151,7 +151,7 @@ def _sent(model: ImuTelemetry) -> TelemetryModel:
 
 def _turned(matrix: Misalignment, axis: str) -> dict[str, Draw]:
     """Misalignments of a single sensor, from a row of a matrix; its pendulous and output axes are the next two."""
-    row: Seen = getattr(matrix, axis)
+    row: MatrixRow = getattr(matrix, axis)
     pendulous, output = following(axis)
     second: Draw = getattr(row, output)
     return {"misalignment_o": getattr(row, pendulous), "misalignment_p": Draw(-second.mean, second.sd)}

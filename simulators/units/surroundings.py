@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from simulators.physics.attitude import Fixture, Mount
 from simulators.physics.motion import Axis
-from simulators.physics.table_kinematics import Carried
+from simulators.physics.table_kinematics import TableKinematics
 from simulators.physics.thermal import Thermal
 from simulators.units.settings import WorldSettings
 
@@ -24,7 +24,7 @@ class Surroundings(Protocol):
     mount: Mount
     fixture: Fixture
     axes: dict[str, Axis]
-    carried: Carried
+    kinematics: TableKinematics
     thermal: Thermal
 
     def now(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,13 +12,12 @@ from numpy.typing import NDArray
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.physics.corrections import Table, read_of
 from simulators.physics.thermal import Thermal
-from simulators.units.thermostat import Thermostat
-from simulators.units.unit_file import UnitFile
+from simulators.units.unit_file import ThermostatModel, UnitFile
 
 Array = NDArray[np.float64]
 
 
-class Warmth:
+class UnitTemperatures:
     """Temperature model of a unit: by the chamber alone, or a thermostat; converter in the chamber or outside."""
 
     def __init__(self, thermal: Thermal, index: int, unit: UnitFile, start_c: float, thermometer_s: float) -> None:
@@ -87,13 +87,13 @@ class BoardState(NamedTuple):
 class Board:
     """Temperature of the converter of a unit over time; `history` is empty for one outside the chamber."""
 
-    def __init__(self, warmth: Warmth, start_c: float) -> None:
-        self._warmth, self._last_c = warmth, start_c
+    def __init__(self, temperatures: UnitTemperatures, start_c: float) -> None:
+        self._temperatures, self._last_c = temperatures, start_c
         self.history: list[BoardState] = []
 
     def followed_c(self, edges_s: Array, at_s: Array, drifted_g: float) -> Array | None:
         """Temperatures at times between the first edge and the last, which is now; None outside the chamber."""
-        if not self._warmth.board_in_chamber:
+        if not self._temperatures.board_in_chamber:
             return None
         before_c = self._last_c
         self._now_at(float(edges_s[-1]), drifted_g)
@@ -102,15 +102,17 @@ class Board:
 
     def just_before_c(self, now_s: float, before_s: float, drifted_g: float) -> Array | None:
         """Temperature just before now, independent of the last call; None outside the chamber."""
-        if not self._warmth.board_in_chamber:
+        if not self._temperatures.board_in_chamber:
             return None
         self._now_at(now_s, drifted_g)
-        return np.asarray(self._last_c - self._warmth.board_rate_c_per_s * before_s)
+        return np.asarray(self._last_c - self._temperatures.board_rate_c_per_s * before_s)
 
     def _now_at(self, now_s: float, drifted_g: float) -> None:
-        warmth = self._warmth
-        self._last_c = warmth.board_c
-        self.history.append(BoardState(now_s, self._last_c, warmth.board_thermometer_c, warmth.sensor_c, drifted_g))
+        temperatures = self._temperatures
+        self._last_c = temperatures.board_c
+        self.history.append(
+            BoardState(now_s, self._last_c, temperatures.board_thermometer_c, temperatures.sensor_c, drifted_g)
+        )
 
 
 def followed_c(faults: FaultPlan, at_unit_c: float, room_c: float) -> float:
@@ -148,3 +150,39 @@ class Thermometer:
         if self._run_s:
             right_c = right_c + self._drift_c * (at_s / self._run_s - 0.5)
         return read_of(right_c, self._table) + self._noise_c * self._noise.standard_normal(len(at_s))
+
+
+class Thermostat:
+    """The sensor of one accelerometer and an ideal thermometer at it; times are true seconds and never go back."""
+
+    def __init__(self, model: ThermostatModel, sensor_s: float, thermometer_s: float, start_c: float) -> None:
+        self._model, self._sensor_s, self._thermometer_s = model, sensor_s, thermometer_s
+        self._at_s = 0.0
+        self.sensor_c = self.thermometer_c = start_c
+        self.rate_c_per_s = 0.0
+
+    def advance(self, to_s: float, case_c: float, powered: bool) -> None:
+        """Compute the sensor up to `to_s`, when the case has `case_c`."""
+        span_s = to_s - self._at_s
+        if span_s <= 0:
+            return
+        before_c, follows = self.sensor_c, 1 - math.exp(-span_s / self._sensor_s)
+
+        def towards(end_c: float) -> float:
+            return before_c + (end_c - before_c) * follows
+
+        model = self._model
+        if powered:
+            coldest_c, warmest_c = towards(case_c + model.least_rise), towards(case_c + model.most_rise)
+            self.sensor_c = min(max(self.balance_c(case_c), coldest_c), warmest_c)
+        else:
+            self.sensor_c = towards(case_c)
+        self.rate_c_per_s = (self.sensor_c - before_c) / span_s
+        self.thermometer_c += (self.sensor_c - self.thermometer_c) * (1 - math.exp(-span_s / self._thermometer_s))
+        self._at_s = to_s
+
+    def balance_c(self, case_c: float) -> float:
+        """Temperature at which power and error balance; within ± band of the set point, if the heater is able to."""
+        model = self._model
+        gain = (model.most_rise - model.least_rise) / (2 * model.band)
+        return (case_c + model.least_rise + gain * (model.set_point + model.band)) / (1 + gain)

@@ -105,8 +105,8 @@ def test_numbers_that_go_round_in_a_gap_are_caught(monkeypatch: pytest.MonkeyPat
 
 def test_a_longer_number_than_the_latch_has_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the number of an axis no more is known than the latch tells."""
-    right = wire.numbered_beside
-    monkeypatch.setattr(wire, "numbered_beside", lambda rows, raw, _bits, *known: right(rows, raw, 16, *known))
+    right = wire.unwrap_by_neighbours
+    monkeypatch.setattr(wire, "unwrap_by_neighbours", lambda rows, raw, _bits, *known: right(rows, raw, 16, *known))
     caught(FrameFault.LOST, 30)
 
 
@@ -117,7 +117,7 @@ def test_axes_that_go_by_the_latch_before_a_gap_are_caught(monkeypatch: pytest.M
         return numbers, ascending(numbers)
 
     assert play([2634], 7).unexpected == []
-    monkeypatch.setattr(wire, "numbered_beside", beside)
+    monkeypatch.setattr(wire, "unwrap_by_neighbours", beside)
     assert "are true" in play([2634], 7).unexpected[0]
 
 
@@ -131,7 +131,7 @@ def test_frames_that_get_lost_between_two_blocks_are_caught(monkeypatch: pytest.
 
 
 def test_a_look_that_overlooks_an_axis_that_has_ended_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unbroken.Unbroken, "_beside", lambda self, other: True)
+    monkeypatch.setattr(unbroken.GapDetector, "_beside", lambda self, other: True)
     assert "were overlooked" in "".join(caught(CounterFault.SILENT_AXIS).unexpected)
 
 

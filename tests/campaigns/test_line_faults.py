@@ -19,7 +19,7 @@ from drivers.errors import NoAnswer
 from drivers.transport.exchange import LineExchange
 from drivers.transport.memory import Line
 from drivers.transport.modbus import ModbusLink
-from simulators.faults.line_faults import BadLine, LineFault, in_turn, now_and_then
+from simulators.faults.line_faults import FaultyLine, LineFault, in_turn, random_faults
 from simulators.serving.proxy import serve_bad_line
 from tests.support.instruments import tried
 
@@ -136,7 +136,7 @@ def test_a_client_that_takes_a_frame_by_its_header_alone_is_caught(monkeypatch: 
 # The line itself
 
 
-class Saying(asyncio.Protocol):
+class Answering(asyncio.Protocol):
     """A server that answers every request with `answer`."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -147,7 +147,7 @@ class Saying(asyncio.Protocol):
         self.transport.write(b"answer\n")
 
 
-class Hearing(asyncio.Protocol):
+class Receiving(asyncio.Protocol):
     def __init__(self) -> None:
         self.heard: list[tuple[float, bytes]] = []
         self.lost_at_s: float | None = None
@@ -159,15 +159,15 @@ class Hearing(asyncio.Protocol):
         self.lost_at_s = asyncio.get_running_loop().time()
 
 
-def heard_after(fault: LineFault, seed: int = 1) -> Hearing:
+def received_after(fault: LineFault, seed: int = 1) -> Receiving:
     """What a client hears that asks twice, 10 s apart, when the first answer suffers."""
-    client = Hearing()
+    client = Receiving()
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, BenchLoop)
-        bad = BadLine(seed, in_turn([fault]), patience_s=1.0)
-        loop.serve_in_memory("instrument", 1, bad.in_front_of(Saying), Line())
+        bad = FaultyLine(seed, in_turn([fault]), client_timeout_s=1.0)
+        loop.serve_in_memory("instrument", 1, bad.server(Answering), Line())
         transport, _ = await loop.create_connection(lambda: client, "instrument", 1)
         for _ in range(2):
             transport.write(b"question\n")
@@ -196,13 +196,13 @@ GOOD = (10.0, b"answer\n")
 def test_the_first_answer_suffers_what_was_chosen_and_the_next_none(
     fault: LineFault, heard: list[tuple[float, bytes]]
 ) -> None:
-    client = heard_after(fault)
+    client = received_after(fault)
     assert client.heard == heard
     assert client.lost_at_s == {LineFault.RESET: 0.0, LineFault.SLOW_CLOSE: 0.5}.get(fault)
 
 
 def test_an_answer_in_pieces_is_whole_in_the_end() -> None:
-    client = heard_after(LineFault.SPLIT)
+    client = received_after(LineFault.SPLIT)
     pieces = [data for at_s, data in client.heard if at_s < 10.0]
     assert b"".join(pieces) == b"answer\n"
     assert [len(piece) for piece in pieces] == [1] * 7
@@ -211,17 +211,17 @@ def test_an_answer_in_pieces_is_whole_in_the_end() -> None:
 def test_altered_answers_differ_by_what_their_fault_says_and_are_the_same_with_the_same_seed() -> None:
     for seed in range(20):
         (_, cut), (_, garbage), (_, flipped) = (
-            heard_after(fault, seed).heard[0] for fault in (LineFault.CUT, LineFault.GARBAGE, LineFault.FLIP)
+            received_after(fault, seed).heard[0] for fault in (LineFault.CUT, LineFault.GARBAGE, LineFault.FLIP)
         )
         assert b"answer\n".startswith(cut) or cut == b"answer\n"
         assert garbage.endswith(b"answer\n")
         assert len(garbage) > 7
         assert sum((a ^ b).bit_count() for a, b in zip(flipped, b"answer\n", strict=True)) == 1
-        assert heard_after(LineFault.FLIP, seed).heard[0] == (0.0, flipped)
+        assert received_after(LineFault.FLIP, seed).heard[0] == (0.0, flipped)
 
 
 def test_faults_that_come_now_and_then_come_as_often_as_they_should() -> None:
-    choose = now_and_then(1, 0.2, [LineFault.CUT, LineFault.LATE])
+    choose = random_faults(1, 0.2, [LineFault.CUT, LineFault.LATE])
     chosen = [choose(number) for number in range(2000)]
     assert 300 < sum(fault is not None for fault in chosen) < 500
     assert set(chosen) == {None, LineFault.CUT, LineFault.LATE}
@@ -232,9 +232,9 @@ def test_faults_that_come_now_and_then_come_as_often_as_they_should() -> None:
 def test_a_proxy_process_stands_in_front_of_a_real_address() -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
-        server = await loop.create_server(Saying, "127.0.0.1", 0)
+        server = await loop.create_server(Answering, "127.0.0.1", 0)
         target = server.sockets[0].getsockname()
-        bad = BadLine(1, in_turn([None, LineFault.DUPLICATE, LineFault.RESET]), patience_s=0.2)
+        bad = FaultyLine(1, in_turn([None, LineFault.DUPLICATE, LineFault.RESET]), client_timeout_s=0.2)
         proxy = await serve_bad_line(("127.0.0.1", 0), target, bad)
         reader, writer = await asyncio.open_connection(*proxy.sockets[0].getsockname())
         for expected in (b"answer\n", b"answer\nanswer\n"):
@@ -255,7 +255,7 @@ def test_a_proxy_process_stands_in_front_of_a_real_address() -> None:
 def test_the_proxy_is_a_program() -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
-        server = await loop.create_server(Saying, "127.0.0.1", 0)
+        server = await loop.create_server(Answering, "127.0.0.1", 0)
         host, port = server.sockets[0].getsockname()
         program = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "simulators.serving.proxy", "--listen", "127.0.0.1:0", "--to", f"{host}:{port}",

@@ -4,7 +4,7 @@ import pytest
 
 from campaigns.swaps.campaign import AT_REST, AT_WORK, BEFORE, second_masters, swaps
 from campaigns.swaps.kinds import KINDS
-from drivers.kinds.chamber.registers import ProvedRegisters
+from drivers.kinds.chamber.registers import VerifiedRegisters
 from drivers.kinds.source.driver import ScpiSource
 from drivers.transport.dialogue import Dialogue
 
@@ -26,7 +26,7 @@ def test_what_somebody_else_sets_is_found_by_the_next_look() -> None:
 def test_drivers_that_do_not_ask_who_is_there_after_they_connected_again_are_caught(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    real_open, real_connect = Dialogue._open, ProvedRegisters.connect
+    real_open, real_connect = Dialogue._open, VerifiedRegisters.connect
 
     async def trusting_open(self: Dialogue) -> None:
         if self not in opened:
@@ -35,7 +35,7 @@ def test_drivers_that_do_not_ask_who_is_there_after_they_connected_again_are_cau
             return
         self._line = await self._wires.stream(self._device, self._address, self._new_line)
 
-    async def trusting_connect(self: ProvedRegisters) -> None:
+    async def trusting_connect(self: VerifiedRegisters) -> None:
         if self in connected:
             await self.link.open()
             return
@@ -43,12 +43,12 @@ def test_drivers_that_do_not_ask_who_is_there_after_they_connected_again_are_cau
         await real_connect(self)
 
     opened: list[Dialogue] = []
-    connected: list[ProvedRegisters] = []
+    connected: list[VerifiedRegisters] = []
     monkeypatch.setattr(Dialogue, "_open", trusting_open)
-    monkeypatch.setattr(ProvedRegisters, "connect", trusting_connect)
-    told = [sentence for sentence in swaps(2 * len(KINDS)).unexpected if " told " in sentence]
+    monkeypatch.setattr(VerifiedRegisters, "connect", trusting_connect)
+    reported = [sentence for sentence in swaps(2 * len(KINDS)).unexpected if " told " in sentence]
     for driver in ("watlow_f4t", "espec_p300", "keithley_6220", "scpi_supply", "acutronic_acl", "newport_xps"):
-        assert any(f", {driver}" in sentence for sentence in told), driver
+        assert any(f", {driver}" in sentence for sentence in reported), driver
 
 
 def test_a_source_that_does_not_compare_its_settings_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:

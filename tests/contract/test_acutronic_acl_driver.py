@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
+from drivers.capabilities import Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
 from drivers.dialects.acutronic_acl.axis import AcutronicAcl
 from drivers.dialects.acutronic_acl.description import DESCRIPTION, AclOptions
 from drivers.errors import BadAnswer, BeyondLimit, CannotConnect, NotSettled, Refused, WrongIdentity
 from drivers.kinds.axes import AxisUncertainty
 from drivers.kinds.table.description import TableLimits
+from tests.support.capabilities import CAPABILITIES
 from tests.support.table import LIMITS, OPTIONS, WITH_ENDS, Table, framed, now_s, with_driver, with_table
 
 # The bench file

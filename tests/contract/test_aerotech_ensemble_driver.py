@@ -65,7 +65,7 @@ def test_a_controller_that_does_not_tell_its_parameters_can_be_used() -> None:
     async def use(head: Head) -> None:
         head.wire.alter = lambda request, answer: b"!\n" if b"GETPARM" in request else answer
         async with head.driver() as driver:
-            assert (await driver.identify()).fingerprint == "CountsPerUnit not told"
+            assert (await driver.identify()).fingerprint == "CountsPerUnit not reported"
             assert (await driver.move_to(10, approach="direct", settle_s=0)).value == 10
 
     with_head(use)

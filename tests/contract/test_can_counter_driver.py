@@ -182,14 +182,14 @@ def test_cancelling_while_it_connects_lets_the_channel_go() -> None:
 def test_it_tells_when_there_is_something_to_poll() -> None:
     async def use(bench: Bench, driver: CanCounter) -> None:
         for _ in range(3):
-            await driver.news()
+            await driver.wait_for_data()
             newest_s = (await driver.poll())["Temperatures.Unit"][-1].at_s
             assert now_s() - newest_s <= 1.0, "a reading is there as soon as its frame has been taken in"
-            told_s = now_s()
+            reported_s = now_s()
         async with driver.acquire(block_s=1.0):
-            await driver.news()
-            await driver.news()
-        assert now_s() - told_s <= 2.0, "also as often as somebody acquires"
+            await driver.wait_for_data()
+            await driver.wait_for_data()
+        assert now_s() - reported_s <= 2.0, "also as often as somebody acquires"
 
     with_driver(use)
 
@@ -287,15 +287,15 @@ def test_blocks_come_as_often_as_the_link_or_whoever_acquires_needs_them(
 def test_while_nobody_acquires_frames_are_left_together_longer(link_s: float, every_s: float) -> None:
     async def use(bench: Bench, driver: CanCounter) -> None:
         bench.bus.block_s = link_s
-        await driver.news()  # of the wait that had begun before
+        await driver.wait_for_data()  # of the wait that had begun before
         heard_s = []
         for _ in range(3):
-            await driver.news()
+            await driver.wait_for_data()
             heard_s.append(now_s())
         assert np.diff(heard_s) == pytest.approx(np.full(2, every_s))
         await asyncio.sleep(3)
-        driver.take_in()
-        await driver.news()
+        driver.drain()
+        await driver.wait_for_data()
         assert now_s() == pytest.approx(heard_s[-1] + 3), "whoever needs them sooner gets them"
 
     with_driver(use)
@@ -416,7 +416,7 @@ def test_lost_frames_cost_no_accuracy() -> None:
 # Faults
 
 
-def fails_with(kind: FaultKind, error: type[Exception], said: str) -> None:
+def fails_with(kind: FaultKind, error: type[Exception], message: str) -> None:
     """In mid-acquisition: what came before is handed out, then the error; afterwards everything says so."""
 
     async def use(bench: Bench, driver: CanCounter) -> None:
@@ -430,13 +430,13 @@ def fails_with(kind: FaultKind, error: type[Exception], said: str) -> None:
         task = asyncio.create_task(record())
         await asyncio.sleep(5.05)
         bench.faults.begin(kind)
-        with pytest.raises(error, match=said):
+        with pytest.raises(error, match=message):
             await task
         assert now_s() < 5.05 + 4.0, "in bounded time"
         assert len(latch_times_s(FrameBlock.joined(found))) >= 40
         assert bench.bus.closed == 1, "frames that nobody takes do not pile up"
         for again in (driver.poll, driver.acquire().__aenter__):
-            with pytest.raises(error, match=said):
+            with pytest.raises(error, match=message):
                 await again()
 
     with_driver(use)
@@ -454,7 +454,7 @@ def test_a_connection_that_is_cut() -> None:
     fails_with("cut", LinkLost, r"counter: the connection was cut\. Check the cable")
 
 
-@pytest.mark.parametrize("waits", ["for a second", "for news"])
+@pytest.mark.parametrize("waits", ["for a second", "for data"])
 @pytest.mark.parametrize("kind", ["silent", "frozen", "cut"])
 def test_idle_faults_are_raised_by_the_poll(kind: FaultKind, waits: str) -> None:
     async def use(bench: Bench, driver: CanCounter) -> None:
@@ -464,7 +464,7 @@ def test_idle_faults_are_raised_by_the_poll(kind: FaultKind, waits: str) -> None
         async def watch() -> None:
             while True:
                 await driver.poll()
-                await (driver.news() if waits == "for news" else asyncio.sleep(1))
+                await (driver.wait_for_data() if waits == "for data" else asyncio.sleep(1))
 
         with pytest.raises((NoAnswer, InstrumentFault, LinkLost)):
             await watch()
@@ -557,9 +557,9 @@ def test_a_poll_connects_again_when_the_link_was_lost_and_says_so() -> None:
 
 
 @pytest.mark.parametrize(
-    ("classes", "said"), [(0x040, r"or was, bus-off \(bus off\)"), (0x100, "controller restarted")]
+    ("classes", "message"), [(0x040, r"or was, bus-off \(bus off\)"), (0x100, "controller restarted")]
 )
-def test_no_block_goes_over_a_bus_that_was_off(classes: int, said: str) -> None:
+def test_no_block_goes_over_a_bus_that_was_off(classes: int, message: str) -> None:
     async def use(bench: Bench, driver: CanCounter) -> None:
         bench.bus.alter = lambda block: with_error(block, classes) if now_s() > 5 else block
         found: list[FrameBlock] = []
@@ -569,7 +569,7 @@ def test_no_block_goes_over_a_bus_that_was_off(classes: int, said: str) -> None:
                 async for block in blocks:
                     found.append(block)  # noqa: PERF401  nor at a fault
 
-        with pytest.raises(LinkLost, match=said):
+        with pytest.raises(LinkLost, match=message):
             await record()
         assert (FrameBlock.joined(found).ids == (ERROR | classes)).sum() == 1, "it is recorded too"
 

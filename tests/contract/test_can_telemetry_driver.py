@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.metrology.sampled_codes import begins_anew
+from bench.metrology.sampled_codes import has_restarted
 from drivers.can.frame_block import FrameBlock
 from drivers.can.options import IDLE_BLOCK_S
-from drivers.capabilities import CAPABILITIES, Telemetry
+from drivers.capabilities import Telemetry
 from drivers.dialects.can_telemetry.decoder import TelemetryDecoder
 from drivers.dialects.can_telemetry.description import DESCRIPTION, TelemetryOptions
 from drivers.dialects.can_telemetry.driver import CanTelemetry
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, LinkLost, NoAnswer
 from simulators.faults.instrument_faults import FaultKind
+from tests.support.capabilities import CAPABILITIES
 from tests.support.telemetry import CHANNELS, CODES_PER_G, Bench, options, with_bench, with_driver
 
 HALF_G = CODES_PER_G / 2
@@ -93,7 +94,7 @@ def test_a_unit_without_power_may_be_silent_until_somebody_acquires() -> None:
         async with bench.driver() as driver:
             await asyncio.sleep(100)
             assert await driver.poll() == {}
-            assert driver.heard()["x"].frame_s < 0
+            assert driver.last_seen()["x"].frame_s < 0
             with pytest.raises(
                 NoAnswer, match=r"no sample \(0x200, 0x201\) for more than 1.25 s.*no other frame.*unit is on"
             ):
@@ -169,9 +170,9 @@ def test_temperatures_are_readings() -> None:
 def test_what_was_heard_last_is_known() -> None:
     async def use(bench: Bench, driver: CanTelemetry) -> None:
         await acquired(driver, 20.0)
-        heard = driver.heard()
-        assert now_s() - heard["x"].frame_s <= 0.02
-        assert heard["x"].pulse_s < 1.0, "its code has not changed since the first sample"
+        seen = driver.last_seen()
+        assert now_s() - seen["x"].frame_s <= 0.02
+        assert seen["x"].change_s < 1.0, "its code has not changed since the first sample"
 
     with_driver(use)
 
@@ -227,7 +228,7 @@ def test_a_restart_goes_on_and_is_in_the_samples() -> None:
         codes = decoded(await acquired(driver, 40.0))
         await restarting
         assert codes.restarts == 1
-        assert begins_anew(codes)
+        assert has_restarted(codes)
         assert (np.diff(decoded(await acquired(driver, 10.0)).tick) == 2000).all()
 
     with_driver(use)
@@ -236,7 +237,7 @@ def test_a_restart_goes_on_and_is_in_the_samples() -> None:
 # Faults
 
 
-def fails_with(kind: FaultKind, error: type[Exception], said: str) -> None:
+def fails_with(kind: FaultKind, error: type[Exception], message: str) -> None:
     """In mid-acquisition: what came before is handed out, then the error; afterwards everything says so."""
 
     async def use(bench: Bench, driver: CanTelemetry) -> None:
@@ -250,13 +251,13 @@ def fails_with(kind: FaultKind, error: type[Exception], said: str) -> None:
         task = asyncio.create_task(record())
         await asyncio.sleep(5.05)
         bench.faults.begin(kind)
-        with pytest.raises(error, match=said):
+        with pytest.raises(error, match=message):
             await task
         assert now_s() < 5.05 + 4.0, "in bounded time"
         assert len(decoded(FrameBlock.joined(found)).values) >= 200
         assert bench.bus.closed == 1, "frames that nobody takes do not pile up"
         for again in (driver.poll, driver.acquire().__aenter__):
-            with pytest.raises(error, match=said):
+            with pytest.raises(error, match=message):
                 await again()
 
     with_driver(use)
@@ -280,7 +281,7 @@ def test_one_channel_that_falls_silent_is_not_the_others_fault() -> None:
         block = await acquired(driver, 10.0)
         assert len(decoded(block).values) >= 499
         assert len(decoded(block, "y").values) == 0
-        assert driver.heard()["y"].frame_s < driver.heard()["x"].frame_s
+        assert driver.last_seen()["y"].frame_s < driver.last_seen()["x"].frame_s
 
     with_driver(use)
 

@@ -60,12 +60,12 @@ def test_another_chamber_at_the_same_address_gets_no_command(dialect: Dialect) -
             rig.wire.drop()
             dialect.stranger(rig.instrument)
             await asyncio.sleep(1.0)
-            told: list[type[DriverError]] = []
+            reported: list[type[DriverError]] = []
             for _ in range(2):  # the lost connection may be told first
                 with pytest.raises((LinkLost, WrongIdentity)) as problem:
                     await driver.poll()
-                told.append(problem.type)
-            assert told[-1] is WrongIdentity
+                reported.append(problem.type)
+            assert reported[-1] is WrongIdentity
             with pytest.raises(WrongIdentity):
                 await driver.make_safe()
         assert rig.commands() == []

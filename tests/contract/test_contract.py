@@ -86,7 +86,7 @@ class Lingers(ScpiSupply):
 
 
 @pytest.mark.parametrize(
-    ("driver", "name", "told"),
+    ("driver", "name", "reported"),
     [
         (Leaks, "survives_line_faults", "ValueError reaches the caller, expected a DriverError"),
         (Waits, "reports_silence", "no result within 60 s"),
@@ -102,7 +102,7 @@ class Lingers(ScpiSupply):
         ),
     ],
 )
-def test_a_planted_mistake_is_found(driver, name, told):
+def test_a_planted_mistake_is_found(driver, name, reported):
     description = known_drivers()["scpi_supply"]._replace(target=f"{__name__}:{driver.__name__}")
-    with pytest.raises(AssertionError, match=told):
+    with pytest.raises(AssertionError, match=reported):
         check(name, SUPPLY, description)

@@ -17,7 +17,7 @@ from tests.support.every_driver import EVERY, Opened, bench_of, calls_of
 SILENT_S = 30.0  # the longest that a call may take on an instrument that says nothing
 PACING_S = 0.35  # the longest that a line has to be still before a question
 TICK_S = 0.01
-QUESTIONS = ("identify", "poll", "angle", "rate", "read", "state", "news")
+QUESTIONS = ("identify", "poll", "angle", "rate", "read", "state", "wait_for_data")
 NAMES = ("maker", "model", "serial", "firmware")
 every_driver = pytest.mark.parametrize("driver", EVERY)
 
@@ -139,14 +139,14 @@ def test_no_call_waits_for_ever_on_an_instrument_that_says_nothing(driver: str) 
 @every_driver
 def test_an_answer_is_waited_for_as_long_as_the_instrument_may_take_and_no_longer(driver: str) -> None:
     async def main() -> None:
-        opened, told_s = Opened(driver), list[float]()
-        async with opened.driver(lambda _asked_again: told_s.append(now_s())) as device:
+        opened, reported_s = Opened(driver), list[float]()
+        async with opened.driver(lambda _asked_again: reported_s.append(now_s())) as device:
             opened.faults.begin("silent")
             began_s = now_s()
             with suppress(NoAnswer):
                 await device.identify()
-            waited_s = told_s[0] - began_s if told_s else 0.0
-            assert waited_s == pytest.approx(EVERY[driver].patience_s, abs=PACING_S)
+            waited_s = reported_s[0] - began_s if reported_s else 0.0
+            assert waited_s == pytest.approx(EVERY[driver].client_timeout_s, abs=PACING_S)
 
     run(main(), AS_FAST_AS_POSSIBLE)
 

@@ -208,16 +208,16 @@ def test_a_calibrator_that_is_busy_is_silent_in_time_and_heard_again() -> None:
 
 def test_a_calibrator_that_stays_busy_asks_for_a_pause_and_is_heard_again() -> None:
     async def use(source: Calibrator, driver: Fluke5700A) -> None:
-        said = bytearray()
-        source.wire.alter = lambda _request, answer: said.extend(answer) or answer
+        message = bytearray()
+        source.wire.alter = lambda _request, answer: message.extend(answer) or answer
         source.instrument.busy = True
         for _ in range(8):
             with pytest.raises((NoAnswer, BadAnswer)):
                 await driver.poll()
-        assert said == b"\x13"
+        assert message == b"\x13"
         source.go_on()
         await driver.poll()
-        assert b"\x11" in said
+        assert b"\x11" in message
 
     with_driver(use)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from drivers.capabilities import CAPABILITIES, Approach, Positioner, RateTable
+from drivers.capabilities import Approach, Positioner, RateTable
 from drivers.description import IdentityPin, known_drivers
 from drivers.dialects.framed.description import HEAD, TABLE
 from drivers.dialects.framed.profile import ControllerLimits, FrameProfile
@@ -23,6 +23,7 @@ from drivers.errors import (
     WrongIdentity,
 )
 from drivers.schema.fields import DocumentFile
+from tests.support.capabilities import CAPABILITIES
 from tests.support.framed import FICTIONAL, PLAIN, PLAIN_FILE, Framed, with_driver, with_framed
 from tests.support.table import now_s
 
@@ -277,7 +278,9 @@ def test_a_status_of_before_a_command_is_not_taken_for_one_after_it() -> None:
         await driver.stop()
         later(framed, "rate")
         framed.wire.lose = framed.is_a("stop")
-        await driver._axis._controller.line.order("rate", [(FICTIONAL.number(FICTIONAL.commands.rate.rate), 500_000)])
+        await driver._axis._controller.line.send_command(
+            "rate", [(FICTIONAL.number(FICTIONAL.commands.rate.rate), 500_000)]
+        )
         with pytest.raises(NoAnswer, match="is not proved safe"):
             await driver.make_safe()
         assert framed.moving
@@ -291,7 +294,7 @@ def test_a_command_that_waits_for_its_turn_is_not_sent_when_the_table_is_made_sa
         framed.faults.begin("silent")
         looking = asyncio.create_task(line.status())
         await asyncio.sleep(0.1)
-        waiting = asyncio.create_task(line.order("enable"))
+        waiting = asyncio.create_task(line.send_command("enable"))
         await asyncio.sleep(0.1)
         framed.faults.end("silent")
         await driver.make_safe()
@@ -587,8 +590,8 @@ def test_an_angle_that_is_no_number_is_an_error_and_frames_keep_their_distance()
     async def use(framed: Framed, driver: Any) -> None:
         line, heard_at_s = driver._axis._controller.line, list[float]()
         framed.wire.lose = lambda _request: heard_at_s.append(now_s()) is not None
-        await line.order("stop")
-        await line.order("stop")
+        await line.send_command("stop")
+        await line.send_command("stop")
         assert heard_at_s[1] - heard_at_s[0] == pytest.approx(0.005)
         framed.controller._read = lambda: (float("nan"), 0.0)
         await asyncio.sleep(0.1)

@@ -145,11 +145,13 @@ def test_a_drift_of_the_source_is_followed() -> None:
     with_driver(use)
 
 
-@pytest.mark.parametrize(("line", "told"), [(b"DCV 1", r"1, 1 to FUNC\?"), (b"DCI 1E-2", r"6, 0.01 to FUNC\?")])
-def test_somebody_who_sets_it_to_something_else_is_a_fault(line: bytes, told: str) -> None:
+@pytest.mark.parametrize(("line", "reported"), [(b"DCV 1", r"1, 1 to FUNC\?"), (b"DCI 1E-2", r"6, 0.01 to FUNC\?")])
+def test_somebody_who_sets_it_to_something_else_is_a_fault(line: bytes, reported: str) -> None:
     async def use(bench: Bench, driver: Keysight3458AAmmeter) -> None:
         bench.instrument.session().feed(line + b"\n")
-        with pytest.raises(InstrumentFault, match=rf"its settings have changed; received {told}, expected 6, 0.001"):
+        with pytest.raises(
+            InstrumentFault, match=rf"its settings have changed; received {reported}, expected 6, 0.001"
+        ):
             await driver.measure(1, nplc=None)
 
     with_driver(use)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from drivers.capabilities import CAPABILITIES, Voltmeter
+from drivers.capabilities import Voltmeter
 from drivers.description import known_drivers
 from drivers.dialects.keysight_3458a.description import DESCRIPTION, VoltmeterOptions, VoltmeterUncertainty
 from drivers.dialects.keysight_3458a.driver import Keysight3458A
@@ -15,10 +15,11 @@ from drivers.errors import BadAnswer, BeyondLimit, Refused, WrongIdentity
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.meters.keysight_3458a import Simulated3458A
 from simulators.instruments.meters.meter_inputs import VoltsOnLoad
-from simulators.physics.attitude import planar
 from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.world import World, WorldSettings
+from tests.support.capabilities import CAPABILITIES
 from tests.support.laboratory import STILL_AIR, place, unit
+from tests.support.planar import planar
 from tests.support.voltmeter import CYCLE_S, LOAD_OHM, Meter, now_s, with_driver, with_meter
 
 SET_UP = b"PRESET NORM;TARM HOLD;TRIG AUTO;INBUF ON;END ALWAYS;QFORMAT NORM;DCV 1;NPLC 10;AZERO ON;TARM?\n"

@@ -50,7 +50,7 @@ def test_a_fault_during_a_measurement_is_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "reported"),
     [
         (b"NPLC 1", r"1 to NPLC\?, expected 10"),
         (b"DCV 10", r"1, 10 to FUNC\?, expected 1, 1"),
@@ -60,11 +60,13 @@ def test_a_fault_during_a_measurement_is_told() -> None:
     ],
 )
 @pytest.mark.parametrize("how", ["poll", "measure"])
-def test_a_second_master_is_a_fault_and_not_set_right_in_silence(line: bytes, told: str, how: str) -> None:
+def test_a_second_master_is_a_fault_and_not_set_right_in_silence(line: bytes, reported: str, how: str) -> None:
     async def use(meter: Meter, driver: Keysight3458A) -> None:
         meter.instrument.session().feed(line + b"\n")
         for _ in range(2):
-            with pytest.raises(InstrumentFault, match=rf"its settings have changed; received {told}.*another master"):
+            with pytest.raises(
+                InstrumentFault, match=rf"its settings have changed; received {reported}.*another master"
+            ):
                 await (driver.poll() if how == "poll" else driver.measure(1, nplc=None))
         assert meter.wire.count(b"PRESET") == 1
 

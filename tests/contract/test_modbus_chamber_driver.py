@@ -205,13 +205,13 @@ def test_a_set_point_that_is_kept_as_another_is_told(kept: tuple[int, ...], rece
 
 
 @pytest.mark.parametrize(
-    ("mode", "said"), [(3, "mode 3, a program is paused"), (9, "mode 9, which is not in the profile")]
+    ("mode", "message"), [(3, "mode 3, a program is paused"), (9, "mode 9, which is not in the profile")]
 )
-def test_a_mode_has_the_name_of_the_profile(mode: int, said: str) -> None:
+def test_a_mode_has_the_name_of_the_profile(mode: int, message: str) -> None:
     async def use(rig: Rig) -> None:
         rig.instrument.mode = mode
         async with rig.driver() as driver:
-            with pytest.raises(InstrumentFault, match=f"does not follow its set point; received {said}"):
+            with pytest.raises(InstrumentFault, match=f"does not follow its set point; received {message}"):
                 await driver.ramp_to(30.0, 1.0)
             assert written(rig) == []
 

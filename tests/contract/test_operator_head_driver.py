@@ -11,7 +11,7 @@ from drivers.capabilities import Positioner
 from drivers.description import known_drivers
 from drivers.dialects.operator_head.description import DESCRIPTION, OperatorHeadOptions
 from drivers.errors import BeyondLimit, CannotConnect, Refused
-from drivers.person import NOBODY, Errand
+from drivers.person import NO_OPERATOR, OperatorRequest
 from drivers.values import Identity
 from tests.support.head import now_s
 from tests.support.person import ByHand, by_hand
@@ -85,7 +85,7 @@ def test_an_angle_that_cannot_be_is_asked_for_again_in_both_words(
     async def use(bench: ByHand, driver: Any) -> None:
         bench.person.answers = [typed_deg]
         assert (await driver.move_to(91, approach="direct", settle_s=0)).value == 91
-        first, again = bench.person.errands
+        first, again = bench.person.requests
         assert not first.again
         assert again.again
         assert again.text.endswith(first.text)
@@ -210,7 +210,7 @@ def test_leaving_the_bench_withdraws_what_is_asked() -> None:
 def test_outside_a_run_there_is_nobody_to_be_asked() -> None:
     async def use(bench: ByHand, driver: Any) -> None:
         with pytest.raises(CannotConnect, match="head: no operator is available: Turn it"):
-            await NOBODY.ask(Errand("head", "Turn it", "°", 60.0, 60.0))
+            await NO_OPERATOR.prompt(OperatorRequest("head", "Turn it", "°", 60.0, 60.0))
 
     by_hand(use)
 
@@ -222,4 +222,4 @@ def test_outside_a_run_there_is_nobody_to_be_asked() -> None:
 def test_a_turn_is_a_whole_number_of_steps(step: str, problem: str) -> None:
     with pytest.raises(ValidationError, match=problem):
         OperatorHeadOptions.model_validate({"index_step": step})
-    assert OperatorHeadOptions.model_validate({"index_step": "20 arcmin"}).seats(1 / 3)
+    assert OperatorHeadOptions.model_validate({"index_step": "20 arcmin"}).is_index_position(1 / 3)

@@ -26,7 +26,7 @@ def test_another_name_than_the_pinned_one_is_refused_unless_it_is_only_stated(ki
         else:
             assert getattr(identity, what) == OTHER, "the wire tells something else"
             assert not identity.verified or what != "serial"
-        told = [heard.data for heard in panel.heard if not kind.asks(heard.data)]
-        assert set(told) <= {b"WAIT MODE NOWAIT\n"}  # of an Ensemble, once it is known
+        reported = [received.data for received in panel.heard if not kind.asks(received.data)]
+        assert set(reported) <= {b"WAIT MODE NOWAIT\n"}  # of an Ensemble, once it is known
 
     run(main(), AS_FAST_AS_POSSIBLE)

@@ -12,7 +12,7 @@ from bench.config.devices import DeviceEntry
 from bench.config.document import parse_document
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import known_drivers
-from drivers.discovery.questions import QuestionPort
+from drivers.discovery.questions import QueryPort
 from drivers.discovery.recognition import IDN, SCPI, Found, Recognition
 from drivers.transport.address import Address
 from drivers.values import Identity
@@ -72,9 +72,9 @@ def test_no_other_driver_knows_it_even_when_it_is_the_first_to_ask(case: Case) -
         instrument = simulated(case)
         for driver, recognition in recognising():
             if case.scheme in driver.schemes and not recognition.generic and driver.name != case.driver:
-                async with QuestionPort(wire_to(case, instrument), case.address, 1) as port:
+                async with QueryPort(wire_to(case, instrument), case.address, 1) as port:
                     with pytest.raises(ValueError, match=r".*"):
-                        await recognition.ask(port)
+                        await recognition.recognise(port)
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
@@ -119,7 +119,7 @@ class Answering:
     def __init__(self, answer: bytes) -> None:
         self._answer = answer
 
-    async def ask(self, question: bytes, *, again: bool = False) -> bytes:
+    async def query(self, question: bytes, *, again: bool = False) -> bytes:
         return self._answer
 
     async def registers(self, address: int, count: int, function: int = 3) -> list[int]:
@@ -139,7 +139,7 @@ def test_no_driver_takes_nonsense_for_its_instrument(answer: bytes) -> None:
         claims = []
         for driver, recognition in recognising():
             try:
-                await recognition.ask(Answering(answer))
+                await recognition.recognise(Answering(answer))
             except ValueError:
                 continue
             claims.append(driver.name)
@@ -162,15 +162,15 @@ def test_a_generic_question_leaves_no_error_in_an_instrument_that_does_not_know_
 
 @pytest.mark.parametrize("known", [(), ("STATus:ERRor?",), ("SYSTem:ERRor[:NEXT]?",)])
 def test_a_supply_is_known_whatever_it_is_asked_for_its_errors_by(known: tuple[str, ...]) -> None:
-    told = dict.fromkeys(("VOLTage?", "CURRent?", "OUTPut?"), lambda _: "0")
-    interpreter = Interpreter("ACME,PSU 1,,1.0", told, error_queries=known)
+    reported = dict.fromkeys(("VOLTage?", "CURRent?", "OUTPut?"), lambda _: "0")
+    interpreter = Interpreter("ACME,PSU 1,,1.0", reported, error_queries=known)
 
     class Supply(Answering):
-        async def ask(self, question: bytes, *, again: bool = False) -> bytes:
+        async def query(self, question: bytes, *, again: bool = False) -> bytes:
             return interpreter.execute(question.decode().strip()).encode()
 
     async def main() -> Found:
-        return await known_drivers()["scpi_supply"].recognised_by().ask(Supply(b""))
+        return await known_drivers()["scpi_supply"].recognised_by().recognise(Supply(b""))
 
     found = run(main(), AS_FAST_AS_POSSIBLE)
     assert (found.identity.maker, found.identity.model) == ("ACME", "PSU 1")

@@ -199,8 +199,8 @@ def test_what_cannot_be_made_safe_says_so_in_time() -> None:
 ALL = ("maximum", "over_voltage", "over_current")
 
 
-@pytest.mark.parametrize(("trip", "told"), [("over_voltage", "over-voltage"), ("over_current", "over-current")])
-def test_a_protection_that_trips_is_told_by_its_name_and_never_cleared_from_here(trip: str, told: str) -> None:
+@pytest.mark.parametrize(("trip", "reported"), [("over_voltage", "over-voltage"), ("over_current", "over-current")])
+def test_a_protection_that_trips_is_told_by_its_name_and_never_cleared_from_here(trip: str, reported: str) -> None:
     async def use(supply: Supply) -> None:
         async with supply.driver(answers=ALL) as driver:
             await driver.set(15, limit=0.2, output=True)
@@ -209,11 +209,11 @@ def test_a_protection_that_trips_is_told_by_its_name_and_never_cleared_from_here
             assert not supply.unit_powered
             for _ in range(2):
                 with pytest.raises(
-                    InstrumentFault, match=rf"its {told} protection has tripped; received .* output off"
+                    InstrumentFault, match=rf"its {reported} protection has tripped; received .* output off"
                 ):
                     await driver.poll()
             sent = supply.wire.count(b"OUTP ON")
-            with pytest.raises(InstrumentFault, match=f"{told} protection"):
+            with pytest.raises(InstrumentFault, match=f"{reported} protection"):
                 await driver.set(15, limit=0.2, output=True)
             assert supply.wire.count(b"OUTP ON") == sent
             await driver.make_safe()

@@ -55,8 +55,8 @@ def test_its_fingerprint_is_what_the_wire_tells() -> None:
             identity = await driver.identify()
         assert (identity.maker, identity.model, identity.serial) == ("Watlow", "F4", "12-3456")
         assert (identity.firmware, identity.verified) == ("3 revision 2.01", False)
-        told = "serial number registers 12 3456, °C with 2 decimals, set point -70 to 180 °C"
-        assert identity.fingerprint == told
+        reported = "serial number registers 12 3456, °C with 2 decimals, set point -70 to 180 °C"
+        assert identity.fingerprint == reported
 
     with_f4(use, decimals=2)
 
@@ -167,8 +167,8 @@ def test_no_ramp_begins_while_a_profile_is_there(on_hold: bool) -> None:
         if on_hold:
             rig.instrument.write(1210, (1,))
         async with rig.driver() as driver:
-            told = "a profile is on hold" if on_hold else "a profile runs"
-            with pytest.raises(InstrumentFault, match=f"does not follow its set point; received {told}"):
+            reported = "a profile is on hold" if on_hold else "a profile runs"
+            with pytest.raises(InstrumentFault, match=f"does not follow its set point; received {reported}"):
                 await driver.ramp_to(30.0, 1.0)
             assert not any(map(writes(), rig.wire.requests))
 

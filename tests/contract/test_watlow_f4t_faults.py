@@ -297,9 +297,9 @@ def test_another_controller_behind_the_same_address_gets_no_command() -> None:
             chamber.drop_connections()
             chamber.instrument = SimulatedF4T(chamber.world, chamber.faults, set_point_limits_c=(-40.0, 180.0))
             for _ in range(2):  # the lost connection, then the other controller
-                with pytest.raises((LinkLost, WrongIdentity)) as told:
+                with pytest.raises((LinkLost, WrongIdentity)) as reported:
                     await driver.poll()
-            assert "set points from -40 to 180 °C" in str(told.value)
+            assert "set points from -40 to 180 °C" in str(reported.value)
             with pytest.raises(WrongIdentity, match="another controller than before"):
                 await driver.make_safe()
             assert not [request for request in chamber.requests if request[7] in WRITES]

@@ -103,7 +103,7 @@ def test_beyond_the_limits_nothing_is_sent(level_a: float, compliance_v: float, 
 def test_the_largest_range_gives_no_more_than_its_name() -> None:
     async def main() -> None:
         async with SourceGS200().driver(range="200 mA") as driver:
-            assert driver._bounds.most_a == pytest.approx(0.2)
+            assert driver._bounds.max_a == pytest.approx(0.2)
 
     run(main(), AS_FAST_AS_POSSIBLE)
 

@@ -8,7 +8,7 @@ import shutil
 
 import pytest
 
-from bench.app.new_driver import kinds, write_driver
+from bench.app.new_package import kinds, write_driver
 from tests.support.how_to import FOLDER, blocks, commands, follow
 from tests.support.runs import ROOT
 
@@ -31,19 +31,21 @@ def env(site):
 def test_a_newcomer_who_follows_the_page_has_a_driver_that_runs(tmp_path, site, env):
     shutil.copytree(ROOT / "config", tmp_path / "config")
     ((_, entry),) = blocks(PAGE)
-    said = {}
+    outputs = {}
     for words in dict.fromkeys(map(tuple, commands(PAGE))):
         done = follow(words, tmp_path, site, env)
-        said[" ".join(words[:3])] = done.stdout
+        outputs[" ".join(words[:3])] = done.stdout
         assert done.returncode == 0, (words, done.stdout, done.stderr)
         if words[0] == "cp":
             bench = tmp_path / "my_bench/simulated.yaml"
             text, count = CHAMBER.subn(entry, bench.read_text("utf-8"))
             assert count == 1
             bench.write_text(text, "utf-8")
-    assert "my_chamber/my_chamber/wire.py" in said["bench new driver"]
-    assert re.search(r"^chamber +my_chamber .* MAKER TC-100 0001 1.0; process_value 20", said["bench devices --bench"])
-    assert "Verdict: PASS" in said["bench run smoke"]
+    assert "my_chamber/my_chamber/wire.py" in outputs["bench new driver"]
+    assert re.search(
+        r"^chamber +my_chamber .* MAKER TC-100 0001 1.0; process_value 20", outputs["bench devices --bench"]
+    )
+    assert "Verdict: PASS" in outputs["bench run smoke"]
 
 
 @pytest.mark.parametrize("kind", sorted(kinds().keys() - {"thermal_chamber"}))

@@ -20,12 +20,12 @@ def followed(tmp_path_factory):
     """The folder in which every command of the page was run, and what each said."""
     folder, site = tmp_path_factory.mktemp("method"), tmp_path_factory.mktemp("site")
     env = {**os.environ, "PYTHONPATH": f"{site}:{ROOT}", "PYTHONDONTWRITEBYTECODE": "1"}
-    said = {}
+    outputs = {}
     for words in dict.fromkeys(map(tuple, commands(PAGE))):
         done = follow(words, folder, site, env)
         assert done.returncode == 0, (words, done.stdout, done.stderr)
-        said[" ".join(words[:3])] = done.stdout
-    return folder, site, said
+        outputs[" ".join(words[:3])] = done.stdout
+    return folder, site, outputs
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +35,13 @@ def run(followed):
 
 
 def test_what_runs_is_the_wheel(followed):
-    _, site, said = followed
+    _, site, outputs = followed
     assert (site / "my_drift/method.py").is_file()
     assert "my_drift = my_drift.method:DESCRIPTION" in next(site.glob("*.dist-info/entry_points.txt")).read_text()
-    assert "Verdict: PASS" in said["bench run my_drift/sequences/my_drift.yaml"]
-    assert re.search(r"rest drift +-?[\d.]+ ± [\d.]+ +ppm/h +PASS", said["bench run my_drift/sequences/my_drift.yaml"])
+    assert "Verdict: PASS" in outputs["bench run my_drift/sequences/my_drift.yaml"]
+    assert re.search(
+        r"rest drift +-?[\d.]+ ± [\d.]+ +ppm/h +PASS", outputs["bench run my_drift/sequences/my_drift.yaml"]
+    )
 
 
 def test_its_results_are_true_within_their_uncertainty(run):

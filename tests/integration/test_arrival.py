@@ -82,10 +82,10 @@ class Waiting:
     def end(self) -> tuple[int, str]:
         """Its exit code, and what it has said."""
         try:
-            told = self.process.communicate(timeout=60)[1]
+            reported = self.process.communicate(timeout=60)[1]
         finally:
             self.process.kill()
-        return self.process.returncode, told
+        return self.process.returncode, reported
 
 
 def killed(bench: Path, folder: Path) -> Path:
@@ -133,9 +133,9 @@ def test_with_wait_it_returns_when_the_air_has_arrived(bench, tmp_path, state):
 def test_ctrl_c_ends_the_wait_and_leaves_the_chamber_as_commanded(bench, far, state):
     waiting = Waiting(far)
     waiting.process.send_signal(signal.SIGINT)
-    code, told = waiting.end()
-    assert code == 4, told
-    assert "No longer followed: chamber. The safe set point stays commanded" in told
+    code, reported = waiting.end()
+    assert code == 4, reported
+    assert "No longer followed: chamber. The safe set point stays commanded" in reported
     assert bench.state() == AWAY
     assert events(state) == ["commanded", "ended"]
 
@@ -152,19 +152,19 @@ def test_a_terminal_that_is_closed_ends_the_wait_with_that_on_record(bench, far,
 def test_a_chamber_that_does_not_arrive_is_no_success(bench, far, state):
     waiting = Waiting(far)
     bench.energise()  # somebody commands it away
-    code, told = waiting.end()
-    assert code == 6, told
-    assert "chamber: HAS NOT ARRIVED at the safe set point (" in told
-    assert "): the set point was changed by another master from 90 °C to 60 °C" in told
+    code, reported = waiting.end()
+    assert code == 6, reported
+    assert "chamber: HAS NOT ARRIVED at the safe set point (" in reported
+    assert "): the set point was changed by another master from 90 °C to 60 °C" in reported
     assert events(state) == ["commanded", "not_arrived"]
 
 
 def test_a_run_that_begins_meanwhile_has_the_bench(bench, far, tmp_path, state):
     waiting = Waiting(far)
     run = Process(bench.bench, tmp_path, "--set", "time=1 s")
-    code, told = waiting.end()
-    assert code == 0, told
-    assert "has taken the bench" in told
+    code, reported = waiting.end()
+    assert code == 0, reported
+    assert "has taken the bench" in reported
     assert run.code() == 0
     assert "'bench make-safe' hands the bench over" in run.told.read_text("utf-8")
     assert events(state)[:2] == ["commanded", "handed_over"]

@@ -163,8 +163,8 @@ def test_a_resumed_run_takes_a_held_chamber_over_as_it_is(bench, tmp_path):
         assert course(run)[:2] == ["held", "handed_over"]
     finally:
         resumed.send_signal(signal.SIGTERM)
-        told = resumed.communicate(timeout=60)[1]
-    assert "held at its set point" in told
+        reported = resumed.communicate(timeout=60)[1]
+    assert "held at its set point" in reported
     assert bench.state() == SAFE
 
 
@@ -187,16 +187,16 @@ def killed_in_its_soak(bench: Wires, folder: Path) -> tuple[Process, float]:
 @contextmanager
 def resuming(run: Process) -> Iterator[list[str]]:
     """The run, resumed until the end of the block; what it told is in the list then."""
-    told: list[str] = []
+    reported: list[str] = []
     resumed = subprocess.Popen(
         [sys.executable, "-m", "bench", "resume", str(run.path), "--interrupted"],
         stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, cwd=ROOT,
     )  # fmt: skip
     try:
-        yield told
+        yield reported
     finally:
         resumed.send_signal(signal.SIGTERM)
-        told.append(resumed.communicate(timeout=60)[1])
+        reported.append(resumed.communicate(timeout=60)[1])
 
 
 def soak_credit(run: Process) -> dict[str, Any]:
@@ -207,7 +207,7 @@ def soak_credit(run: Process) -> dict[str, Any]:
 
 def test_a_soak_of_a_resumed_run_has_credit_for_the_time_in_which_its_chamber_was_held(cool, tmp_path):
     run, before_s = killed_in_its_soak(cool, tmp_path)
-    with resuming(run) as told:
+    with resuming(run) as reported:
         until(lambda: "soak_credit" in kinds_since_resumed(run))
         passed_s = time.monotonic() - before_s
         until(lambda: "steps/soak~2" in [each.step for each in journal(run.path) if each.kind == "step_ended"])
@@ -217,16 +217,16 @@ def test_a_soak_of_a_resumed_run_has_credit_for_the_time_in_which_its_chamber_wa
     assert again.data["soaked_s"] == pytest.approx(max(SOAK_S - credit["credit_s"], 0.0), abs=1.0)
     assert credit["looks"] >= 1
     assert credit["longest_gap_s"] < passed_s
-    assert "The soak steps/soak~2 is credited with" in told[0]
+    assert "The soak steps/soak~2 is credited with" in reported[0]
     assert "counted as passed: its chamber was held" in (run.path / "report.html").read_text("utf-8")
 
 
 def test_a_soak_has_no_credit_where_somebody_switched_the_unit_on_meanwhile(cool, tmp_path):
     run, _ = killed_in_its_soak(cool, tmp_path)
     cool.switch_supply_on()
-    with resuming(run) as told:
+    with resuming(run) as reported:
         until(lambda: "soak_credit" in kinds_since_resumed(run))
     credit = soak_credit(run)
     assert (credit["credit_s"], credit["why"]) == (0.0, "supply was found energised")
-    assert "No credit for the soak steps/soak~2: supply was found energised. It is done in full." in told[0]
+    assert "No credit for the soak steps/soak~2: supply was found energised. It is done in full." in reported[0]
     assert "No credit for the soak steps/soak~2: supply was found energised." in (run.path / "report.html").read_text()

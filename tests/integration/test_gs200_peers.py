@@ -101,8 +101,8 @@ def test_qcodes_sets_and_reads_range_limit_level_and_output() -> None:
             gs200.ramp_blocking(True)
             gs200.current(0.004)
             assert source.current_a == pytest.approx(0.004)
-            told = gs200.snapshot(update=True)["parameters"]
-            assert (told["four_wire"]["value"], told["line_freq"]["value"]) == ("off", 50)
+            reported = gs200.snapshot(update=True)["parameters"]
+            assert (reported["four_wire"]["value"], reported["line_freq"]["value"]) == ("off", 50)
             gs200.output("off")
             assert gs200.output() == "off"  # by when it has been read
             assert source.current_a == 0

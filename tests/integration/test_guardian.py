@@ -141,9 +141,9 @@ def test_without_a_guardian_nothing_is_energised(bench, tmp_path, monkeypatch):
     monkeypatch.setattr(guard, "PROGRAM", "raise SystemExit(3)")
     sequence = tmp_path / "energised.yaml"
     sequence.write_text(SEQUENCE, "utf-8")
-    wishes = RunRequest(str(sequence), bench=str(bench.bench), runs=tmp_path / "runs", units=("QF-0001",))
+    options = RunRequest(str(sequence), bench=str(bench.bench), runs=tmp_path / "runs", units=("QF-0001",))
     before = bench.state()
-    result = execute(prepare(wishes), Quiet())
+    result = execute(prepare(options), Quiet())
     assert result.outcome.how == "error"
     (problem,) = result.problems
     assert "guardian of the run could not be started (it has ended). Nothing was energised" in problem

@@ -153,8 +153,8 @@ def test_what_somebody_else_has_switched_on_is_recorded_and_made_safe_before_the
     assert found["supply"]["voltage_v"] == pytest.approx(15, abs=0.1)
     assert found["source"]["current_a"] == pytest.approx(0.005)
     assert found["chamber"]["set_point_c"] == HOT_C
-    assert "supply was found energised: output on, 15 V, " in (told := run.told.read_text("utf-8"))
-    assert "no run on record has left it in this state" in told
+    assert "supply was found energised: output on, 15 V, " in (reported := run.told.read_text("utf-8"))
+    assert "no run on record has left it in this state" in reported
     assert "Found energised, and made safe before the first step: chamber: set point 60 °C" in (
         run.path / "report.html"
     ).read_text("utf-8")

@@ -17,7 +17,7 @@ from drivers.dialects.keithley_6220.driver import Keithley6220
 from drivers.errors import BadAnswer, CannotConnect, LinkLost
 from drivers.kinds.ranges import SourceLimits
 from drivers.transport.address import Address
-from drivers.transport.exchange import LineExchange, Pace, Proof
+from drivers.transport.exchange import LineExchange, Pace, SyncQuery
 from drivers.transport.serial import DeviceTransport, join_device, open_serial
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
@@ -237,16 +237,16 @@ def test_an_exchange_over_a_real_line_can_be_cancelled(tmp_path: Path) -> None:
             asyncio.get_running_loop().call_later(delay_s, self.transport.write, data)
 
     async def main() -> None:
-        proof = Proof(b"who?", bytes)
+        proof = SyncQuery(b"who?", bytes)
         async with serve_pty(tmp_path / "port", Late) as path:
             pace = Pace(answer_s=2.0, quiet_s=0.1)
             line = await open_serial("late", address_of(path), lambda: LineExchange("late", proof, pace=pace))
-            asked = asyncio.create_task(line.ask(b"1", int))
+            asked = asyncio.create_task(line.query(b"1", int))
             await asyncio.sleep(0.01)
             asked.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await asked
-            assert await line.ask(b"2", int) == 2
+            assert await line.query(b"2", int) == 2
             line.close()
 
     run(main())
@@ -306,8 +306,8 @@ def test_a_port_that_cannot_turn_the_line_round_is_refused_in_words() -> None:
 
 
 def test_a_port_that_can_is_told_to_hold_rts_while_it_sends(monkeypatch: pytest.MonkeyPatch) -> None:
-    told = []
-    monkeypatch.setattr(serial.Serial, "_set_rs485_mode", lambda _port, settings: told.append(settings))
+    reported = []
+    monkeypatch.setattr(serial.Serial, "_set_rs485_mode", lambda _port, settings: reported.append(settings))
 
     async def main() -> None:
         leader, follower = os.openpty()
@@ -317,4 +317,4 @@ def test_a_port_that_can_is_told_to_hold_rts_while_it_sends(monkeypatch: pytest.
         os.close(follower)
 
     run(main())
-    assert [(each.rts_level_for_tx, each.rts_level_for_rx) for each in told] == [(True, False)]
+    assert [(each.rts_level_for_tx, each.rts_level_for_rx) for each in reported] == [(True, False)]

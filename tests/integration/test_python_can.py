@@ -7,7 +7,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.can.bus_errors import BUS_OFF, error_classes, in_words
+from drivers.can.bus_errors import BUS_OFF, class_names, error_classes
 from drivers.can.frame_block import ERROR, EXTENDED
 from drivers.errors import CannotConnect, LinkLost
 from drivers.transport.address import Address
@@ -67,7 +67,7 @@ def test_remote_frames_are_passed_over_and_error_frames_say_that_they_are() -> N
             sender.send(FRAMES[0])
             block = await taken(link, 2)
         assert block.ids.tolist() == [ERROR | BUS_OFF, 0x100]
-        assert in_words(error_classes(block).tolist()) == "bus off"
+        assert class_names(error_classes(block).tolist()) == "bus off"
         link.close()
 
     asyncio.run(main())

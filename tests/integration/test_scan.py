@@ -40,8 +40,8 @@ def test_what_a_scan_proposes_is_a_bench_that_a_check_accepts_and_that_answers(t
     devices = content["devices"]
     addresses = [devices[role]["connection"] for role in ("chamber", "head", "supply", "source")]
     with simulating(bench):
-        proposed, told = found_by(*(address.partition("?")[0].removeprefix("tcp://") for address in addresses))
-        assert "keithley_6220 (KEITHLEY INSTRUMENTS INC. MODEL 6220 SIM-6220-01" in told
+        proposed, reported = found_by(*(address.partition("?")[0].removeprefix("tcp://") for address in addresses))
+        assert "keithley_6220 (KEITHLEY INSTRUMENTS INC. MODEL 6220 SIM-6220-01" in reported
         found = yaml.safe_load(proposed)["devices"]
         assert {role: entry["driver"] for role, entry in found.items()} == {
             role: devices[role]["driver"] for role in ("chamber", "head", "supply", "source")

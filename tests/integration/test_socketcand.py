@@ -76,12 +76,12 @@ def test_our_client_reads_what_a_server_says_in_pieces() -> None:
                 asyncio.get_running_loop().create_task(self.talk())
 
         async def talk(self) -> None:
-            said = (
+            answer = (
                 b"< ok >< frame 123 1690000000.000100 0A0B >< frame 1ABCDEF0 1690000000.000200 FFEE >"
                 b"< frame 7FF 1690000000.000300  >< error 008 1690000000.000400 >"
             )
-            for begin in range(0, len(said), 7):
-                self.transport.write(said[begin : begin + 7])
+            for begin in range(0, len(answer), 7):
+                self.transport.write(answer[begin : begin + 7])
                 await asyncio.sleep(0.002)
 
     async def main() -> None:

@@ -83,11 +83,11 @@ def test_when_the_laboratory_goes_away_the_run_ends_in_words(wired_bench, tmp_pa
         wait_for_ramp(tmp_path / "runs")
         time.sleep(1)
         laboratory.kill()
-        _, said = run.communicate(timeout=60)
+        _, message = run.communicate(timeout=60)
     assert run.returncode == 6
-    assert "chamber" in said
-    assert "supply COULD NOT BE MADE SAFE: supply: no connection to" in said
-    assert "Check that the instrument is on" in said
+    assert "chamber" in message
+    assert "supply COULD NOT BE MADE SAFE: supply: no connection to" in message
+    assert "Check that the instrument is on" in message
 
 
 def test_another_instrument_than_the_bench_file_names_is_refused_before_anything_moves(wired_bench, tmp_path):

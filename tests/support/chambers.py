@@ -18,7 +18,7 @@ from simulators.instruments.setup import InstrumentSetup, make_instrument
 from simulators.physics.thermal import ChamberPhysics
 from simulators.units.settings import WorldSettings
 from simulators.world import World
-from tests.support.handling import modbus_asks, modbus_tcp_asks
+from tests.support.handling import is_modbus_query, is_modbus_tcp_query
 from tests.support.lines import TappedWire
 
 LIMITS = {"temperature": {"min": "-50 °C", "max": "100 °C"}, "ramp_rate": {"max": "3 °C/min"}}
@@ -135,7 +135,7 @@ def _f4t(address: str, function_at: int) -> Dialect:
     return Dialect(
         driver="watlow_f4t", address=address,
         commands=_f4t_writes(LoopRegister.SET_POINT, function_at),
-        asks=modbus_tcp_asks if address.startswith("tcp:") else modbus_asks,
+        asks=is_modbus_tcp_query if address.startswith("tcp:") else is_modbus_query,
         set_point=lambda f4t, value_c: f4t.write(LoopRegister.SET_POINT, LoopFormat().words(value_c)),
         take_over=_f4t_set(LoopRegister.CONTROL_MODE, ControlMode.MANUAL),
         switch_off=_f4t_set(LoopRegister.CONTROL_MODE, ControlMode.OFF),

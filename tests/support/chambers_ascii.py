@@ -9,7 +9,7 @@ from simulators.faults.instrument_faults import FaultPlan
 from simulators.world import World
 from tests.support.chambers import Dialect
 from tests.support.clock import Clock, quiet_chamber
-from tests.support.handling import asks_by, cts_asks, scpi_asks
+from tests.support.handling import asks_by, is_cts_query, is_scpi_query
 
 S = TypeVar("S", covariant=True)
 
@@ -41,7 +41,7 @@ def _told(*messages: str) -> Callable[[Any], None]:
 
 P300 = Dialect(
     driver="espec_p300", address="tcp://127.0.0.1:10001",
-    commands=_beginning(b"TEMP, S"), asks=scpi_asks,
+    commands=_beginning(b"TEMP, S"), asks=is_scpi_query,
     set_point=lambda p300, value_c: _told(f"TEMP, S{value_c:.1f}")(p300),
     take_over=_told("PRGM,RUN,RAM:1,STEP1"), switch_off=_told("MODE,OFF"),
     stranger=lambda p300: setattr(p300, "_kind", "S1"), limits=_told("TEMP, H80.1 L-40.1"),
@@ -64,7 +64,7 @@ def _cts(ramp_channel: int, set_point_reads: str) -> Dialect:
     return Dialect(
         name=f"cts-{set_point_reads}", driver="cts", address="serial:///dev/ttyUSB0?baud=19200&parity=O",
         options={"ramp_channel": ramp_channel},
-        commands=_beginning(bytes.fromhex("02 81 e1 b0")), asks=cts_asks,
+        commands=_beginning(bytes.fromhex("02 81 e1 b0")), asks=is_cts_query,
         set_point=lambda cts, value_c: _told(f"a0 {value_c:05.1f}")(cts),
         take_over=_told("s3 0"), switch_off=_told("s1 0"),
         stranger=lambda cts: setattr(cts, "versions", "2.41;1.07;123457"), within_c=0.1,

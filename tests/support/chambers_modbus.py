@@ -12,7 +12,7 @@ from drivers.dialects.modbus_chamber.profile import ChamberProfile
 from drivers.kinds.chamber.words import float32_words
 from drivers.schema.fields import DocumentFile
 from tests.support.chambers import Dialect
-from tests.support.handling import modbus_asks, modbus_tcp_asks
+from tests.support.handling import is_modbus_query, is_modbus_tcp_query
 from tests.support.runs import ROOT
 
 SERIAL, SERVER = "serial:///dev/ttyUSB0?baud=9600", "socket://127.0.0.1:4001"
@@ -39,7 +39,7 @@ def _written(*settings: tuple[int, int]) -> Callable[[Any], None]:
 
 def _f4(address: str) -> Dialect:
     return Dialect(
-        driver="watlow_f4", address=address, options={"power_event": 2}, commands=writes(300), asks=modbus_asks,
+        driver="watlow_f4", address=address, options={"power_event": 2}, commands=writes(300), asks=is_modbus_query,
         set_point=lambda f4, value_c: f4.write(300, (round(10 * value_c) & 0xFFFF,)),
         take_over=lambda f4: f4.start_profile(), switch_off=_written((2010, 0)),
         stranger=_written((602, -600 & 0xFFFF), (603, 1500)), limits=_written((602, -401 & 0xFFFF), (603, 801)),
@@ -54,7 +54,7 @@ def _binder(name: str, controller: str, register: int, **options: object) -> Dia
             binder.write(MODE, (binder._mode,))
 
     return Dialect(
-        name=name, driver="binder", address=SERVER, commands=writes(register), asks=modbus_asks,
+        name=name, driver="binder", address=SERVER, commands=writes(register), asks=is_modbus_query,
         options={"controller": controller, "range": {"min": "-60 °C", "max": "180 °C"}, **options},
         set_point=set_point, take_over=lambda binder: binder.start_program(),
         switch_off=_written((MODE, 0)) if controller == "mb1" else _written((LINES, IDLE_LINE)),
@@ -99,7 +99,7 @@ def _profile(name: str, profile: ChamberProfile, address: str, **more: Any) -> D
     return Dialect(
         name=name, driver="modbus_chamber", address=address,
         commands=lambda request: writes(register)(request[6:] if is_tcp else request),
-        asks=modbus_tcp_asks if is_tcp else modbus_asks,
+        asks=is_modbus_tcp_query if is_tcp else is_modbus_query,
         options={"profile": DocumentFile(Path("a_profile.yaml"), profile)},
         set_point=lambda simulated, value_c: simulated.write(register, form.words(value_c)),
         take_over=lambda simulated: simulated.take_over(9),

@@ -14,7 +14,7 @@ FULL = (*SHORT, "warm_up=30 min", "source_warm_up=10 min")
 SOURCE = (*SHORT, "source_warm_up=0 s", "levels=[1 g]")
 
 
-def ran(folder, sequence, settings, *edits, bench="channel", answers=None, **wishes):
+def ran(folder, sequence, settings, *edits, bench="channel", answers=None, **options):
     bench = full_bench(folder / "config", bench)
     for name, old, new in edits:
         path = bench.parent / name
@@ -22,9 +22,9 @@ def ran(folder, sequence, settings, *edits, bench="channel", answers=None, **wis
         assert old in text, old
         path.write_text(text.replace(old, new), "utf-8")
     if answers is not None:
-        wishes["answers"] = folder / "answers.yaml"
-        wishes["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
-    return run_short(folder / "runs", bench=bench, sequence=sequence, settings=settings, **wishes)
+        options["answers"] = folder / "answers.yaml"
+        options["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
+    return run_short(folder / "runs", bench=bench, sequence=sequence, settings=settings, **options)
 
 
 def findings(result):

@@ -91,7 +91,7 @@ def run_plan(folder: Path, plan: Plan, bench: BenchFile, script: Script | None =
                 journal = Journal(writer)
                 monitor = Monitor(rig, bench, interlocks, journal, observer.reading)
                 engine = Engine(plan, bench, rig, monitor, journal, observer)
-                people.meet(engine.desk, engine.journal, observer.notice)
+                people.meet(engine.prompts, engine.journal, observer.notice)
                 beside = asyncio.create_task(script(engine)) if script is not None else None
                 outcome = await engine.run()
                 if beside is not None:

@@ -11,9 +11,9 @@ from bench.app.drawn import AnyUnitFile
 from bench.app.laboratory import BenchWires, Laboratory, make_laboratory, unit_files
 from bench.config.models import BenchFile
 from drivers.capabilities import Device
-from drivers.description import IdentityPin, Setup, known_drivers, make_driver, unheard
+from drivers.description import IdentityPin, Setup, ignore_note, known_drivers, make_driver
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.faults.line_faults import BadLine
+from simulators.faults.line_faults import FaultyLine
 from tests.support.instruments import bench_named, tried
 
 Call = Callable[[Any], Awaitable[object]]
@@ -40,7 +40,7 @@ def _units(name: str) -> Mapping[str, AnyUnitFile]:
 class Opened:
     """A simulated instrument that nobody has spoken to yet, and drivers of it, on a `bad` line if one is given."""
 
-    def __init__(self, driver: str, bad: BadLine | None = None) -> None:
+    def __init__(self, driver: str, bad: FaultyLine | None = None) -> None:
         member, bench = EVERY[driver], bench_of(driver)
         self.role, self.entry = member.role, bench.devices[member.role]
         units = _units(member.bench)
@@ -55,7 +55,7 @@ class Opened:
         node = self.laboratory.nodes.get(self.role)
         return node.faults if node is not None else self.laboratory.instruments[self.role].faults
 
-    def driver(self, note: Callable[[str], object] = unheard, /, **pin: str) -> Device:
+    def driver(self, note: Callable[[str], object] = ignore_note, /, **pin: str) -> Device:
         """Its driver, not yet connected, with this identity stated; `note` receives its notes."""
         entry = self.entry
         setup = Setup(
@@ -73,7 +73,7 @@ async def _first_block(device: Any) -> None:
 
 _OF_ALL: dict[str, Call] = {"identify": lambda d: d.identify(), "poll": lambda d: d.poll()}
 _HOLDING: dict[str, Call] = {"angle": lambda d: d.angle(), "stop": lambda d: d.stop()}
-_FRAMES: dict[str, Call] = {"acquire": _first_block, "news": lambda d: d.news()}
+_FRAMES: dict[str, Call] = {"acquire": _first_block, "wait_for_data": lambda d: d.wait_for_data()}
 _METER: dict[str, Call] = {"measure": lambda d: d.measure(1, nplc=1)}
 CALLS: Mapping[str, Mapping[str, Call]] = {
     "positioner": {"move_to": lambda d: d.move_to(20.0, approach="direct", settle_s=1.0), **_HOLDING},

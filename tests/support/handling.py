@@ -128,20 +128,20 @@ def turned_by_frame(controller: Any, draw: float) -> None:
 # What is a question, judged by the bytes
 
 
-def scpi_asks(request: bytes) -> bool:
+def is_scpi_query(request: bytes) -> bool:
     return all(b"?" in part for part in re.split(rb"[;\r\n]", request) if part.strip())
 
 
-def modbus_asks(request: bytes) -> bool:
+def is_modbus_query(request: bytes) -> bool:
     """Of a frame on a serial line."""
     return request[1] not in (6, 16)
 
 
-def modbus_tcp_asks(request: bytes) -> bool:
+def is_modbus_tcp_query(request: bytes) -> bool:
     return request[7] not in (6, 16)
 
 
-def cts_asks(request: bytes) -> bool:
+def is_cts_query(request: bytes) -> bool:
     return chr(request[2] & 0x7F).isupper()
 
 

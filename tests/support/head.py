@@ -67,8 +67,8 @@ FRAMES = load_file(ROOT / "config/tables/fictional.yaml", FrameProfile)
 
 def framed_move(angle_deg: float) -> bytes:
     """Energise, then goes at 20 °/s and 40 °/s²."""
-    told = struct.pack("<iiI", round(angle_deg * 1e4), 200_000, 40_000)
-    numbers = [(NumberFormat(at, "u8"), byte) for at, byte in enumerate(told, start=3)]
+    reported = struct.pack("<iiI", round(angle_deg * 1e4), 200_000, 40_000)
+    numbers = [(NumberFormat(at, "u8"), byte) for at, byte in enumerate(reported, start=3)]
     return FRAMES.format("enable").build([]) + FRAMES.format("move").build(numbers)
 
 

@@ -65,7 +65,7 @@ class Swap:
 
     act: do.Act
     meddle: do.Meddle
-    asks: Callable[[bytes], bool] = do.scpi_asks
+    asks: Callable[[bytes], bool] = do.is_scpi_query
     name: Callable[[Any, int], object] | None = None
 
 
@@ -73,9 +73,9 @@ class Swap:
 class Instrument:
     """One instrument in a shipped bench, or in the place of another one there at its own connection.
 
-    `tells` are those of "maker", "model", "serial", "firmware" that its wire tells. `patience_s` is how long its driver
-    waits for an answer; 0 where nothing is asked. `beside` is for an instrument that the bench does not have, in the
-    cable of its source.
+    `tells` are those of "maker", "model", "serial", "firmware" that its wire tells. `client_timeout_s` is how long its
+    driver waits for an answer; 0 where nothing is asked. `beside` is for an instrument that the bench does not have, in
+    the cable of its source.
 
     On bad `lines` the channels `moving` are another value by the time they are compared, and after `settles_s` nothing
     else moves any more; without `tells_each` what is dropped is told now and then, and not each time. Chambers have
@@ -85,7 +85,7 @@ class Instrument:
     bench: str
     role: str
     tells: str = ""
-    patience_s: float = 2.0
+    client_timeout_s: float = 2.0
     connection: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     beside: bool = False
@@ -158,16 +158,17 @@ _AIR_S = 3600.0  # in which the air of a chamber comes to rest
 
 
 def _chamber(tells: str, connection: str, dialects: tuple[ChamberDialect, ...], *lines: OnLine,
-             patience_s: float = 3.0, **options: object) -> Instrument:  # fmt: skip
+             client_timeout_s: float = 3.0, **options: object) -> Instrument:  # fmt: skip
     """In the place of the chamber of the demonstration bench."""
     return Instrument(
-        "simulated", "chamber", tells, patience_s, connection, options, lines=lines, settles_s=_AIR_S, dialects=dialects
+        "simulated", "chamber", tells, client_timeout_s, connection, options, lines=lines, settles_s=_AIR_S,
+        dialects=dialects,
     )  # fmt: skip
 
 
 INSTRUMENTS: Mapping[str, Instrument] = {
     "acutronic_acl": Instrument(
-        "gyro", "table", "maker model firmware", patience_s=1.0,
+        "gyro", "table", "maker model firmware", client_timeout_s=1.0,
         lines=(OnLine(do.other_angle, 4.0, order=Order(do.move, re.compile(rb":DEM:POS.*"), "angle")),),
         swap=Swap(
             do.turn, do.told(":DEM:RATE 1,{}\n"),
@@ -193,11 +194,11 @@ INSTRUMENTS: Mapping[str, Instrument] = {
         lines=(OnLine(do.other_air, 12.0, connection=_PORT),), settles_s=_AIR_S, apart=_MEASURES,
     ),
     "binder": _chamber(
-        "", _PORT, BINDER_DIALECTS, OnLine(do.other_air, 8.0, checked=True, order=_RTU_WRITE), patience_s=1.0,
+        "", _PORT, BINDER_DIALECTS, OnLine(do.other_air, 8.0, checked=True, order=_RTU_WRITE), client_timeout_s=1.0,
         controller="mb1", range={"min": "-60 °C", "max": "180 °C"},
     ),
-    "can_counter": Instrument("simulated", "counter", patience_s=0.0, apart=_SENDS),
-    "can_telemetry": Instrument("channel_telemetry", "telemetry", patience_s=0.0, apart=_SENDS),
+    "can_counter": Instrument("simulated", "counter", client_timeout_s=0.0, apart=_SENDS),
+    "can_telemetry": Instrument("channel_telemetry", "telemetry", client_timeout_s=0.0, apart=_SENDS),
     "cts": _chamber(
         "firmware", "sim+serial:///dev/ttyS0?baud=19200&parity=O", (CTS, CTS_TARGET),
         OnLine(do.other_air, 8.0, checked=True, order=Order(do.hold, re.compile(rb"\xe1\xb0\xa0.*"))),  # "a0 "
@@ -206,7 +207,7 @@ INSTRUMENTS: Mapping[str, Instrument] = {
         "model firmware", _PORT, (P300,), OnLine(do.other_air, 8.0, order=Order(do.hold, re.compile(rb"TEMP, S.*")))
     ),
     "fluke_5700a": Instrument(
-        "channel", "source", "maker model serial firmware", patience_s=5.0,
+        "channel", "source", "maker model serial firmware", client_timeout_s=5.0,
         lines=(
             OnLine(do.other_amperes, 10.0, order=Order(do.set_amperes, re.compile(rb"OUT [^\r]*|OPER"), "current")),
         ),

@@ -17,7 +17,7 @@ from typing import Any
 from bench.app.drawn_faults import with_drawn_faults
 from bench.app.execute import RunResult, execute
 from bench.app.request import RunRequest, prepare
-from bench.app.resume import prepared_again, read_interrupted
+from bench.app.resume import prepare_again, read_interrupted
 from bench.clock import Clock
 from bench.runner.quiet import Quiet
 from bench.sequence.estimate.estimate import Estimate
@@ -47,9 +47,9 @@ class Killed(Quiet):
             os._exit(KILLED)
 
 
-def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **wishes: Any) -> Path:
-    """The directory of a run that was killed at an instant of bench time; `wishes` are as in `run_short`."""
-    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), "no_report": True, **wishes}
+def interrupted(runs: Path, at_s: float, sequence: Path | str, bench: Path | str, **options: Any) -> Path:
+    """The directory of a run that was killed at an instant of bench time; `options` are as in `run_short`."""
+    asked = {"sequence": str(sequence), "bench": str(bench), "runs": str(runs), "no_report": True, **options}
     _killed({"at_s": at_s, "asked": asked})
     return max(runs.iterdir())
 
@@ -70,7 +70,7 @@ def _killed(wish: dict[str, Any]) -> None:
 def resumed(path: Path, quiet: Quiet | None = None) -> RunResult:
     """An interrupted run that has gone on to its end."""
     resumption = read_interrupted(path)
-    return execute(prepared_again(resumption), quiet or Quiet(), None, resumption)
+    return execute(prepare_again(resumption), quiet or Quiet(), None, resumption)
 
 
 def journal(path: Path) -> list[Event]:

@@ -42,9 +42,9 @@ class Tap(InstrumentProtocol):
         if answer and self.transport is not None:
             self.transport.write(answer)
 
-    def _say_later(self, delay_s: float, answer: Callable[[], bytes]) -> None:
+    def _send_later(self, delay_s: float, answer: Callable[[], bytes]) -> None:
         request = self._request
-        super()._say_later(delay_s, lambda: self._wire.alter(request, answer()))
+        super()._send_later(delay_s, lambda: self._wire.alter(request, answer()))
 
 
 class TappedWire:

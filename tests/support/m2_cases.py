@@ -120,7 +120,7 @@ def records(
     made = Records([], [])
     for set_c in set_points_c:
         acc_c, gyro_c = (set_c + warmer_c for warmer_c in unit.warmer_c)
-        told = dict.fromkeys(("Tax", "Tay", "Taz"), acc_c) | dict.fromkeys(("Tgx", "Tgy", "Tgz"), gyro_c)
+        reported = dict.fromkeys(("Tax", "Tay", "Taz"), acc_c) | dict.fromkeys(("Tgx", "Tgy", "Tgz"), gyro_c)
 
         def counts(pps: Array, noise: float) -> list[float]:
             exact = np.asarray(pps) * DWELL_S
@@ -131,7 +131,7 @@ def records(
             acc = counts(unit.accelerometer_pps(force_g, acc_c), noise_counts[0])
             gyro = counts(unit.gyro_pps(earth_dps, force_g, gyro_c), noise_counts[1])
             row = {"T_set_C": set_c, "pos": name, "dwell_s": DWELL_S}
-            made.positions.append(row | named("N", acc) | named("W", gyro) | told)
+            made.positions.append(row | named("N", acc) | named("W", gyro) | reported)
         for axis, letter in enumerate("xyz"):
             for rate_dps in RATES_DPS:
                 up = np.eye(3)[axis]
@@ -141,7 +141,7 @@ def records(
                 pps = unit.gyro_pps(up * (true_dps + earth_dps + leak), up, gyro_c)
                 row = {"T_set_C": set_c, "axis": letter, "rate_cmd_dps": rate_dps, "rate_true_dps": true_dps}
                 row |= {"dwell_s": DWELL_S}
-                made.rates.append(row | named("W", counts(pps, noise_counts[1])) | told)
+                made.rates.append(row | named("W", counts(pps, noise_counts[1])) | reported)
     return made
 
 

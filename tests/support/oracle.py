@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import WrongIdentity
-from drivers.transport.exchange import LineExchange, Pace, Proof, printable
+from drivers.transport.exchange import LineExchange, Pace, SyncQuery, printable
 from drivers.transport.memory import Line, join
 
 PACE = Pace(answer_s=2.0, quiet_s=1.0, gap_s=0.02)
@@ -60,7 +60,7 @@ def talk(use: Callable[[LineExchange, Oracle], Awaitable[None]], play: Play | No
     """Run `use` in virtual time on an exchange with an oracle."""
 
     async def main() -> None:
-        line, oracle = LineExchange("oracle", Proof(WHO, check_name), pace=pace), Oracle(play)
+        line, oracle = LineExchange("oracle", SyncQuery(WHO, check_name), pace=pace), Oracle(play)
         join(line, oracle, LINE, "oracle")
         await use(line, oracle)
 
@@ -80,7 +80,7 @@ def once(question: bytes, act: Callable[[Oracle, bytes], None]) -> Play:
 
 
 async def value(line: LineExchange, question: int) -> int:
-    return await line.ask(str(question).encode(), read_value)
+    return await line.query(str(question).encode(), read_value)
 
 
 def now_s() -> float:

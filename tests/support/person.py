@@ -9,7 +9,7 @@ from typing import Any
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
 from drivers.dialects.operator_head.description import DESCRIPTION, OperatorHeadLimits
-from drivers.person import Errand, Typed
+from drivers.person import OperatorAnswer, OperatorRequest
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
@@ -21,33 +21,33 @@ LIMITS = {"angle": {"min": "-5°", "max": "365°"}}
 
 
 class Somebody:
-    """Does what he is asked after `takes_s`, and types what he was asked for.
+    """Does what he is asked after `usual_s`, and types what he was asked for.
 
     `answers` are what he types instead, one after the other. `withdrawn` counts the questions that had no answer.
     """
 
     def __init__(self, head: HandTurnedHead) -> None:
         self._head = head
-        self.errands: list[Errand] = []
+        self.requests: list[OperatorRequest] = []
         self.answers: list[float] = []
         self.withdrawn = 0
         self.is_there = True
 
-    async def ask(self, errand: Errand) -> Typed:
-        self.errands.append(errand)
+    async def prompt(self, request: OperatorRequest) -> OperatorAnswer:
+        self.requests.append(request)
         try:
-            await (asyncio.sleep(errand.takes_s) if self.is_there else asyncio.Event().wait())
+            await (asyncio.sleep(request.usual_s) if self.is_there else asyncio.Event().wait())
         except asyncio.CancelledError:
             self.withdrawn += 1
             raise
-        if errand.turn is not None:
-            self._head.turn(errand.turn)
-        shown_deg = errand.turn.angle_deg if errand.turn is not None else self._head.shown_deg
-        return Typed(self.answers.pop(0) if self.answers else shown_deg, "A. Person")
+        if request.turn is not None:
+            self._head.turn(request.turn)
+        shown_deg = request.turn.angle_deg if request.turn is not None else self._head.shown_deg
+        return OperatorAnswer(self.answers.pop(0) if self.answers else shown_deg, "A. Person")
 
     @property
     def told(self) -> list[str]:
-        return [errand.text for errand in self.errands]
+        return [request.text for request in self.requests]
 
 
 class ByHand:
@@ -72,10 +72,10 @@ class ByHand:
         return make_driver(DESCRIPTION, setup)
 
     def heard(self) -> int:
-        return len(self.person.errands)
+        return len(self.person.requests)
 
     def moves(self) -> list[float]:
-        return [errand.turn.angle_deg for errand in self.person.errands if errand.turn is not None]
+        return [request.turn.angle_deg for request in self.person.requests if request.turn is not None]
 
     @property
     def angle_deg(self) -> float:

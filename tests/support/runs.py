@@ -51,11 +51,11 @@ def latest(*settings: str) -> tuple[str, ...]:
     return tuple({setting.partition("=")[0]: setting for setting in settings}.values())
 
 
-def run_short(folder: Path, *, bench: Path | None = None, sequence: str = "tumble_static", **wishes: Any) -> RunResult:
-    """A short run in `folder`; `wishes` are those of RunRequest, but a report is written only with no_report=False."""
-    wishes.setdefault("no_report", True)
-    wishes.setdefault("settings", SHORT if sequence == "tumble_static" else ())
-    request = RunRequest(sequence, bench=str(bench or ROOT / "config" / "simulated.yaml"), runs=folder, **wishes)
+def run_short(folder: Path, *, bench: Path | None = None, sequence: str = "tumble_static", **options: Any) -> RunResult:
+    """A short run in `folder`; `options` are those of RunRequest, but a report is written only with no_report=False."""
+    options.setdefault("no_report", True)
+    options.setdefault("settings", SHORT if sequence == "tumble_static" else ())
+    request = RunRequest(sequence, bench=str(bench or ROOT / "config" / "simulated.yaml"), runs=folder, **options)
     return execute(prepare(request), Quiet())
 
 

@@ -10,7 +10,7 @@ import pytest
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.sequence.load import load_plan
+from bench.sequence.load import load_judged_plan
 from bench.sequence.plan.plan import Plan
 
 ROOT = Path(__file__).parents[2]
@@ -34,17 +34,22 @@ def steps(*lines: str) -> str:
     return "steps:\n" + "".join(f"  - {line}\n" for line in lines)
 
 
-def plan_of(folder: Path, body: str, *, tail: str = TAIL, bench: BenchFile | None = BENCH, **wishes: Any) -> Plan:
-    """The plan of a sequence; `wishes` are those of load_plan."""
+def load_plan(path: Path, bench: BenchFile | None, **options: Any) -> Plan:
+    """The plan of a file, without its warnings."""
+    return load_judged_plan(path, bench, **options)[0]
+
+
+def plan_of(folder: Path, body: str, *, tail: str = TAIL, bench: BenchFile | None = BENCH, **options: Any) -> Plan:
+    """The plan of a sequence; `options` are those of load_plan."""
     path = folder / "s.yaml"
     path.write_text(body + tail, "utf-8")
-    return load_plan(path, bench, **wishes)
+    return load_plan(path, bench, **options)
 
 
-def problems_of(folder: Path, body: str, **wishes: Any) -> list[str]:
+def problems_of(folder: Path, body: str, **options: Any) -> list[str]:
     """All that is wrong with a sequence, each problem `line:column: what` as its file is always the same."""
     with pytest.raises(InputError) as caught:
-        plan_of(folder, body, **wishes)
+        plan_of(folder, body, **options)
     return [problem.replace(f"{folder / 's.yaml'}:", "") for problem in caught.value.problems]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.can.dbc import Dbc
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.dialects.can_telemetry.binding import formats_of
+from drivers.dialects.can_telemetry.decoder import formats_of
 from drivers.dialects.can_telemetry.description import DESCRIPTION, TelemetryOptions
 from drivers.dialects.can_telemetry.driver import CanTelemetry
 from drivers.transport.address import Address

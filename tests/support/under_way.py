@@ -24,8 +24,8 @@ class UnderWay:
 
     def finish(self, limit_s: float = 60.0) -> tuple[int, str]:
         """Exit status and what was said on stderr, when it has ended."""
-        _, said = self.process.communicate(timeout=limit_s)
-        return self.process.returncode, said
+        _, message = self.process.communicate(timeout=limit_s)
+        return self.process.returncode, message
 
     def begun(self, step: str) -> bool:
         """Return whether a step with this in its id has begun, as far as the disk knows."""

@@ -12,12 +12,12 @@ from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.meters.keysight_3458a import Simulated3458A
 from simulators.instruments.meters.meter_inputs import VoltsOnLoad
-from simulators.physics.attitude import planar
 from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.units.settings import WorldSettings
 from simulators.world import World
 from tests.support.laboratory import STILL_AIR, place
 from tests.support.lines import TappedWire
+from tests.support.planar import planar
 
 LOAD_OHM = 500.0  # with 1 mA/g: 0.5 V per g
 CYCLE_S = 0.02

@@ -11,8 +11,8 @@ from bench.app.request import RunRequest
 from bench.methods.imu.start_up.readings import PowerOn
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
+from bench.report.revision import verify
 from bench.report.terminal import results_text
-from bench.report.verify import verify
 from campaigns.truth import judge
 from campaigns.truth.campaign import campaign, full_bench, results_of, run_one
 from campaigns.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
@@ -100,11 +100,11 @@ def test_planted_errors_are_seen(run):
 
 def test_the_run_keeps_the_calibration_that_it_was_given(run):
     manifest = json.loads((run / "manifest.json").read_text("utf-8"))
-    told = manifest["released"]["a"]
-    assert (told["file"], told["uut"]) == ("imu_calibration.json", "SIM-A")
+    reported = manifest["released"]["a"]
+    assert (reported["file"], reported["uut"]) == ("imu_calibration.json", "SIM-A")
     assert manifest["hashes"]["released_a.json"].startswith("sha256:")
     assert (run / "released_a.json").read_bytes() == CALIBRATION.read_bytes()
-    assert told["valid_c"] == pytest.approx([-15, 55], abs=0.2)
+    assert reported["valid_c"] == pytest.approx([-15, 55], abs=0.2)
 
 
 def test_it_can_be_reduced_again_and_another_calibration_in_its_place_is_noticed(run, tmp_path):

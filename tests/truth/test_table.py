@@ -104,8 +104,8 @@ def test_at_record_level_is_found_what_is_found_through_all_wires(template_of_ru
     assert len(by_records) == len(through_wires)
     for each, found in zip(through_wires, by_records, strict=True):
         assert (found.quantity, found.dwell) == (each.quantity, each.dwell)
-        told = TOLD_C * SCALE_PER_C if found.quantity == "scale_error" else 0.0
-        assert found.truth == pytest.approx(each.truth, rel=0, abs=told), found
+        reported = TOLD_C * SCALE_PER_C if found.quantity == "scale_error" else 0.0
+        assert found.truth == pytest.approx(each.truth, rel=0, abs=reported), found
         most = 0.2 if found.quantity.startswith("phase") else 4.0  # its errors are nearly all those of the bench
         assert abs(found.value - each.value) < most * np.hypot(found.u, each.u), found
         assert 1 / 2 < found.u / each.u < 2, found

@@ -70,8 +70,8 @@ def test_readings_within_the_dead_band_are_no_faults(silent):
 def test_a_step_taken_for_its_size_alone_is_seen(silent):
     honest = ladder.elevation_rad
 
-    def mistaken(*lies):
-        return abs(honest(*lies))
+    def mistaken(*orientation):
+        return abs(honest(*orientation))
 
     with mock.patch.object(ladder, "elevation_rad", mistaken):
         (_, low_g, high_g), _ = compare_ladders(silent, anew(silent))

@@ -35,9 +35,9 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("metered")
     bench = put_into_cable(perfect_bench(folder / "config", "channel"), stated=CORRECTED, noise="10 nA")
     text = bench.read_text("utf-8")
-    told = "sources: {source: {warm_up: 2 h, fresh: 5}}"
-    assert text.count(told) == 1
-    bench.write_text(text.replace(told, WRONG), "utf-8")
+    reported = "sources: {source: {warm_up: 2 h, fresh: 5}}"
+    assert text.count(reported) == 1
+    bench.write_text(text.replace(reported, WRONG), "utf-8")
     asked = (ROOT / "sequences/channel_source.yaml").read_text("utf-8")
     assert asked.count("current_from: source ") == 1
     sequence = folder / "by_meter.yaml"
@@ -58,8 +58,8 @@ def errors(run, current_from="meter"):
     """Rate and slope at the level against the truth, in standard uncertainties."""
     found, _ = findings(run, current_from)
     rate, slope = found["rate@src_1g"], found["rate/temperature_coefficient@src_1g"]
-    told = {"id": rate.id, "steps": rate.steps, "at": rate.at}
-    true_rate, true_slope = true_line(read_json(run, "truth.json"), told)
+    reported = {"id": rate.id, "steps": rate.steps, "at": rate.at}
+    true_rate, true_slope = true_line(read_json(run, "truth.json"), reported)
     return (rate.value - true_rate) / rate.u, (slope.value - true_slope) / slope.u
 
 

@@ -42,13 +42,13 @@ def table(clock: Clock) -> SimulatedAcutrol:
 
 def talk(table: SimulatedAcutrol, *messages: bytes) -> list[str]:
     """What the answers say: their text, or `error N`."""
-    session, said = table.session(), []
+    session, expected_text = table.session(), []
     for message in messages:
         answer = session.feed(message + b"\n")
         code, length = (int.from_bytes(answer[at : at + 4], "little") for at in (0, 4))
         assert len(answer) == 8 + length
-        said.append(f"error {code}" if code else answer[8:].decode())
-    return said
+        expected_text.append(f"error {code}" if code else answer[8:].decode())
+    return expected_text
 
 
 # The driver's side
@@ -57,7 +57,7 @@ def talk(table: SimulatedAcutrol, *messages: bytes) -> list[str]:
 @pytest.mark.parametrize(
     ("message", "spelled"),
     [
-        (wire.ASK_IDENTITY, "*IDN?"),
+        (wire.IDENTITY_QUERY, "*IDN?"),
         (wire.lock_out(True), (":UTIL:LOCKOUT ON", ":UTIL:REMOTELOCKOUT ON")),
         (wire.lock_out(False), (":UTIL:LOCKOUT OFF", ":UTIL:REMOTELOCKOUT OFF")),
         (wire.energise(1), ":INTERLOCK:CLOSE 1"),
@@ -73,8 +73,8 @@ def talk(table: SimulatedAcutrol, *messages: bytes) -> list[str]:
         (wire.demand_rate(1, -1000.0), ":DEM:RATE 1,-1000"),
         (wire.configure_sine(1, 0.5, 2.5), ":CONFIG:OSC 1,Enable,0.5,2.5,Pos,Lin"),
         (wire.demand_sine(1, 1.06, 10.0), ":DEM:OSC 1,1.06,10,0"),
-        (wire.ask_state(1), ":READ:POS? 1;RATE? 1;:INTERLOCK? 1;:MODE? 1;:STAT:CSR? A1DYN;CSR? SUP0"),
-        (wire.ask_faults(2), ":STAT:CSR? A2SWFAULT;CSR? A2INTLK"),
+        (wire.state_query(1), ":READ:POS? 1;RATE? 1;:INTERLOCK? 1;:MODE? 1;:STAT:CSR? A1DYN;CSR? SUP0"),
+        (wire.faults_query(2), ":STAT:CSR? A2SWFAULT;CSR? A2INTLK"),
     ],
 )
 def test_messages_are_spelled_as_documented(message: object, spelled: object) -> None:
@@ -220,8 +220,8 @@ def test_mnemonics_may_be_cut_and_groups_continued(table: SimulatedAcutrol, cloc
 )  # fmt: skip
 def test_what_the_controller_does_not_know_is_an_error(table: SimulatedAcutrol, message: bytes) -> None:
     talk(table, b":INTERLOCK:CLOSE 1")
-    (said,) = talk(table, message)
-    assert said.startswith("error ")
+    (expected_text,) = talk(table, message)
+    assert expected_text.startswith("error ")
 
 
 def test_a_rate_is_reached_at_the_acceleration_of_its_mode(table: SimulatedAcutrol, clock: Clock) -> None:

@@ -47,10 +47,10 @@ def talk(head: SimulatedEnsemble, *lines: bytes) -> list[bytes]:
         (wire.move_absolute("X", -0.000278, 0.5), "MOVEABS X -0.000278 F0.5"),
         (wire.move_absolute("X", -1e-9, 30.0), "MOVEABS X 0.0 F30"),
         (wire.abort("X"), "ABORT X"),
-        (wire.ask_feedback("X"), "PFBK X"),
-        (wire.ask_status("X"), "AXISSTATUS X"),
-        (wire.ask_fault("X"), "AXISFAULT X"),
-        (wire.ask_fingerprint("X"), "GETPARM(X, CountsPerUnit)"),
+        (wire.feedback_query("X"), "PFBK X"),
+        (wire.status_query("X"), "AXISSTATUS X"),
+        (wire.fault_query("X"), "AXISFAULT X"),
+        (wire.fingerprint_query("X"), "GETPARM(X, CountsPerUnit)"),
     ],
 )
 def test_commands_are_spelled_as_documented(command: str, line: str) -> None:
@@ -264,7 +264,7 @@ def test_homing_is_answered_when_it_is_over_and_holds_back_what_follows(head: Si
 
 
 @pytest.mark.parametrize(
-    "told",
+    "messages",
     [  # as drivers of other people spell a move: by the axis' number, with or without spaces, with the rate's axis
         b"MOVEABS @0 12.000000 @0F 5.000000",
         b"MOVEABS X12.0 XF5.0",
@@ -277,9 +277,9 @@ def test_homing_is_answered_when_it_is_over_and_holds_back_what_follows(head: Si
     ],
 )
 def test_an_axis_by_its_number_and_without_a_space_is_the_same_axis(
-    head: SimulatedEnsemble, clock: Clock, told: bytes
+    head: SimulatedEnsemble, clock: Clock, messages: bytes
 ) -> None:
-    assert talk(head, b"ENABLE @0", told)[1].endswith(b"%\n")
+    assert talk(head, b"ENABLE @0", messages)[1].endswith(b"%\n")
     assert talk(head, b"AXISSTATUS(@0)", b"AXISFAULT @0") == [b"%11\n", b"%0\n"]
     clock.now_s = 60.0
     assert talk(head, b"PFBK(@0)", b"PFBK X", b"PFBK @1") == [b"%12.000000\n", b"%12.000000\n", b"!\n"]

@@ -173,12 +173,12 @@ def asking(scanner: SimulatedScanner, clock: list[float]) -> Callable[[bytes], b
     session.answer_by(lambda delay_s, answer: waiting.append((delay_s, answer)))
 
     def ask(line: bytes) -> bytes:
-        said = session.feed(line + b"\n")
+        message = session.feed(line + b"\n")
         while waiting:
             delay_s, answer = waiting.pop()
             clock[0] += delay_s
-            said += answer()
-        return said
+            message += answer()
+        return message
 
     return ask
 

@@ -133,13 +133,13 @@ def test_a_session(chamber: SimulatedCts, clock: Clock) -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("reads", "told"), [("in_force", "A0 025.1 030.0"), ("target", "A0 025.1 035.0")])
-def test_rates_ramp_the_set_point(clock: Clock, reads: str, told: str) -> None:
+@pytest.mark.parametrize(("reads", "messages"), [("in_force", "A0 025.1 030.0"), ("target", "A0 025.1 035.0")])
+def test_rates_ramp_the_set_point(clock: Clock, reads: str, messages: str) -> None:
     chamber = at_25_c(SimulatedCts, clock, set_point_reads=reads)
     assert [chamber.execute(text) for text in ("u1 001.0", "d1 000.5", "a0 035.0")] == ["u", "d", "a"]
     assert chamber.execute("R1") == "R1 11 0001.00 0000.50 0035.00"
     clock.now_s = 300.0
-    assert chamber.execute("A0")[-5:] == told[-5:]
+    assert chamber.execute("A0")[-5:] == messages[-5:]
     chamber.execute("s3 0")
     assert chamber.execute("S") == "S100000000"
     clock.now_s = 600.0

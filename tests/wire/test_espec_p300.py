@@ -34,7 +34,7 @@ def talk(chamber: SimulatedP300, *lines: bytes) -> list[bytes]:
 )
 def test_a_set_point_is_sent_with_one_decimal(temperature_c: float, command: str) -> None:
     assert wire.set_point(temperature_c) == command
-    assert wire.kept(temperature_c) == float(command.rpartition("S")[2])
+    assert wire.as_stored(temperature_c) == float(command.rpartition("S")[2])
 
 
 def test_a_command_may_carry_an_address() -> None:

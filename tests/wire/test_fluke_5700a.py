@@ -277,8 +277,8 @@ def test_what_a_calibrator_refuses_is_in_its_fault_queue(source: SimulatedFluke,
 
 def test_what_changes_nothing_here_is_taken_as_the_manual_has_it(source: SimulatedFluke) -> None:
     talk(source, b"REMOTE", b"*CLS")
-    told = b"EXTGUARD ON;EXTSENSE OFF;CUR_POST AUX;LIMIT 10 V, -10 V;*WAI;*OPC"
-    assert talk(source, told, b"FAULT?") == [b"", b"0\r"]
+    messages = b"EXTGUARD ON;EXTSENSE OFF;CUR_POST AUX;LIMIT 10 V, -10 V;*WAI;*OPC"
+    assert talk(source, messages, b"FAULT?") == [b"", b"0\r"]
     assert talk(source, b"EXTGUARD", b"CUR_POST FRONT", b"FAULT?", b"FAULT?", b"FAULT?") == [
         b"", b"", b"902\r", b"902\r", b"0\r",
     ]  # fmt: skip
@@ -360,7 +360,7 @@ def test_a_line_without_an_end_is_cut_at_the_buffer(source: SimulatedFluke) -> N
 
 
 @pytest.mark.parametrize(
-    ("told", "output"),
+    ("messages", "output"),
     [  # operators manual of the 5700A/5720A Series II, 5-9 "Parameter Syntax Rules", and what PyVISA programs send
         (b"OUT 10V", b"1.0000000E+01,V,0.00E+00"),
         (b"OUT 10 MA", b"1.0000000E-02,A,0.00E+00"),
@@ -376,8 +376,8 @@ def test_a_line_without_an_end_is_cut_at_the_buffer(source: SimulatedFluke) -> N
         (b"OUT 100 MV", b"1.0000000E-01,V,0.00E+00"),
     ],
 )
-def test_units_and_multipliers_are_those_of_the_manual(source: SimulatedFluke, told: bytes, output: bytes) -> None:
-    assert talk(source, b"REMOTE", told, b"FAULT?", b"OUT?") == [b"", b"", b"0\r", output + b"\r"]
+def test_units_and_multipliers_are_those_of_the_manual(source: SimulatedFluke, messages: bytes, output: bytes) -> None:
+    assert talk(source, b"REMOTE", messages, b"FAULT?", b"OUT?") == [b"", b"", b"0\r", output + b"\r"]
 
 
 def test_a_level_and_operate_in_one_message_energise_what_was_told(source: SimulatedFluke) -> None:

@@ -215,10 +215,10 @@ def test_every_frame_is_found_among_other_bytes_and_none_that_was_not_sent(
 ) -> None:
     counter = NumberFormat(2, "u32", "big")
     form = FrameFormat("f", 10, ((0, b"\xaa\x55"),), Checksum("crc32"))
-    said = [form.build([(counter, piece)]) if isinstance(piece, int) else piece for piece in pieces]
-    line, splitter = b"".join(said), Splitter([form])
+    message = [form.build([(counter, piece)]) if isinstance(piece, int) else piece for piece in pieces]
+    line, splitter = b"".join(message), Splitter([form])
     found = [frame for at in range(0, len(line), portion) for _, frame in splitter.feed(line[at : at + portion])]
-    assert found == [each for each, piece in zip(said, pieces, strict=True) if isinstance(piece, int)]
+    assert found == [each for each, piece in zip(message, pieces, strict=True) if isinstance(piece, int)]
     splitter.forget()
     assert splitter.dropped == sum(len(piece) for piece in pieces if isinstance(piece, bytes))
 

@@ -151,16 +151,16 @@ def test_over_tcp_it_acts_on_an_lf(terminator: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("terminator", "silent", "heard", "answer"),
+    ("terminator", "silent", "received", "answer"),
     [
         ("cr", b"OUTP?\n", b"OUTP?\r", b"0\r"),
         ("lf", b"OUTP?\r", b"OUTP?\n", b"0\n"),
         ("crlf", b"OUTP?\n", b"OUTP?\r\n", b"0\r\n"),
     ],
 )
-def test_it_acts_on_its_own_terminator_only(terminator: str, silent: bytes, heard: bytes, answer: bytes) -> None:
+def test_it_acts_on_its_own_terminator_only(terminator: str, silent: bytes, received: bytes, answer: bytes) -> None:
     assert a_source(terminator=terminator).session().feed(silent) == b""
-    assert a_source(terminator=terminator).session().feed(heard) == answer
+    assert a_source(terminator=terminator).session().feed(received) == answer
 
 
 @pytest.mark.parametrize(
@@ -231,10 +231,10 @@ def test_a_setting_is_compared_as_it_was_sent() -> None:
 
 def test_settings_that_change_nothing_here_are_kept_and_told(source: SimulatedKeithley) -> None:
     # As PyMeasure's driver of a 6221 sends them, and InstrumentKit's of a 6220 (SOUR:CLE:IMM).
-    told = b"OUTP:ISH?;:OUTP:LTE?;:SOUR:DEL?;:STAT:OPER:ENAB?;:DISP:ENAB?;*SRE?"
-    assert talk(source, told) == [b"OLOW; 0; 1.000000E+00; 0; 1; 0\r"]
+    messages = b"OUTP:ISH?;:OUTP:LTE?;:SOUR:DEL?;:STAT:OPER:ENAB?;:DISP:ENAB?;*SRE?"
+    assert talk(source, messages) == [b"OLOW; 0; 1.000000E+00; 0; 1; 0\r"]
     talk(source, b":OUTPut:ISHield GUAR", b"OUTP:LTE 1", b":SOUR:DEL 0.5", b":STAT:OPER:ENAB 128", b"*SRE 128")
-    assert talk(source, told) == [b"GUAR; 1; 5.000000E-01; 128; 1; 128\r"]
+    assert talk(source, messages) == [b"GUAR; 1; 5.000000E-01; 128; 1; 128\r"]
     assert talk(source, b"OUTP:ISH EARTH", b"SYST:ERR?") == [b"", b'-224,"Illegal parameter value"\r']
     talk(source, b"CURR 0.0012;:OUTP ON", b"SOUR:CLE:IMM")
     assert talk(source, b"OUTP?;:CURR?", b"*RST;:SOUR:DEL?") == [b"0; 0.000000E+00\r", b"1.000000E+00\r"]

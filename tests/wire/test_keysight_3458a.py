@@ -21,7 +21,7 @@ def test_what_is_sent() -> None:
         b"PRESET NORM;TARM HOLD;TRIG AUTO;INBUF ON;END ALWAYS;QFORMAT NORM;DCV 10;NPLC 10;AZERO ON;TARM?"
     )
     assert b";DCV 0.1;NPLC 100;" in wire.set_up(Setting(0.1, 100.0))
-    assert wire.IDENTITY_QUESTION == b"TARM HOLD;END ALWAYS;ID?"
+    assert wire.IDENTITY_QUERY == b"TARM HOLD;END ALWAYS;ID?"
     assert wire.TRIGGER == b"TARM SGL"
 
 
@@ -110,9 +110,9 @@ def test_anything_else_is_no_error(line: bytes) -> None:
         wire.read_error(line)
 
 
-@pytest.mark.parametrize(("nplc", "takes_s", "middle_s"), [(1, 0.04, 0.03), (10, 0.4, 0.3), (100, 4.0, 2.1)])
-def test_how_long_a_reading_takes_and_when_its_middle_was(nplc: float, takes_s: float, middle_s: float) -> None:
-    assert wire.takes_s(nplc, 50.0) == pytest.approx(takes_s)
+@pytest.mark.parametrize(("nplc", "duration_s", "middle_s"), [(1, 0.04, 0.03), (10, 0.4, 0.3), (100, 4.0, 2.1)])
+def test_how_long_a_reading_takes_and_when_its_middle_was(nplc: float, duration_s: float, middle_s: float) -> None:
+    assert wire.duration_s(nplc, 50.0) == pytest.approx(duration_s)
     assert wire.middle_before_answer_s(nplc, 50.0) == pytest.approx(middle_s)
 
 
@@ -178,14 +178,14 @@ def test_bytes_come_in_any_portions_and_a_cr_ends_a_command_too(bench: Bench) ->
 
 
 @pytest.mark.parametrize(
-    ("told", "answer"),
+    ("messages", "answer"),
     [
         (b"NPLC .5", b"500.000000E-03"), (b"NPLC 1", b"1.00000000E+00"), (b"NPLC 2.5", b"3.00000000E+00"),
         (b"NPLC 11", b"20.0000000E+00"), (b"NPLC 100", b"100.000000E+00"), (b"NPLC 0", b"0.00000000E+00"),
     ],
 )  # fmt: skip
-def test_line_cycles_are_rounded_up(bench: Bench, told: bytes, answer: bytes) -> None:
-    assert bench.say(told, b"NPLC?") == [b"", answer + b"\r\n"]
+def test_line_cycles_are_rounded_up(bench: Bench, messages: bytes, answer: bytes) -> None:
+    assert bench.say(messages, b"NPLC?") == [b"", answer + b"\r\n"]
 
 
 def test_the_line_frequency_is_that_of_a_whole_number_of_clock_ticks() -> None:
@@ -194,7 +194,7 @@ def test_the_line_frequency_is_that_of_a_whole_number_of_clock_ticks() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "error"),
+    ("messages", "error"),
     [
         (b"NONSENSE", b'103,"SYNTAX ERROR"'),
         (b"*IDN?", b'103,"SYNTAX ERROR"'),
@@ -204,8 +204,8 @@ def test_the_line_frequency_is_that_of_a_whole_number_of_clock_ticks() -> None:
         (b"DCV 1200", b'106,"PARAMETER OUT OF RANGE"'),
     ],
 )
-def test_what_is_not_understood_sets_a_bit_that_is_read_once(bench: Bench, told: bytes, error: bytes) -> None:
-    assert bench.say(told, told, b"ERRSTR?", b"ERRSTR?") == [b"", b"", error + b"\r\n", b'0,"NO ERROR"\r\n']
+def test_what_is_not_understood_sets_a_bit_that_is_read_once(bench: Bench, messages: bytes, error: bytes) -> None:
+    assert bench.say(messages, messages, b"ERRSTR?", b"ERRSTR?") == [b"", b"", error + b"\r\n", b'0,"NO ERROR"\r\n']
 
 
 def test_errors_of_the_hardware_come_first(bench: Bench) -> None:
@@ -313,8 +313,8 @@ def test_formats_and_scales_are_told(bench: Bench) -> None:
 
 def test_the_gateway_answers_its_own_lines(bench: Bench) -> None:
     """Prologix GPIB-ETHERNET Controller User Manual 1.6.6, chapter 8."""
-    told = (b"++mode", b"++addr", b"++auto", b"++eos 2", b"++savecfg 1", b"++read_tmo_ms 500", b"++read_tmo_ms")
-    assert bench.say(*told) == [b"1\r\n", b"22\r\n", b"1\r\n", b"", b"", b"", b"500\r\n"]
+    messages = (b"++mode", b"++addr", b"++auto", b"++eos 2", b"++savecfg 1", b"++read_tmo_ms 500", b"++read_tmo_ms")
+    assert bench.say(*messages) == [b"1\r\n", b"22\r\n", b"1\r\n", b"", b"", b"", b"500\r\n"]
     assert bench.say(b"++ver", b"++what", b"++addr 99", b"++spoll", b"ERRSTR?") == [
         b"Prologix GPIB-ETHERNET Controller version 01.06.06.00\r\n", b"Unrecognized command\r\n",
         b"Unrecognized command\r\n", b"0\r\n", b'0,"NO ERROR"\r\n',

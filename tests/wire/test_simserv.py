@@ -134,13 +134,13 @@ def test_what_it_does_not_do_is_refused(chamber: SimulatedSimserv, message: str,
     assert talk(chamber, message) == [code]
 
 
-@pytest.mark.parametrize(("reads", "told"), [("target", "1|35.0"), ("in_force", "1|30.0")])
-def test_gradients_ramp_the_set_point(clock: Clock, reads: str, told: str) -> None:
+@pytest.mark.parametrize(("reads", "reported"), [("target", "1|35.0"), ("in_force", "1|30.0")])
+def test_gradients_ramp_the_set_point(clock: Clock, reads: str, reported: str) -> None:
     chamber = at_25_c(SimulatedSimserv, clock, set_point_reads=reads)
     assert talk(chamber, "11068|1|1|1.0", "11072|1|1|0.5", "11066|1|1", "11070|1|1") == ["1", "1", "1|1", "1|0.5"]
     talk(chamber, "11001|1|1|35.0")
     clock.now_s = 300.0
-    assert talk(chamber, "11002|1|1") == [told]
+    assert talk(chamber, "11002|1|1") == [reported]
     talk(chamber, "11001|1|1|20.0")
     clock.now_s = 900.0
     chamber.execute("10012\xb61")

@@ -98,7 +98,7 @@ def test_it_goes_off_at_zero_whatever_it_gives(function: str, level: float, outp
     ("range_a", "most_a", "step_a"), [(1e-3, 1.2e-3, 10e-9), (0.01, 0.012, 100e-9), (0.1, 0.12, 1e-6), (0.2, 0.2, 1e-6)]
 )
 def test_a_range_has_its_largest_level_and_its_step(range_a: float, most_a: float, step_a: float) -> None:
-    assert wire.most_a(range_a) == pytest.approx(most_a)
+    assert wire.max_a(range_a) == pytest.approx(most_a)
     assert wire.step_a(range_a) == pytest.approx(step_a)
 
 
@@ -173,8 +173,10 @@ def test_ranges_and_limits_are_told_as_manual_and_programs_of_other_people_have_
     talk(source, b"SOUR:FUNC CURR")
     for range_ in (b"1E-3", b"10E-3", b"100E-3", b"200E-3"):
         assert talk(source, b"SOUR:RANG " + range_, b"SOUR:RANG?") == [b"", range_ + b"\n"]
-    told = {b"UP": b"200E-3", b"DOWN": b"100E-3", b"MIN": b"1E-3", b"MAX": b"200E-3"}
-    assert [talk(source, b"SOUR:RANG " + word, b"SOUR:RANG?")[1].strip() for word in told] == list(told.values())
+    messages = {b"UP": b"200E-3", b"DOWN": b"100E-3", b"MIN": b"1E-3", b"MAX": b"200E-3"}
+    assert [talk(source, b"SOUR:RANG " + word, b"SOUR:RANG?")[1].strip() for word in messages] == list(
+        messages.values()
+    )
     talk(source, b"SOUR:FUNC VOLT")
     for range_ in (b"10E-3", b"1E+0", b"30E+0"):
         assert talk(source, b"SOUR:RANG " + range_, b"SOUR:RANG?") == [b"", range_ + b"\n"]

@@ -9,7 +9,7 @@ from bench.app.reference.keys import Blocks, keys, part, table
 from bench.config.models import BenchFile
 from drivers.description import DriverDescription, known_drivers
 from drivers.transport.address import SCHEMES
-from simulators.faults.instrument_faults import mishaps_of
+from simulators.faults.instrument_faults import fault_effects_of
 
 
 def bench_page() -> Blocks:
@@ -74,7 +74,7 @@ def _faults(driver: DriverDescription) -> str:
     simulator = simulator_of(driver)
     if simulator is None:
         return "it has no simulator"
-    return "those of its wire, " + ", ".join(f"`{kind}`" for kind in mishaps_of(simulator))
+    return "those of its wire, " + ", ".join(f"`{kind}`" for kind in fault_effects_of(simulator))
 
 
 def _readings(driver: DriverDescription) -> str:

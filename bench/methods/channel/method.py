@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from bench.sequence.method import OUTPUT, MethodDescription
+from bench.sequence.method import OUTPUT, MethodDescription, Units, displayed, stated
 from drivers.schema.fields import Celsius, InUnit, PositiveCelsius, PositiveSeconds, Ratio, StrictModel
 
 
@@ -55,36 +55,28 @@ class ChannelSettings(StrictModel):
     )
 
 
+UNITS: Units = {
+    "rate": OUTPUT,
+    "rate/temperature_coefficient": f"{OUTPUT}/°C",
+    "rate/relative_temperature_coefficient": ("1/°C", "ppm/°C"),
+    "rate/model_residual": ("1", "ppm"),
+    "rate/drift": ("1", "ppm"),
+    "current": ("A", "mA"),
+    "current/deviation": ("1", "ppm"),
+    "zero": OUTPUT,
+    "zero/drift": OUTPUT,
+    "deviation/raw": ("1", "%"),
+    "deviation/normalised": ("1", "%"),
+    "tempco_offset": f"{OUTPUT}/°C",
+    "tempco_scale": ("1/°C", "ppm/°C"),
+}
 CHANNEL_TEMPERATURE = MethodDescription(
     name="channel_temperature",
     title="Accelerometer channel over temperature and input level (method M0)",
     target="bench.methods.channel.reduction.run:reduce",
     settings=ChannelSettings,
-    quantities={
-        "rate": OUTPUT,
-        "rate/temperature_coefficient": f"{OUTPUT}/°C",
-        "rate/relative_temperature_coefficient": "1/°C",
-        "rate/model_residual": "1",
-        "rate/drift": "1",
-        "current": "A",
-        "current/deviation": "1",
-        "zero": OUTPUT,
-        "zero/drift": OUTPUT,
-        "deviation/raw": "1",
-        "deviation/normalised": "1",
-        "tempco_offset": f"{OUTPUT}/°C",
-        "tempco_scale": "1/°C",
-    },
-    shown={
-        "rate/relative_temperature_coefficient": "ppm/°C",
-        "rate/model_residual": "ppm",
-        "rate/drift": "ppm",
-        "current": "mA",
-        "current/deviation": "ppm",
-        "deviation/raw": "%",
-        "deviation/normalised": "%",
-        "tempco_scale": "ppm/°C",
-    },
+    quantities=stated(UNITS),
+    shown=displayed(UNITS),
     counts_at="levels",
     drawn_by="bench.methods.channel.shown:channel_plots",
     after=("IEEE Std 530", "IEEE Std 1554"),

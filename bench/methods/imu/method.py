@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription
+from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription, Units, displayed, stated
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.schema.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
@@ -24,8 +24,32 @@ START_UP_MEANING = (
     "calibration; constants and exponentials are fitted to them from power-on."
 )
 
-CHANGES = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # units of changes of the constants of a sensor
-CHANGES_SHOWN = {"K0": "µg", "K1": "ppm", "D0": "°/h", "KG": "ppm"}
+CHANGES: Units = {  # of the constants of a sensor
+    "K0": ("g", "µg"), "K1": ("1", "ppm"), "D0": ("°/s", "°/h"), "KG": ("1", "ppm"),
+}  # fmt: skip
+UNITS: Units = {
+    "K0": ("g", "µg"),
+    "K1": f"{OUTPUT}/g",
+    "K1_si": f"{OUTPUT}/(m/s²)",
+    "K2": ("g/g²", "µg/g²"),
+    "misalignment": ("rad", "µrad"),
+    "D0": ("°/s", "°/h"),
+    "KG": f"{GYRO_OUTPUT}/(°/s)",
+    "gyro_misalignment": ("rad", "µrad"),
+    "g_sensitivity": ("°/s/g", "°/h/g"),
+    **{
+        f"{quantity}/{what}": units
+        for quantity, units in CHANGES.items()
+        for what in ("change", "interpolation", "repeatability")
+    },
+    "K0/closure": ("g", "µg"),
+    "level/closure": ("rad", "µrad"),
+}
+START_UP_UNITS: Units = {
+    f"{quantity}/{what}": units
+    for quantity, own in CHANGES.items()
+    for what, units in (("power_on", own), ("warm", own), ("settling", ("s", "min")))
+}
 
 
 class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
@@ -69,39 +93,8 @@ IMU_CALIBRATION = MethodDescription(
     title="Temperature calibration of an inertial unit (method M2)",
     target="bench.methods.imu.reduction.run:reduce",
     settings=ImuCalibrationSettings,
-    quantities={
-        "K0": "g",
-        "K1": f"{OUTPUT}/g",
-        "K1_si": f"{OUTPUT}/(m/s²)",
-        "K2": "g/g²",
-        "misalignment": "rad",
-        "D0": "°/s",
-        "KG": f"{GYRO_OUTPUT}/(°/s)",
-        "gyro_misalignment": "rad",
-        "g_sensitivity": "°/s/g",
-        **{
-            f"{quantity}/{what}": unit
-            for quantity, unit in CHANGES.items()
-            for what in ("change", "interpolation", "repeatability")
-        },
-        "K0/closure": "g",
-        "level/closure": "rad",
-    },
-    shown={
-        "K0": "µg",
-        "K2": "µg/g²",
-        "misalignment": "µrad",
-        "D0": "°/h",
-        "gyro_misalignment": "µrad",
-        "g_sensitivity": "°/h/g",
-        **{
-            f"{quantity}/{what}": unit
-            for quantity, unit in CHANGES_SHOWN.items()
-            for what in ("change", "interpolation", "repeatability")
-        },
-        "K0/closure": "µg",
-        "level/closure": "µrad",
-    },
+    quantities=stated(UNITS),
+    shown=displayed(UNITS),
     counts_at="windows",
     measures="inertial unit",
     meaning=MEANING,
@@ -144,16 +137,8 @@ IMU_START_UP = MethodDescription(
     title="Start-up of a compensated inertial unit (method M2)",
     target="bench.methods.imu.start_up.run:reduce",
     settings=ImuStartUpSettings,
-    quantities={
-        f"{quantity}/{what}": unit
-        for quantity, own in CHANGES.items()
-        for what, unit in (("power_on", own), ("warm", own), ("settling", "s"))
-    },
-    shown={
-        f"{quantity}/{what}": unit
-        for quantity, own in CHANGES_SHOWN.items()
-        for what, unit in (("power_on", own), ("warm", own), ("settling", "min"))
-    },
+    quantities=stated(START_UP_UNITS),
+    shown=displayed(START_UP_UNITS),
     counts_at="windows",
     measures="inertial unit",
     meaning=START_UP_MEANING,

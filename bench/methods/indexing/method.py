@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from bench.methods.indexing.names import CLOCKING, REVERSE, VERIFICATION
-from bench.sequence.method import OUTPUT, MethodDescription, NamedPart
+from bench.sequence.method import OUTPUT, MethodDescription, NamedPart, Units, displayed, stated
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from bench.sequence.steps.custom import StepDescription
 from drivers.schema.fields import InUnit, Name, Number, Ratio, StrictModel
@@ -47,45 +47,34 @@ class IndexingStaticSettings(BiasPerDegree, ScalePerDegree):
         return self
 
 
+UNITS: Units = {
+    "K0": ("g", "µg"),
+    "K1": f"{OUTPUT}/g",
+    "K1_si": f"{OUTPUT}/(m/s²)",
+    "misalignment": ("rad", "µrad"),
+    "Kip": ("g/g²", "µg/g²"),
+    "K2": ("g/g²", "µg/g²"),
+    "K3": ("g/g³", "µg/g³"),
+    "scale_difference": ("1", "ppm"),
+    "bias": OUTPUT,
+    "bias_corrected": OUTPUT,
+    "bias_total": OUTPUT,
+    "b3": OUTPUT,
+    "b4": OUTPUT,
+    "b5": OUTPUT,
+    "seat_tilt": ("rad", "µrad"),
+    "linearity": ("1", "ppm"),
+    "hysteresis": ("g", "µg"),
+    "verification/largest": ("g", "µg"),
+    "verification/rms": ("g", "µg"),
+}
 INDEXING_STATIC = MethodDescription(
     name="indexing_static",
     title="Static calibration on an indexing table (method M1)",
     target="bench.methods.indexing.reduction.run:reduce",
     settings=IndexingStaticSettings,
-    quantities={
-        "K0": "g",
-        "K1": f"{OUTPUT}/g",
-        "K1_si": f"{OUTPUT}/(m/s²)",
-        "misalignment": "rad",
-        "Kip": "g/g²",
-        "K2": "g/g²",
-        "K3": "g/g³",
-        "scale_difference": "1",
-        "bias": OUTPUT,
-        "bias_corrected": OUTPUT,
-        "bias_total": OUTPUT,
-        "b3": OUTPUT,
-        "b4": OUTPUT,
-        "b5": OUTPUT,
-        "seat_tilt": "rad",
-        "linearity": "1",
-        "hysteresis": "g",
-        "verification/largest": "g",
-        "verification/rms": "g",
-    },
-    shown={
-        "K0": "µg",
-        "misalignment": "µrad",
-        "Kip": "µg/g²",
-        "K2": "µg/g²",
-        "K3": "µg/g³",
-        "scale_difference": "ppm",
-        "seat_tilt": "µrad",
-        "linearity": "ppm",
-        "hysteresis": "µg",
-        "verification/largest": "µg",
-        "verification/rms": "µg",
-    },
+    quantities=stated(UNITS),
+    shown=displayed(UNITS),
     counts_at="records",
     drawn_by="bench.methods.indexing.shown:indexing_shown",
     meaning=(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import MethodDescription, NamedPart
+from bench.sequence.method import MethodDescription, NamedPart, Units, displayed, stated
 from drivers.schema.fields import InUnit, StrictModel, WholeNumber
 
 
@@ -29,6 +29,18 @@ class TemperatureRampSettings(StrictModel):
     )
 
 
+UNITS: Units = {
+    "K0/temperature_coefficient": ("g/°C", "µg/°C"),
+    "K0/model_residual": ("g", "µg"),
+    "K0/model_residual_rms": ("g", "µg"),
+    "K0/hysteresis": ("g", "µg"),
+    "K0/repeatability": ("g", "µg"),
+    "K0/jumps": ("1", ""),
+    "K0/largest_jump": ("g", "µg"),
+    "K1/temperature_coefficient": ("1/°C", "ppm/°C"),
+    "tilt/uncompensated": "°",
+    "tilt/compensated": "°",
+}
 TEMPERATURE_RAMP = MethodDescription(
     name="temperature_ramp",
     title="Dynamic temperature test (method M4b)",
@@ -39,29 +51,8 @@ TEMPERATURE_RAMP = MethodDescription(
     spans="bench.methods.ramp.shown:legs",
     offline="bench.methods.ramp.offline:REDUCTIONS",
     settings=TemperatureRampSettings,
-    quantities={
-        "K0/temperature_coefficient": "g/°C",
-        "K0/model_residual": "g",
-        "K0/model_residual_rms": "g",
-        "K0/hysteresis": "g",
-        "K0/repeatability": "g",
-        "K0/jumps": "1",
-        "K0/largest_jump": "g",
-        "K1/temperature_coefficient": "1/°C",
-        "tilt/uncompensated": "°",
-        "tilt/compensated": "°",
-    },
-    shown={
-        "K0/temperature_coefficient": "µg/°C",
-        "K0/model_residual": "µg",
-        "K0/model_residual_rms": "µg",
-        "K0/hysteresis": "µg",
-        "K0/repeatability": "µg",
-        "K0/jumps": "",
-        "K0/jump": "µg",
-        "K0/largest_jump": "µg",
-        "K1/temperature_coefficient": "ppm/°C",
-    },
+    quantities=stated(UNITS),
+    shown=displayed(UNITS) | {"K0/jump": "µg"},
     counts_at="ramps",
     drawn_by="bench.methods.ramp.shown:ramp_plots",
     after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),

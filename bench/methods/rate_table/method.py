@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from bench.sequence.method import OUTPUT_UNITS, MethodDescription
+from bench.sequence.method import OUTPUT_UNITS, MethodDescription, Units, displayed, stated
 from bench.sequence.per_degree import ScalePerDegree
 from drivers.quantity.quantities import as_quantity, parse
 from drivers.quantity.units import QuantityError, parse_unit
@@ -146,28 +146,22 @@ on_a_table = partial(
     spans="bench.methods.rate_table.shown_range:motions",
     offline="bench.methods.rate_table.offline:REDUCTIONS",
 )
+GYRO_UNITS: Units = {
+    "rest_rate": ("°/s", "°/h"),
+    "rate_error": "°/s",
+    "rate_error/relative": ("1", "ppm"),
+    "saturated_points": ("1", ""),
+    "scale_error": ("1", "ppm"),
+    "asymmetry": ("1", "ppm"),
+    "nonlinearity/cubic": ("1", "ppm"),
+}
 GYRO_RANGE = on_a_table(
     name="gyro_range",
     title="Range of a gyro (method M3a)",
     target="bench.methods.rate_table.reduction.range:reduce_gyro",
     settings=GyroRangeSettings,
-    quantities={
-        "rest_rate": "°/s",
-        "rate_error": "°/s",
-        "rate_error/relative": "1",
-        "saturated_points": "1",
-        "scale_error": "1",
-        "asymmetry": "1",
-        "nonlinearity/cubic": "1",
-    },
-    shown={
-        "rest_rate": "°/h",
-        "rate_error/relative": "ppm",
-        "saturated_points": "",
-        "scale_error": "ppm",
-        "asymmetry": "ppm",
-        "nonlinearity/cubic": "ppm",
-    },
+    quantities=stated(GYRO_UNITS),
+    shown=displayed(GYRO_UNITS),
     drawn_by="bench.methods.rate_table.shown_range:range_plots",
     after=("IEEE Std 952", "IEEE Std 292", "IEEE Std 1554"),
     meaning=OF_A_GYRO
@@ -192,24 +186,22 @@ GYRO_RESPONSE = on_a_table(
         "its period; its delay of half a period is corrected."
     ),
 )
+ACCELEROMETER_UNITS: Units = {
+    "rest_output": ("g", "µg"),
+    "radius": ("m", "mm"),
+    "acceleration_error": ("g", "µg"),
+    "acceleration_error/relative": ("1", "ppm"),
+    "saturated_points": ("1", ""),
+    "scale_error": ("1", "ppm"),
+    "nonlinearity/quadratic": ("1", "ppm"),
+}
 ACCELEROMETER_RANGE = on_a_table(
     name="accelerometer_range",
     title="Range of an accelerometer on a centrifuge (method M3c)",
     target="bench.methods.rate_table.reduction.range:reduce_accelerometer",
     settings=AccelerometerRangeSettings,
-    quantities={
-        "rest_output": "g", "radius": "m", "acceleration_error": "g", "acceleration_error/relative": "1",
-        "saturated_points": "1", "scale_error": "1", "nonlinearity/quadratic": "1",
-    },
-    shown={
-        "rest_output": "µg",
-        "radius": "mm",
-        "acceleration_error": "µg",
-        "acceleration_error/relative": "ppm",
-        "saturated_points": "",
-        "scale_error": "ppm",
-        "nonlinearity/quadratic": "ppm",
-    },
+    quantities=stated(ACCELEROMETER_UNITS),
+    shown=displayed(ACCELEROMETER_UNITS),
     drawn_by="bench.methods.rate_table.shown_range:range_plots",
     after=("IEEE Std 836", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER

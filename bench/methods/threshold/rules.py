@@ -78,7 +78,7 @@ def step_below_band(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A step smaller than the settling band: the head may not move and still count as settled."""
     for place, entry in results_by(plan, METHOD):
         steps = [abs(offset) for offsets in _ladders(plan, entry.data).values() for offset in offsets if offset]
-        for role in _heads(plan):
+        for role in dict.fromkeys(planned.step.role for planned in plan if isinstance(planned.step, Move)):
             settle = getattr(bench.devices[role].options, "settle", None) if role in bench.devices else None
             smallest_arcsec = round(min(steps, default=math.inf) * ARCSEC_PER_DEG, 6)
             if settle is not None and smallest_arcsec < settle.band:
@@ -116,11 +116,6 @@ def _ladders(plan: Plan, label: str) -> Ladders:
             loops = loop_values(planned.id)
             ladders.setdefault(loops.get("position", 0.0), []).append(loops.get("offset", 0.0))
     return ladders
-
-
-def _heads(plan: Plan) -> list[str]:
-    """Heads that the plan moves."""
-    return list(dict.fromkeys(planned.step.role for planned in plan if isinstance(planned.step, Move)))
 
 
 RULES = (

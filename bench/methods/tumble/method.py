@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import OUTPUT, MethodDescription, NamedPart
+from bench.sequence.method import OUTPUT, MethodDescription, NamedPart, Units, displayed, stated
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.schema.fields import Celsius, InUnit, WholeNumber
 
@@ -28,6 +28,29 @@ class TemperatureTumbleSettings(BiasPerDegree, ScalePerDegree):
     )
 
 
+UNITS: Units = {
+    "K0": ("g", "µg"),
+    "K1": f"{OUTPUT}/g",
+    "K1_si": f"{OUTPUT}/(m/s²)",
+    "K2": ("g/g²", "µg/g²"),
+    "misalignment": ("rad", "µrad"),
+    "K0/temperature_coefficient": ("g/°C", "µg/°C"),
+    "K1/temperature_coefficient": ("1/°C", "ppm/°C"),
+    "K0T1": ("g/°C", "µg/°C"),
+    "K0T2": ("g/°C²", "µg/°C²"),
+    "K1T1": ("1/°C", "ppm/°C"),
+    "K1T2": ("1/°C²", "ppm/°C²"),
+    "K3": ("g/g³", "µg/g³"),
+    "Kip": ("g/g²", "µg/g²"),
+    "asymmetry": ("1", "ppm"),
+    "K0/hysteresis": ("g", "µg"),
+    "K0/closure": ("g", "µg"),
+    "K1/hysteresis": ("1", "ppm"),
+    "K0/model_residual": ("g", "µg"),
+    "K1/model_residual": ("1", "ppm"),
+    "tilt/uncompensated": "°",
+    "tilt/compensated": "°",
+}
 TEMPERATURE_TUMBLE = MethodDescription(
     name="temperature_tumble",
     title="Static temperature tumble (method M4a)",
@@ -36,48 +59,8 @@ TEMPERATURE_TUMBLE = MethodDescription(
     words="bench.methods.tumble.words:WORDS",
     offline="bench.methods.tumble.offline:REDUCTIONS",
     settings=TemperatureTumbleSettings,
-    quantities={
-        "K0": "g",
-        "K1": f"{OUTPUT}/g",
-        "K1_si": f"{OUTPUT}/(m/s²)",
-        "K2": "g/g²",
-        "misalignment": "rad",
-        "K0/temperature_coefficient": "g/°C",
-        "K1/temperature_coefficient": "1/°C",
-        "K0T1": "g/°C",
-        "K0T2": "g/°C²",
-        "K1T1": "1/°C",
-        "K1T2": "1/°C²",
-        "K3": "g/g³",
-        "Kip": "g/g²",
-        "asymmetry": "1",
-        "K0/hysteresis": "g",
-        "K0/closure": "g",
-        "K1/hysteresis": "1",
-        "K0/model_residual": "g",
-        "K1/model_residual": "1",
-        "tilt/uncompensated": "°",
-        "tilt/compensated": "°",
-    },
-    shown={
-        "K0": "µg",
-        "K2": "µg/g²",
-        "misalignment": "µrad",
-        "K0/temperature_coefficient": "µg/°C",
-        "K1/temperature_coefficient": "ppm/°C",
-        "K0T1": "µg/°C",
-        "K0T2": "µg/°C²",
-        "K1T1": "ppm/°C",
-        "K1T2": "ppm/°C²",
-        "K3": "µg/g³",
-        "Kip": "µg/g²",
-        "asymmetry": "ppm",
-        "K0/hysteresis": "µg",
-        "K0/closure": "µg",
-        "K1/hysteresis": "ppm",
-        "K0/model_residual": "µg",
-        "K1/model_residual": "ppm",
-    },
+    quantities=stated(UNITS),
+    shown=displayed(UNITS),
     parts=(NamedPart("cycle", "loop", "the number of a cycle; needed if the same temperatures come more than once"),),
     drawn_by="bench.methods.tumble.shown:tumble_shown",
     after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),
@@ -88,6 +71,12 @@ class RepeatabilitySettings(BiasPerDegree):
     """Settings of the repeatability: prior knowledge of the unit."""
 
 
+REPEATABILITY_UNITS: Units = {
+    "K0/sd": ("g", "µg"),
+    "K1/sd": ("1", "ppm"),
+    "misalignment/sd": ("rad", "µrad"),
+    "K0/closure": ("g", "µg"),
+}
 REPEATABILITY = MethodDescription(
     name="repeatability",
     title="Repeatability over remountings or power cycles",
@@ -95,13 +84,8 @@ REPEATABILITY = MethodDescription(
     rules="bench.methods.tumble.rules:RULES",
     words="bench.methods.tumble.words:WORDS",
     settings=RepeatabilitySettings,
-    quantities={"K0/sd": "g", "K1/sd": "1", "misalignment/sd": "rad", "K0/closure": "g"},
-    shown={
-        "K0/sd": "µg",
-        "K1/sd": "ppm",
-        "misalignment/sd": "µrad",
-        "K0/closure": "µg",
-    },
+    quantities=stated(REPEATABILITY_UNITS),
+    shown=displayed(REPEATABILITY_UNITS),
     first_dwell=1,
     drawn_by="bench.methods.tumble.shown_repeatability:repeated_shown",
 )

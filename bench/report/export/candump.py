@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TextIO
 
 from bench.errors import InputError
-from bench.files import written_whole
+from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
 from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.transport.trace import RECEIVED, read_trace, run_of
@@ -36,7 +36,7 @@ def export_candump(run: StoredRun, out: Path) -> list[Path]:
     epoch_s, paths = _epoch_s(run), []
     for stream, blocks in streams.items():
         path = out / f"{stream}.log"
-        with written_whole(path) as draft, draft.open("w", encoding="ascii") as file:
+        with atomic_file(path) as draft, draft.open("w", encoding="ascii") as file:
             for block in blocks:
                 file.writelines(_lines(block, epoch_s))
         paths.append(path)
@@ -57,7 +57,7 @@ def export_trace(run: StoredRun, trace: Path, out: Path) -> list[Path]:
                 if device not in files:
                     if device not in run.bench.devices:
                         raise InputError(f"{trace}: the run has no device {device!r}")
-                    draft = stack.enter_context(written_whole(out / f"{device}.log"))
+                    draft = stack.enter_context(atomic_file(out / f"{device}.log"))
                     files[device] = stack.enter_context(draft.open("w", encoding="ascii"))
                 files[device].write(f"({at_s + epoch_s:.6f}) can0 {frame}\n")
     except OSError as problem:
@@ -90,7 +90,7 @@ def _epoch_s(run: StoredRun) -> float:
 
 def _described(out: Path, text: str) -> Path:
     path = out / "candump.txt"
-    with written_whole(path) as draft:
+    with atomic_file(path) as draft:
         draft.write_text(text, encoding="utf-8")
     return path
 

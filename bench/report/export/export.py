@@ -6,7 +6,7 @@ import csv
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from bench.files import written_whole
+from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
 from bench.report.export.candump import export_candump
 from bench.report.export.csv_cells import harmless
@@ -67,7 +67,7 @@ def _columns(run: StoredRun) -> Iterator[Iterable[object]]:
 
 
 def _write_csv(path: Path, rows: Iterable[Iterable[object]]) -> Path:
-    with written_whole(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+    with atomic_file(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows(rows)
     return path
 
@@ -77,7 +77,7 @@ def mark_damage(run: StoredRun, out: Path) -> list[Path]:
     if not run.damage:
         return []
     path = out / "DAMAGED.txt"
-    with written_whole(path) as draft:
+    with atomic_file(path) as draft:
         lines = (f"The record of run {run.folder.name} is damaged; the files here were exported from it:", *run.damage)
         draft.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     return [path]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.files import written_whole
+from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
 from bench.report.export.tables import JOURNAL, READINGS, Column, acquired, journal, readings
 from bench.report.optional import imported
@@ -34,7 +34,7 @@ def export_hdf5(run: StoredRun, out: Path) -> list[Path]:
     """
     h5py = imported("h5py", "hdf5")
     path = out / HDF5
-    with written_whole(path) as draft, h5py.File(draft, "w") as file:
+    with atomic_file(path) as draft, h5py.File(draft, "w") as file:
         file.attrs.update(run=run.manifest["run"], title=run.manifest["title"], began=run.began.isoformat())
         _write_series(h5py, file.create_group("readings"), READINGS, _readings(run))
         for name, table in acquired(run).items():

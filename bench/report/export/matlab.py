@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import InputError
-from bench.files import written_whole
+from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
 from bench.report.export.tables import JOURNAL, READINGS, Column, acquired, journal, readings
 
@@ -40,7 +40,7 @@ def export_matlab(run: StoredRun, out: Path) -> list[Path]:
     }
     path = out / MATLAB
     try:
-        with written_whole(path) as draft:
+        with atomic_file(path) as draft:
             savemat(draft, content, appendmat=False, do_compression=True, oned_as="column")
     except MatWriteError as problem:
         raise InputError(f"{path}: cannot be written ({problem}); --format hdf5 has no limit of size") from problem

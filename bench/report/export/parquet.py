@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from bench.files import written_whole
+from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
 from bench.report.export.tables import (
     FIXED,
@@ -70,7 +70,7 @@ def _write(arrow: Any, parquet: Any, path: Path, columns: Mapping[str, Column], 
     encodings = {name: _ENCODINGS[_TYPES[name]] for name in columns if name in _TYPES}
     words = [name for name in columns if name not in _TYPES and name != "data"]
     with (
-        written_whole(path) as draft,
+        atomic_file(path) as draft,
         parquet.ParquetWriter(
             draft, schema, compression="zstd", use_dictionary=words, column_encoding=encodings
         ) as writer,

@@ -18,7 +18,7 @@ from bench.errors import InputError
 from bench.figures.languages import tr
 from bench.figures.svg import CLEAR, as_document, drawing, new_figure, rendered
 from bench.figures.times_and_sizes import duration, megabytes
-from bench.files import written_whole
+from bench.files import atomic_file
 from bench.report.plan_view.content import Panel, Planned, planned
 from bench.report.plan_view.timeline import plan_table
 from bench.sequence.document.model import PHASES
@@ -46,7 +46,7 @@ def write_picture(path: Path, plan: Plan, expected: Estimate, bench: BenchFile) 
     with drawing():
         figure = plan_figure(plan, expected, bench)
         text = as_document(figure) if path.suffix == ".svg" else _page(figure, plan, expected, bench)
-    with written_whole(path) as draft:
+    with atomic_file(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from bench.config.checks_interlocks import interlock_misfits
 from bench.config.document import Document, Place, Problem
 from bench.config.load import problems
 from bench.config.models import BenchFile
-from bench.sequence.checks.interlocks import interlocks
 from bench.sequence.checks.steps import is_there, limit_problems, role_problems
 from bench.sequence.document.model import PHASES, ResultEntry
 from bench.sequence.language.readings import unit_of
@@ -133,3 +133,16 @@ def _labels_in(raw: Any) -> Iterator[str | None]:
     if isinstance(raw, list):
         for part in raw:
             yield from _labels_in(part)
+
+
+def interlocks(plan: Plan, bench: BenchFile) -> Iterator[Problem]:
+    """Problems of the interlocks of a sequence on a bench; interlocks of the bench stay in force beside them."""
+    declared = plan.sequence.interlocks
+    for name in declared:
+        if name in bench.interlocks:
+            yield (
+                declared_at(plan.document, "interlocks", name),
+                f"the bench '{bench.title}' has an interlock '{name}', which stays in force; name this one otherwise",
+            )
+    for (_, misfit, *inner), problem in interlock_misfits(declared, bench):
+        yield (*declared_at(plan.document, "interlocks", str(misfit)), *inner), problem

@@ -13,8 +13,8 @@ from pydantic import ValidationError
 
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
+from bench.sequence.checks.acquired import steady_problems, without_nominal
 from bench.sequence.checks.motion import resolution_problems
-from bench.sequence.checks.outputs import steady_problems, without_nominal
 from bench.sequence.language.readings import (
     is_pulse_rate,
     measured_place,
@@ -35,7 +35,7 @@ from bench.sequence.steps.waits import Soak, Wait, WaitUntil
 from drivers.capabilities import OUTPUT
 from drivers.quantity.units import QuantityError, quoted
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 COUNTS_OF_A_SINE = 20  # of the encoder; the peak angle must be at least this
 Found = Iterator[tuple[str, str]]  # (key with the problem, problem)
@@ -107,7 +107,7 @@ def _custom(step: Custom, needs: Mapping[str, str]) -> Found:
         description.settings.model_validate(dict(step.settings))
     except ValidationError as error:
         for item in error.errors(include_url=False):
-            yield "with", f"{'.'.join(map(str, ('with', *item['loc'])))}: {in_plain_words(item)}"
+            yield "with", f"{'.'.join(map(str, ('with', *item['loc'])))}: {error_text(item)}"
 
 
 def is_there(step: Step, needs: Mapping[str, str], bench: BenchFile) -> bool:
@@ -175,7 +175,7 @@ def _move(step: Move, head: DeviceEntry, target_deg: float) -> Found:
     key = "by" if step.by_deg is not None else "to"
     target = list(_beyond(head, step.role, key, "angle", target_deg, "°"))
     yield from target
-    if not getattr(head.options, "seats", lambda _deg: True)(target_deg):
+    if not getattr(head.options, "is_index_position", lambda _deg: True)(target_deg):
         tooth_deg = head.options.index_step
         yield key, f"{target_deg:.12g} ° is between two teeth of '{step.role}', which are {tooth_deg:.9g} ° apart"
     if not target and step.approach != "direct":

@@ -102,7 +102,6 @@ class Parameter(StrictModel):
 
 
 def _unit_as_written(quantity: Quantity) -> str:
-    """Unit in which a quantity was written."""
     number, _, unit = quantity.written.partition(" ")
     return (
         unit if number and unit and not any(letter.isdigit() for letter in unit) else customary_unit(quantity.dimension)

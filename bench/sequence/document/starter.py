@@ -11,7 +11,7 @@ from bench.config.schema_file import path_to_schema
 from bench.errors import InputError
 from bench.files import written_new
 from drivers.schema.fields import Name
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 _PACKAGE = Path(str(files("bench")))
 _SCHEMA = "../../../docs/schema/sequence.schema.json"  # name in the starter
@@ -22,7 +22,7 @@ def write_starter(name: str, folder: Path) -> Path:
     try:
         TypeAdapter(Name).validate_python(name)
     except ValidationError as error:
-        raise InputError(f"NAME: {in_plain_words(error.errors()[0])}") from None
+        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
     path = folder / f"{name}.yaml"
     try:
         with written_new(path) as draft:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from drivers.quantity.quantities import Quantity, as_quantity, parse
 from drivers.quantity.units import QuantityError, dimension_of, quoted
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import in_words
+from drivers.schema.wording import value_text
 
 Scalar = Quantity | bool | str
 Value = Scalar | tuple[Scalar, ...]
@@ -41,7 +41,7 @@ def scalar_of(raw: object) -> Scalar:
     if isinstance(raw, (int, float)) and math.isfinite(raw):
         return Quantity(float(raw))
     if not isinstance(raw, str) or not raw:
-        raise ValueProblem(f"is {in_words(raw)}, expected a value")
+        raise ValueProblem(f"is {value_text(raw)}, expected a value")
     try:
         return parse(raw)
     except QuantityError as problem:

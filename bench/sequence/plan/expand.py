@@ -16,7 +16,7 @@ from bench.sequence.document.outline import block_around
 from bench.sequence.language.expressions import Value
 from bench.sequence.plan.plan import Node, Nodes, Plan
 from bench.sequence.plan.scope import Scope, names_mentioned
-from bench.sequence.plan.subsequences import Called, given_to, read_called, refuse_too_deep
+from bench.sequence.plan.subsequences import Called, call_parameters, read_called, refuse_too_deep
 from bench.sequence.plan.unroll import Raw, Wrong, nodes_of, wrong_at
 from bench.sequence.steps.custom import Custom, known_steps
 from bench.sequence.steps.measuring import Measure
@@ -54,14 +54,14 @@ def expand(
             )
             for phase in PHASES
         )  # fmt: skip
-    except TooMany as problem:
+    except TooManySteps as problem:
         expansion.problems.append((problem.place, str(problem)))
     outline = outline.model_copy(update={"needs": expansion.needs, "interlocks": expansion.interlocks})
     plan = Plan(document, outline, parameters, preset, setup=setup, steps=steps, teardown=teardown)
     return plan, expansion.problems
 
 
-class TooMany(Exception):
+class TooManySteps(Exception):
     """The plan has more steps, or its loops more passes, than permitted; `place` is where."""
 
     def __init__(self, place: Place, what: str) -> None:
@@ -91,7 +91,7 @@ class DocumentPass:
         found: list[Node] = []
         self._passes += 1
         if self._passes > STEP_LIMIT:
-            raise TooMany(place, "passes")
+            raise TooManySteps(place, "passes")
         for index, block in enumerate(raw):
             here: Place = (*place, index)
             if here in self._broken:
@@ -107,7 +107,7 @@ class DocumentPass:
         """The step with its expressions evaluated; None, with its problems recorded, if it is invalid."""
         self._count += 1
         if self._count > STEP_LIMIT:
-            raise TooMany(here, "steps")
+            raise TooManySteps(here, "steps")
         if here not in self._mentioned:
             self._mentioned[here] = tuple(names_mentioned(block))
         key = (here, tuple(self._key_part(scope.names.get(name)) for name in self._mentioned[here]))
@@ -157,7 +157,7 @@ class DocumentPass:
             self._document.include(place, document)
             self._broken |= {(*place, *inner) for at, _ in found if (inner := block_around(at)) is not None}
             self.problems += [((*place, *at), problem) for at, problem in found]
-        names = given_to(outline, block.get("with", {}), scope, (*here, "with"), self.problems)
+        names = call_parameters(outline, block.get("with", {}), scope, (*here, "with"), self.problems)
         self._take_over(outline)
         self._callers = (*self._callers, document.path.resolve())
         return scope.inside(document.path.stem)._replace(names=names), document.value, place

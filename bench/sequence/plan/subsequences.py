@@ -49,7 +49,7 @@ def declared_at(document: Document, section: str, name: str) -> Place:
     return ()
 
 
-def given_to(
+def call_parameters(
     outline: Outline, wishes: Mapping[str, Any], scope: Scope, place: Place, found: list[Problem]
 ) -> dict[str, Value]:
     """Parameters of a called sequence: those of the call, otherwise its defaults; problems are added to `found`."""

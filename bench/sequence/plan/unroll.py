@@ -34,7 +34,7 @@ from bench.sequence.steps.talk import Prompt
 from bench.sequence.steps.verbs import STEPS, Step
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import NO_DIMENSION
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 Raw = Mapping[str, Any]
 Seen = Counter[str]
@@ -128,7 +128,6 @@ def _loop(
 
 
 def _values(variable: str, raw: Any, key: str, scope: Scope) -> tuple[Value, ...]:
-    """Values of a loop variable."""
     if variable in scope.names or variable in scope.measured:
         raise Wrong("for_each", f"the name '{variable}' is taken; choose another for this loop")
     if scope.waits(raw):
@@ -243,7 +242,7 @@ def _retry_model(block: Raw, scope: Scope) -> Retry:
     try:
         return Retry.model_validate({**block, **delay, "steps": UNROLLED})
     except ValidationError as error:
-        raise Wrong("delay", in_plain_words(error.errors(include_url=False)[0])) from None
+        raise Wrong("delay", error_text(error.errors(include_url=False)[0])) from None
 
 
 _BLOCKS: Mapping[str, Callable[[Expansion, Raw, Place, Scope, Seen], Iterator[Node]]] = {

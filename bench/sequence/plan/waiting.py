@@ -14,7 +14,7 @@ from bench.sequence.language.values import holds_expression, in_words, value_of
 from bench.sequence.plan.plan import PlannedStep, Waiting
 from bench.sequence.plan.scope import TEXTS, filled
 from bench.sequence.steps.verbs import Step
-from drivers.schema.wording import in_plain_words
+from drivers.schema.wording import error_text
 
 
 def completed(planned: PlannedStep, variables: Mapping[str, Value], folder: Path) -> Step:
@@ -29,7 +29,7 @@ def completed(planned: PlannedStep, variables: Mapping[str, Value], folder: Path
         raise StepError(_with_measurements(str(problem), variables)) from None
     except ValidationError as error:
         problems = [
-            f"{'.'.join(map(str, item['loc']))}: {in_plain_words(item)}" for item in error.errors(include_url=False)
+            f"{'.'.join(map(str, item['loc']))}: {error_text(item)}" for item in error.errors(include_url=False)
         ]
         raise StepError(_with_measurements("; ".join(problems), variables)) from None
     return found

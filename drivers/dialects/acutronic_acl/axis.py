@@ -12,20 +12,21 @@ from drivers.dialects.acutronic_acl import wire
 from drivers.dialects.acutronic_acl.description import AclOptions
 from drivers.dialects.acutronic_acl.wire import Dynamics, Interlock, Reply
 from drivers.errors import InstrumentFault, Refused
-from drivers.kinds.table.axis import READ_BACK, Drive, Mode, State
+from drivers.kinds.table.axis import Drive, Mode, State
 from drivers.kinds.table.description import TableLimits
 from drivers.kinds.table.driver import Table
 from drivers.kinds.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
 from drivers.recognised import Recognised
-from drivers.transport.dialogue import Dialogue
-from drivers.transport.exchange import Pace, Proof
+from drivers.timing.readback import read_back
+from drivers.transport.dialogue import Dialogue, OverDialogue
+from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity
 
 T = TypeVar("T")
 
 ANSWER_S = 1.0  # 2 ms as a rule
 INTERLOCK_STEP_S = 0.25  # pause between two steps in start-up scripts of third parties
-SWINGING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
+OSCILLATING = Dynamics.AT_AMPLITUDE | Dynamics.AT_FREQUENCY
 _DRIVES = {Interlock.CLOSED: Drive.ON, Interlock.OPEN: Drive.OFF, Interlock.FAULT: Drive.FAULT}
 _INTERLOCKS = {drive: interlock.value for interlock, drive in _DRIVES.items()}
 _MODES = {
@@ -35,7 +36,7 @@ _MODES = {
 _OWN_MODES = {mode: own for own, mode in _MODES.items()}
 
 
-class AclAxis:
+class AclAxis(OverDialogue):
     """One axis of a controller; a TableAxis.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
@@ -47,40 +48,28 @@ class AclAxis:
         self._device, self._pin = setup.name, setup.identity
         self._number, self._byte_order = setup.options.axis, setup.options.byte_order
         self._turns, self._endless = TurnCounter(setup.limits.angle), setup.limits.angle is None
-        self._who = Recognised(setup.name, setup.identity)
+        self._recognised = Recognised(setup.name, setup.identity)
         self._locked_out = False
         framing = partial(wire.whole_answer, order=self._byte_order)
-        proof = Proof(wire.ASK_IDENTITY.encode(), self._recognise)
+        sync_query = SyncQuery(wire.IDENTITY_QUERY.encode(), self._recognise)
         self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, proof, framing=framing, pace=Pace(ANSWER_S), note=setup.note
+            setup.name, setup.wires, setup.address, sync_query, framing=framing, pace=Pace(ANSWER_S), note=setup.note
         )  # fmt: skip
-
-    async def open(self) -> None:
-        """Connect and identify; raises CannotConnect or WrongIdentity."""
-        await self._dialogue.open()
-
-    async def reopen(self) -> None:
-        """Connect and identify again if the wire was lost; else nothing."""
-        await self._dialogue.reopen()
-
-    def close(self) -> None:
-        """Close the wire; closing twice is harmless."""
-        self._dialogue.close()
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""
-        return await self._dialogue.ask(wire.ASK_IDENTITY.encode(), self._recognise)
+        return await self._dialogue.query(wire.IDENTITY_QUERY.encode(), self._recognise)
 
-    async def look(self) -> State:
+    async def read_state(self) -> State:
         """State of the axis, its angle over whole turns."""
-        state = await self._ask(wire.ask_state(self._number), _read_state)
+        state = await self._query(wire.state_query(self._number), _read_state)
         return self._turns.count(asyncio.get_running_loop().time(), state)
 
     async def check_fault(self, state: State, sent: str = "") -> None:
         """Raise InstrumentFault with its reasons if the interlock has a fault; `sent` is the command that met it."""
         if state.drive is not Drive.FAULT:
             return
-        reasons = await self._ask(wire.ask_faults(self._number), wire.read_faults)
+        reasons = await self._query(wire.faults_query(self._number), wire.read_faults)
         raise InstrumentFault(
             self._device, f"axis {self._number} has an interlock fault: {reasons or 'no reason reported'}", sent=sent,
             remedy="Remove the cause, reset the interlock at the controller (INTERLOCK:RESET), then run again.",
@@ -92,16 +81,16 @@ class AclAxis:
         Raises InstrumentFault when a fault is latched: a person at the controller has to reset it; Refused when the
         drive stays off.
         """
-        state = await self.look()
+        state = await self.read_state()
         await self.check_fault(state)
         self._locked_out = True
-        if not state.ours:
+        if not state.in_control:
             await self._set(*wire.lock_out(True))
         if state.drive is not Drive.ON:
             for command in (wire.enter(wire.Mode.OFF, self._number), wire.energise(self._number)):
-                await self._order(command)
+                await self._send_command(command)
                 await asyncio.sleep(INTERLOCK_STEP_S)
-        state = await READ_BACK.until(self.look, lambda state: state.drive is not Drive.OFF and state.ours)
+        state = await read_back(self.read_state, lambda state: state.drive is not Drive.OFF and state.in_control)
         await self.check_fault(state)
         if state.drive is not Drive.ON:
             raise Refused(
@@ -111,7 +100,7 @@ class AclAxis:
             )  # fmt: skip
         return state
 
-    async def give_back(self) -> None:
+    async def release_control(self) -> None:
         """Unlock the front panel and other interfaces, if this session used the table."""
         if self._locked_out:
             self._locked_out = False
@@ -135,23 +124,23 @@ class AclAxis:
 
     async def enter(self, mode: Mode) -> None:
         """Make the servo follow the demand of a mode."""
-        await self._order(wire.enter(_OWN_MODES[mode], self._number))
+        await self._send_command(wire.enter(_OWN_MODES[mode], self._number))
 
     async def go(self, angle_deg: float) -> None:
         """Demand an angle, within a turn of an axis without ends."""
-        await self._order(self._demand_position(angle_deg))
+        await self._send_command(self._demand_position(angle_deg))
 
     async def turn(self, rate_dps: float) -> None:
         """Demand a rate."""
-        await self._order(wire.demand_rate(self._number, rate_dps))
+        await self._send_command(wire.demand_rate(self._number, rate_dps))
 
     async def stop(self) -> None:
         """Make the servo hold rate zero."""
-        await self._order(wire.enter(wire.Mode.OFF, self._number))
+        await self._send_command(wire.enter(wire.Mode.OFF, self._number))
 
     def stop_at_once(self) -> None:
         """Hold rate zero, ahead of any queued message; raises LinkLost."""
-        self._dialogue.line.cut_in(wire.enter(wire.Mode.OFF, self._number).encode())
+        self._dialogue.line.preempt(wire.enter(wire.Mode.OFF, self._number).encode())
 
     def _demand_position(self, angle_deg: float) -> str:
         return wire.demand_position(self._number, round(angle_deg, 6) % TURN_DEG if self._endless else angle_deg)
@@ -159,25 +148,25 @@ class AclAxis:
     async def _set(self, *commands: str) -> None:
         """Send a setting that moves nothing; raises Refused, or NoAnswer if its effect is unknown."""
         for command in commands:
-            await self._accepted(command, await self._dialogue.ask_once(command.encode(), self._read_reply))
+            await self._accepted(command, await self._dialogue.query_once(command.encode(), self._read_reply))
 
-    async def _order(self, command: str) -> None:
+    async def _send_command(self, command: str) -> None:
         """Send, once, a command that moves or energises; raises InstrumentFault or Refused if the answer is an error.
 
         Also returns if the answer is missing or garbled: the caller decides by reading back.
         """
-        reply = await self._dialogue.order(command.encode(), self._read_reply)
+        reply = await self._dialogue.send_command(command.encode(), self._read_reply)
         if reply is not None:
             await self._accepted(command, reply)
 
-    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+    async def _query(self, question: str, read: Callable[[str], T]) -> T:
         """Query and decode with `read`; raises Refused if the answer is an error."""
 
         def read_text(answer: bytes) -> T | Reply:
             reply = self._read_reply(answer)
             return read(reply.text) if reply.code == wire.NO_ERROR else reply
 
-        found = await self._dialogue.ask(question.encode(), read_text)
+        found = await self._dialogue.query(question.encode(), read_text)
         if isinstance(found, Reply):
             raise self._refusal(question, found)
         return found
@@ -187,7 +176,7 @@ class AclAxis:
 
     async def _accepted(self, command: str, reply: Reply) -> None:
         if reply.code != wire.NO_ERROR:
-            await self.check_fault(await self.look(), command)
+            await self.check_fault(await self.read_state(), command)
             raise self._refusal(command, reply)
 
     def _refusal(self, sent: str, reply: Reply) -> Refused:
@@ -201,19 +190,19 @@ class AclAxis:
         found = wire.read_identity(self._read_reply(answer).text)
         if not found.verified:
             found = found._replace(serial=self._pin.serial or "")
-        return self._who.check(found, found.fingerprint)
+        return self._recognised.check(found, found.fingerprint)
 
 
 @lru_cache(maxsize=64)  # an axis at rest keeps the same state
 def _read_state(text: str) -> State:
     """Decode the state; ValueError for an unknown mode."""
-    told = wire.read_state(text)
-    mode = _MODES.get(told.mode, Mode.OTHER)
+    reported = wire.read_state(text)
+    mode = _MODES.get(reported.mode, Mode.OTHER)
     return State(
-        told.angle_deg, told.rate_dps, _DRIVES[told.interlock], mode,
-        held=mode is Mode.OFF or told.interlock is Interlock.OPEN, swinging=SWINGING in told.dynamics,
-        ours=wire.LOCKED_OUT in told.supervisor, words=f"mode {told.mode.value}",
-        stale=told.interlock is Interlock.FAULT,
+        reported.angle_deg, reported.rate_dps, _DRIVES[reported.interlock], mode,
+        held=mode is Mode.OFF or reported.interlock is Interlock.OPEN, oscillating=OSCILLATING in reported.dynamics,
+        in_control=wire.LOCKED_OUT in reported.supervisor, words=f"mode {reported.mode.value}",
+        stale=reported.interlock is Interlock.FAULT,
     )  # fmt: skip
 
 

@@ -6,11 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.certificates.corrections import AxisCorrections
-from drivers.description import DriverDescription
 from drivers.dialects.acutronic_acl.wire import ByteOrder
-from drivers.kinds.axes import AxisUncertainty
-from drivers.kinds.table.description import TableLimits, TableOptions, busy_s, safe_state
+from drivers.kinds.described import rate_table
+from drivers.kinds.table.description import TableOptions
 from drivers.schema.fields import WholeNumber
 
 
@@ -21,19 +19,12 @@ class AclOptions(TableOptions):
     byte_order: ByteOrder = Field("little", description="byte order of the two numbers in front of every answer")
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = rate_table(
     name="acutronic_acl",
     title="rate table on an Acutronic Acutrol3000 (ACL)",
-    capabilities=frozenset({"positioner", "rate_table"}),
     schemes=frozenset({"tcp"}),
     target="drivers.dialects.acutronic_acl.axis:AcutronicAcl",
     simulator="simulators.instruments.axes.acutronic_acl:SimulatedAcutrol",
     recognition="drivers.dialects.acutronic_acl.recognition:RECOGNITION",
     options=AclOptions,
-    limits=TableLimits,
-    safe_state=safe_state,
-    busy_s=busy_s,
-    uncertainty=AxisUncertainty,
-    corrections=AxisCorrections,
-    channels={"angle": "°", "rate": "°/s"},
 )

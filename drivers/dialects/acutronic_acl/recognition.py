@@ -18,9 +18,9 @@ STARTER: Blocks = {
 }  # fmt: skip
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Recognise a controller, and the byte order of its length prefix."""
-    answer = await port.ask(IDN)
+    answer = await port.query(IDN)
     orders: tuple[ByteOrder, ...] = get_args(ByteOrder)
     for order in orders:
         with suppress(ValueError):
@@ -29,4 +29,4 @@ async def ask(port: Port) -> Found:
     raise ValueError("no length prefix")
 
 
-RECOGNITION = Recognition(SCPI, ask, starter=STARTER)
+RECOGNITION = Recognition(SCPI, recognise, starter=STARTER)

@@ -16,11 +16,11 @@ from drivers.values import Identity
 ByteOrder = Literal["little", "big"]
 E = TypeVar("E", bound=Enum)
 
-ASK_IDENTITY = "*IDN?"
+IDENTITY_QUERY = "*IDN?"
 NO_ERROR = 0
 PREFIX_BYTES = 8
 TEXT_LIMIT_BYTES = 32_768
-NOT_TOLD = "0"  # IEEE 488.2 10.14.3: reported by an instrument that does not know its serial number
+NOT_REPORTED = "0"  # IEEE 488.2 10.14.3: reported by an instrument that does not know its serial number
 
 
 class Mode(Enum):
@@ -157,12 +157,12 @@ def lock_out(locked: bool) -> tuple[str, str]:
     return f":UTIL:LOCKOUT {word}", f":UTIL:REMOTELOCKOUT {word}"
 
 
-def ask_state(axis: int) -> str:
+def state_query(axis: int) -> str:
     """Query of all fields of a State, in one message."""
     return f":READ:POS? {axis};RATE? {axis};:INTERLOCK? {axis};:MODE? {axis};:STAT:CSR? A{axis}DYN;CSR? SUP0"
 
 
-def ask_faults(axis: int) -> str:
+def faults_query(axis: int) -> str:
     """Queries of the registers with the cause of an interlock fault."""
     return f":STAT:CSR? A{axis}SWFAULT;CSR? A{axis}INTLK"
 
@@ -201,7 +201,7 @@ def read_identity(text: str) -> Identity:
     found = scpi.identity(text.encode("ascii"))
     if not found.model.lower().startswith("acutrol"):
         raise ValueError("it is not an Acutrol")
-    known = found.serial != NOT_TOLD
+    known = found.serial != NOT_REPORTED
     return Identity(
         maker=found.maker, model=found.model, serial=found.serial if known else "", firmware=found.firmware,
         verified=known, fingerprint=text,
@@ -209,7 +209,7 @@ def read_identity(text: str) -> Identity:
 
 
 def read_state(text: str) -> State:
-    """Decode the answer to `ask_state`; ValueError."""
+    """Decode the answer to `state_query`; ValueError."""
     angle, rate, interlock, mode, dynamics, supervisor = scpi.answers(text.encode("ascii"), 6)
     return State(
         scpi.number(angle), scpi.number(rate), spelled(interlock, Interlock), spelled(mode, Mode),
@@ -218,7 +218,7 @@ def read_state(text: str) -> State:
 
 
 def read_faults(text: str) -> str:
-    """Decode the answer to `ask_faults` into text like "rate trip, master interlock"; ValueError."""
+    """Decode the answer to `faults_query` into text like "rate trip, master interlock"; ValueError."""
     software, inputs = (scpi.integer(part) for part in scpi.answers(text.encode("ascii"), 2))
     names = [name for name, bits in SoftwareFault.__members__.items() if bits & software]
     names += [name for name, bits in InterlockInput.__members__.items() if bits & inputs]

@@ -11,19 +11,20 @@ from drivers.dialects.aerotech_ensemble import wire
 from drivers.dialects.aerotech_ensemble.description import EnsembleOptions
 from drivers.dialects.aerotech_ensemble.wire import AxisStatus, Outcome, Reply
 from drivers.errors import InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
+from drivers.kinds.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
 from drivers.kinds.head.driver import Head
-from drivers.transport.dialogue import Dialogue
-from drivers.transport.exchange import Pace, Proof
+from drivers.timing.readback import read_back
+from drivers.transport.dialogue import Dialogue, OverDialogue
+from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity, Reading
 
 T = TypeVar("T")
 
-NOT_TOLD = "not told"
+NOT_REPORTED = "not reported"
 
 
-class EnsembleAxis:
+class EnsembleAxis(OverDialogue):
     """One axis of a controller.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
@@ -34,30 +35,24 @@ class EnsembleAxis:
     def __init__(self, setup: Setup[EnsembleOptions, HeadLimits, Nothing]) -> None:
         self._device, self._name, self._stated = setup.name, setup.options.axis, setup.identity
         self._fingerprint = ""
-        proof = Proof(wire.ask_fingerprint(self._name).encode(), self._recognise)
+        sync_query = SyncQuery(wire.fingerprint_query(self._name).encode(), self._recognise)
         self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, proof, pace=Pace(ANSWER_S), greet=self._do_not_wait, note=setup.note
+            setup.name,
+            setup.wires,
+            setup.address,
+            sync_query,
+            pace=Pace(ANSWER_S),
+            on_connect=self._do_not_wait,
+            note=setup.note,
         )
-        self.takes = self._dialogue.takes
-
-    async def open(self) -> None:
-        """Connect and read the fingerprint; raises CannotConnect, or WrongIdentity if it is not the first one."""
-        await self._dialogue.open()
-
-    async def reopen(self) -> None:
-        """Connect again if the wire was lost; else nothing."""
-        await self._dialogue.reopen()
-
-    def close(self) -> None:
-        """Close the wire; closing twice is harmless."""
-        self._dialogue.close()
+        self.double_read = self._dialogue.double_read
 
     async def identify(self) -> Identity:
         """Names stated in the bench file, because the controller has none, and the fingerprint that it reports.
 
         Raises WrongIdentity when the fingerprint has changed.
         """
-        await self._dialogue.ask(wire.ask_fingerprint(self._name).encode(), self._recognise)
+        await self._dialogue.query(wire.fingerprint_query(self._name).encode(), self._recognise)
         return Identity(
             maker=self._stated.maker or "Aerotech", model=self._stated.model or "Ensemble",
             serial=self._stated.serial or "", firmware=self._stated.firmware or "", verified=False,
@@ -66,12 +61,12 @@ class EnsembleAxis:
 
     async def angle(self) -> Reading:
         """Encoder angle (°)."""
-        angle_deg = await self._ask(wire.ask_feedback(self._name), wire.read_angle)
+        angle_deg = await self._query(wire.feedback_query(self._name), wire.read_angle)
         return Reading(asyncio.get_running_loop().time(), angle_deg)
 
     async def state(self) -> AxisState:
         """Status bits."""
-        status = await self._ask(wire.ask_status(self._name), wire.read_status)
+        status = await self._query(wire.status_query(self._name), wire.read_status)
         return AxisState(
             homed=AxisStatus.HOMED in status,
             enabled=AxisStatus.ENABLED in status,
@@ -81,7 +76,7 @@ class EnsembleAxis:
 
     async def check_faults(self, sent: str = "") -> None:
         """Raise InstrumentFault with the names of the present faults; `sent` is the command that met them."""
-        faults = await self._ask(wire.ask_fault(self._name), wire.read_fault)
+        faults = await self._query(wire.fault_query(self._name), wire.read_fault)
         if faults:
             raise InstrumentFault(
                 self._device, f"axis {self._name} has a fault: {wire.name_faults(faults)}", sent=sent,
@@ -92,8 +87,8 @@ class EnsembleAxis:
     async def enable(self) -> None:
         """Energise the motor; raises Refused unless the status confirms it."""
         command = wire.enable(self._name)
-        await self._order(command)
-        if not (await READ_BACK.until(self.state, lambda state: state.enabled)).enabled:
+        await self._send_command(command)
+        if not (await read_back(self.state, lambda state: state.enabled)).enabled:
             raise Refused(
                 self._device, f"axis {self._name} stays disabled", sent=command,
                 remedy="Check the emergency stop and the amplifier, then run again.",
@@ -108,15 +103,15 @@ class EnsembleAxis:
         Returns when the controller has accepted or finished the move, or after `answer_s` if the answer is missing: the
         caller decides by the feedback. Raises Refused, InstrumentFault.
         """
-        await self._order(wire.move_absolute(self._name, angle_deg, rate_dps), answer_s=answer_s)
+        await self._send_command(wire.move_absolute(self._name, angle_deg, rate_dps), answer_s=answer_s)
 
     async def abort(self) -> None:
         """Decelerate and hold."""
-        await self._order(wire.abort(self._name))
+        await self._send_command(wire.abort(self._name))
 
     def abort_at_once(self) -> None:
         """As `abort`, ahead of any queued message; raises LinkLost."""
-        self._dialogue.line.cut_in(wire.abort(self._name).encode())
+        self._dialogue.line.preempt(wire.abort(self._name).encode())
 
     async def _do_not_wait(self) -> None:
         """Set moves to be acknowledged when they are accepted.
@@ -124,23 +119,23 @@ class EnsembleAxis:
         A controller without this setting acknowledges moves when they are finished; the time limit of a move allows for
         that.
         """
-        await self._dialogue.order(wire.NO_WAIT.encode(), wire.read_reply)
+        await self._dialogue.send_command(wire.NO_WAIT.encode(), wire.read_reply)
 
-    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+    async def _query(self, question: str, read: Callable[[str], T]) -> T:
         """Query and decode the data with `read`; raises Refused if the answer has none."""
 
         def read_data(line: bytes) -> T | Reply:
             reply = wire.read_reply(line)
             return read(reply.data) if reply.outcome is Outcome.DONE else reply
 
-        answer = await self._dialogue.ask(question.encode(), read_data)
+        answer = await self._dialogue.query(question.encode(), read_data)
         if isinstance(answer, Reply):
             raise self._refusal(question, answer)
         return answer
 
-    async def _order(self, command: str, *, answer_s: float = ANSWER_S) -> None:
+    async def _send_command(self, command: str, *, answer_s: float = ANSWER_S) -> None:
         """Send a command once; raises InstrumentFault or Refused if the answer shows that it was not executed."""
-        reply = await self._dialogue.order(command.encode(), wire.read_reply, answer_s=answer_s)
+        reply = await self._dialogue.send_command(command.encode(), wire.read_reply, answer_s=answer_s)
         # A controller may answer a move with a timeout ($) although it continues.
         if reply is not None and reply.outcome not in (Outcome.DONE, Outcome.TIMEOUT):
             await self.check_faults(command)
@@ -163,7 +158,7 @@ class EnsembleAxis:
         if reply.outcome is Outcome.DONE and reply.data:
             found = reply.data
         elif reply.outcome is Outcome.INVALID and not reply.data:
-            found = NOT_TOLD
+            found = NOT_REPORTED
         else:
             raise ValueError("not a parameter of an axis")
         if self._fingerprint not in ("", found):

@@ -6,10 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.certificates.corrections import AxisCorrections
-from drivers.description import DriverDescription
-from drivers.kinds.axes import AxisUncertainty
-from drivers.kinds.head.description import HeadLimits, HeadOptions, busy_s, safe_state
+from drivers.kinds.described import indexing_head
+from drivers.kinds.head.description import HeadOptions
 from drivers.schema.fields import TextLike
 
 
@@ -21,19 +19,12 @@ class EnsembleOptions(HeadOptions):
     )
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = indexing_head(
     name="aerotech_ensemble",
     title="indexing head or rotary stage on an Aerotech Ensemble",
-    capabilities=frozenset({"positioner"}),
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.dialects.aerotech_ensemble.axis:AerotechEnsemble",
     simulator="simulators.instruments.axes.aerotech_ensemble:SimulatedEnsemble",
     recognition="drivers.dialects.aerotech_ensemble.recognition:RECOGNITION",
     options=EnsembleOptions,
-    limits=HeadLimits,
-    safe_state=safe_state,
-    busy_s=busy_s,
-    uncertainty=AxisUncertainty,
-    corrections=AxisCorrections,
-    channels={"angle": "°"},
 )

@@ -11,13 +11,13 @@ from drivers.values import Identity
 AXIS = "X"  # the default name of an axis
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Recognise a controller that has an axis X."""
-    reply = wire.read_reply(text_of(await port.ask(f"{wire.ask_status(AXIS)}\n".encode())).encode())
+    reply = wire.read_reply(text_of(await port.query(f"{wire.status_query(AXIS)}\n".encode())).encode())
     if reply.outcome is not Outcome.DONE:
         raise ValueError("no status of an axis")
     wire.read_status(reply.data)
     return Found(Identity(maker="Aerotech", model="Ensemble", verified=False), {"options": {"axis": AXIS}})
 
 
-RECOGNITION = Recognition(Language("ensemble"), ask, starter=HEAD_STARTER)
+RECOGNITION = Recognition(Language("ensemble"), recognise, starter=HEAD_STARTER)

@@ -91,22 +91,22 @@ def abort(axis: str) -> str:
     return f"ABORT {axis}"
 
 
-def ask_feedback(axis: str) -> str:
+def feedback_query(axis: str) -> str:
     """Query of the encoder angle, °."""
     return f"PFBK {axis}"
 
 
-def ask_status(axis: str) -> str:
+def status_query(axis: str) -> str:
     """Query of the AxisStatus bits."""
     return f"AXISSTATUS {axis}"
 
 
-def ask_fault(axis: str) -> str:
+def fault_query(axis: str) -> str:
     """Query of the AxisFault bits."""
     return f"AXISFAULT {axis}"
 
 
-def ask_fingerprint(axis: str) -> str:
+def fingerprint_query(axis: str) -> str:
     """Query of an axis parameter whose answer cannot be mistaken for another."""
     return f"GETPARM({axis}, {FINGERPRINT_PARAMETER})"
 

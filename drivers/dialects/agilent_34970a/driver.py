@@ -10,12 +10,11 @@ from drivers.description import Nothing, Setup
 from drivers.dialects.agilent_34970a import wire
 from drivers.dialects.agilent_34970a.description import ScannerOptions
 from drivers.errors import InstrumentFault, Refused
-from drivers.timing.readback import ReadBack
-from drivers.transport.dialogue import once_more
+from drivers.timing.readback import read_back
+from drivers.transport.dialogue import retry_once
 from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity, Reading
 
-READ_BACK = ReadBack()
 _SCAN_S, _CHANNEL_S = 3.0, 0.6  # time limit of a scan: its answer, and each sensor with its relay
 
 
@@ -56,7 +55,7 @@ class Agilent34970A:
         A 34970A does not report its serial number: it is then the one stated in the bench file, unverified.
         """
         found = await self._link.identify()
-        cards = [await self._link.ask(f":SYST:CTYP? {slot}".encode(), wire.read_card) for slot in wire.SLOTS]
+        cards = [await self._link.query(f":SYST:CTYP? {slot}".encode(), wire.read_card) for slot in wire.SLOTS]
         serial = found.serial if found.verified else self._pin.serial or ""
         return found._replace(serial=serial, fingerprint=f"cards {', '.join(cards)}")
 
@@ -71,10 +70,12 @@ class Agilent34970A:
             if state != wanted:
                 raise InstrumentFault(
                     self.name, f"its setup has changed; expected a scan of {wire.listed(wanted.channels)}",
-                    received=_in_words(state),
+                    received=_state_text(state),
                     remedy="Look for a power failure, a front panel in use, or another master; then run again.",
                 )  # fmt: skip
-            samples = await self._link.takes.agreed("a scan", self._scan, again=self._scanned, spell=_told)
+            samples = await self._link.double_read.confirmed(
+                "a scan", self._scan, repeat=self._stored_scan, describe=_samples_text
+            )
         return {
             self._names[sample.channel]: (
                 [] if sample.temperature_c is None else [Reading(self._begun_s + sample.since_s, sample.temperature_c)]
@@ -91,14 +92,14 @@ class Agilent34970A:
         for message in [wire.REMOTE, *messages] if self._on_serial_line else messages:
             await self._link.write(message)
         wanted = wire.state_when(self._sensors)
-        state = await READ_BACK.until(self._state, lambda state: state == wanted)
+        state = await read_back(self._state, lambda state: state == wanted)
         if state != wanted:
             raise Refused(
-                self.name, "a setting was not executed", sent=messages[-1], received=_in_words(state),
+                self.name, "a setting was not executed", sent=messages[-1], received=_state_text(state),
                 remedy="Check the cards in its slots, and channels and sensors in the bench file.",
             )  # fmt: skip
         for sensor in self._sensors:
-            found = await self._link.ask(question := wire.type_query(sensor), wire.read_type)
+            found = await self._link.query(question := wire.type_query(sensor), wire.read_type)
             if found != sensor.type:
                 raise Refused(
                     self.name, f"channel {sensor.channel} is not of type {sensor.type}", sent=question.decode(),
@@ -106,19 +107,19 @@ class Agilent34970A:
                 )  # fmt: skip
 
     async def _scan(self) -> list[wire.Sample]:
-        return await once_more(self._scan_once, self._note)
+        return await retry_once(self._scan_once, self._note)
 
     async def _scan_once(self) -> list[wire.Sample]:
-        patience_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
+        timeout_s = _SCAN_S + _CHANNEL_S * len(self._sensors)
         self._begun_s = asyncio.get_running_loop().time()  # reference of the times of its readings
-        return await self._link.ask_once(wire.SCAN_ONCE, self._read_scan, answer_s=patience_s)
+        return await self._link.query_once(wire.SCAN_ONCE, self._read_scan, answer_s=timeout_s)
 
-    async def _scanned(self) -> list[wire.Sample]:
+    async def _stored_scan(self) -> list[wire.Sample]:
         """Read the last scan from memory."""
-        return await self._link.ask(wire.SCANNED, self._read_scan)
+        return await self._link.query(wire.SCANNED, self._read_scan)
 
     async def _state(self) -> wire.State:
-        return await self._link.ask(wire.state_query(self._sensors), wire.read_state)
+        return await self._link.query(wire.state_query(self._sensors), wire.read_state)
 
     def _read_scan(self, line: bytes) -> list[wire.Sample]:
         samples = wire.read_scan(line)
@@ -127,12 +128,12 @@ class Agilent34970A:
         return samples
 
 
-def _in_words(state: wire.State) -> str:
+def _state_text(state: wire.State) -> str:
     running = ", a scan running" if state.scanning else ""
     return f"{wire.listed(state.channels)} as {','.join(state.kinds)} in {','.join(state.units)}{running}"
 
 
-def _told(samples: Sequence[wire.Sample]) -> str:
+def _samples_text(samples: Sequence[wire.Sample]) -> str:
     return ", ".join(
         f"{sample.channel}: " + ("open" if sample.temperature_c is None else f"{sample.temperature_c:.3f} °C")
         for sample in samples

@@ -20,12 +20,13 @@ from drivers.dialects.binder.wire import (
     words,
 )
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
-from drivers.kinds.chamber.registers import READ_BACK, ProvedRegisters, hexadecimal
+from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
+from drivers.timing.readback import read_back
 from drivers.values import Identity
 
 
@@ -41,7 +42,7 @@ class _Controller(Connected):
     def __init__(self, setup: Setup[BinderOptions, ChamberLimits, ChamberSafe]) -> None:
         self._pin, self._options = setup.identity, setup.options
         self._at = registers_of(setup.options.controller, setup.options.set_point, swapped=setup.options.swapped)
-        self._registers = ProvedRegisters(setup, self._identify)
+        self._registers = VerifiedRegisters(setup, self._identify)
         self._link = self._registers.link
         super().__init__(self._registers)
 
@@ -50,7 +51,7 @@ class _Controller(Connected):
         fingerprint = f"temperatures in the registers of an {self.model}"
         return as_stated(self._pin, fingerprint, maker="Binder", model=self.model)
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """Set point as stored: the nearest float32."""
         return value_c(words(temperature_c))
 
@@ -95,18 +96,18 @@ class Mb1(_Controller):
 
     model = "MB1"
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read temperatures, mode and alarm."""
         (mode,) = await self._registers.read(MODE, 1)
         (alarm,) = await self._registers.read(ALARM, 1)
-        control, why = Control.OTHER, f"mode {_mode_name(mode)}"
+        control, why = Control.FOREIGN, f"mode {_mode_name(mode)}"
         if alarm:
             why = f"alarm {alarm:#x}"
         elif mode == mode_of(self._options.set_point):
             control, why = Control.SET_POINT, ""
         elif mode == Mode.IDLE:
-            control = Control.NOBODY
-        return Look(
+            control = Control.IDLE
+        return ControllerState(
             await self._temperature(self._at.process_value), await self._temperature(self._at.set_point_in_force),
             await self._temperature(self._at.set_point), control, why,
         )  # fmt: skip
@@ -142,20 +143,20 @@ class Mb2(_Controller):
 
     model = "MB2"
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read temperatures and operation lines; a running program is recognised by a different active set point."""
         (lines,) = await self._registers.read(LINES, 1)
         process_value_c = await self._temperature(self._at.process_value)
         target_c = await self._temperature(self._at.set_point)
         in_force_c = await self._temperature(self._at.set_point_in_force)
         if lines & IDLE_LINE:
-            return Look(process_value_c, in_force_c, target_c, Control.NOBODY, "it is idle")
+            return ControllerState(process_value_c, in_force_c, target_c, Control.IDLE, "it is idle")
         if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
             in_force_c = await self._followed(target_c)
         if abs(in_force_c - target_c) > ARRIVED_WITHIN_C:
             why = f"active set point {in_force_c:g} °C, manual set point {target_c:g} °C: a program may be running"
-            return Look(process_value_c, in_force_c, target_c, Control.OTHER, why)
-        return Look(process_value_c, in_force_c, target_c)
+            return ControllerState(process_value_c, in_force_c, target_c, Control.FOREIGN, why)
+        return ControllerState(process_value_c, in_force_c, target_c)
 
     async def command(self, temperature_c: float) -> None:
         """Write the set point and read it back."""
@@ -178,7 +179,7 @@ class Mb2(_Controller):
 
     async def _followed(self, target_c: float) -> float:
         """Active set point, which becomes the manual one after some time if nothing else controls."""
-        return await READ_BACK.until(
+        return await read_back(
             lambda: self._temperature(self._at.set_point_in_force),
             lambda in_force_c: abs(in_force_c - target_c) <= ARRIVED_WITHIN_C,
         )

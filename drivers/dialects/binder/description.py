@@ -6,21 +6,14 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from drivers.description import DriverDescription
 from drivers.dialects.binder.wire import Kind, SetPointName
-from drivers.kinds.chamber.description import (
-    CHANNELS,
-    ChamberLimits,
-    ChamberSafe,
-    StairOptions,
-    TemperatureRange,
-    safe_state,
-)
+from drivers.kinds.chamber.description import SteppedRampOptions, TemperatureRange
+from drivers.kinds.described import thermal_chamber
 from drivers.schema.fields import Flag, PositiveSeconds, WholeNumber
 from drivers.schema.wording import telling
 
 
-class BinderOptions(StairOptions):
+class BinderOptions(SteppedRampOptions):
     """Protocol settings of the controller."""
 
     controller: Kind = Field(description="type of the controller: mb1 or mb2")
@@ -39,17 +32,12 @@ class BinderOptions(StairOptions):
         return self
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = thermal_chamber(
     name="binder",
     title="Binder thermal chamber with MB1 or MB2, Modbus RTU",
-    capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"serial", "socket"}),
     target="drivers.dialects.binder.controller:Binder",
     simulator="simulators.instruments.chambers.binder:SimulatedBinder",
     recognition="drivers.dialects.binder.recognition:RECOGNITION",
     options=BinderOptions,
-    limits=ChamberLimits,
-    safe=ChamberSafe,
-    safe_state=safe_state,
-    channels=CHANNELS,
 )

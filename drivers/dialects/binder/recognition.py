@@ -14,7 +14,7 @@ _BESIDES: Mapping[Kind, int] = {"mb1": MODE, "mb2": LINES}
 STARTER: Blocks = {**CHAMBER_STARTER, "options": {"range": {"min": "-40 °C", "max": "180 °C"}}}
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Recognise a controller of either kind."""
     kinds: tuple[Kind, ...] = get_args(Kind)
     for kind in kinds:
@@ -39,4 +39,4 @@ async def _is(port: Port, kind: Kind) -> None:
         raise ValueError("no mode of an MB1")
 
 
-RECOGNITION = Recognition(MODBUS, ask, starter=STARTER, lines=("baud=9600", "baud=19200"))
+RECOGNITION = Recognition(MODBUS, recognise, starter=STARTER, lines=("baud=9600", "baud=19200"))

@@ -1,16 +1,16 @@
-"""Decoder of a counter's frames by its DBC."""
+"""Frame format of a counter and decoder of its frames, from its bench file entry and the DBC named there."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from drivers.can.dbc import dbc_in
+from drivers.can.dbc import Dbc, dbc_in
 from drivers.can.decoded import Counts, FrameDecoder, Positions
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
+from drivers.can.gap_detection import GapDetector
 from drivers.dialects.can_counter import wire
-from drivers.dialects.can_counter.binding import format_of
 from drivers.dialects.can_counter.options import CounterOptions
+from drivers.dialects.can_counter.wire import CounterFormat, counter_format
 
 
 class CounterDecoder(FrameDecoder):
@@ -31,6 +31,13 @@ class CounterDecoder(FrameDecoder):
         latches = wire.latches_of(self._format, block)
         return {name: wire.decode_positions(self._format, name, block, latches) for name in self._format.positions}
 
-    def watches(self) -> Sequence[Unbroken]:
+    def watches(self) -> Sequence[GapDetector]:
         """Gap detector for the latches and the counts of all channels."""
         return [wire.unbroken(self._format)]
+
+
+def format_of(options: CounterOptions, dbc: Dbc) -> CounterFormat:
+    """Resolve the names of the options in the DBC; DbcError names the missing ones."""
+    channels = {name: channel.model_dump() for name, channel in options.channels.items()}
+    positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
+    return counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels, positions)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, on_the_wire, temperatures
-from drivers.can.sent_frames import Counted, Encoder, OnTheWire, Output, SentFrames
+from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, bus_load, temperatures
+from drivers.can.sent_frames import BusLoad, Counted, Encoder, Output, SentFrames
 from drivers.certificates.corrections import ClockCorrections
 from drivers.description import DriverDescription
 from drivers.dialects.can_counter.options import CounterOptions
@@ -24,11 +24,11 @@ def _encoders(options: CounterOptions) -> Mapping[str, Encoder]:
     }
 
 
-def _on_the_wire(options: CounterOptions) -> OnTheWire:
+def _bus_load(options: CounterOptions) -> BusLoad:
     signals = [options.latch.tick, options.latch.sequence]
     signals += [name for channel in options.channels.values() for _, name in channel]
     signals += [name for each in options.positions.values() for name in (each.position, each.sequence)]
-    return on_the_wire(options.dbc, dict.fromkeys(signals, options.period), options.positions)
+    return bus_load(options.dbc, dict.fromkeys(signals, options.period), options.positions)
 
 
 DESCRIPTION = DriverDescription(
@@ -47,7 +47,7 @@ DESCRIPTION = DriverDescription(
     frames=SentFrames(
         outputs=_outputs,
         encoders=_encoders,
-        on_the_wire=_on_the_wire,
+        bus_load=_bus_load,
         decoder="drivers.dialects.can_counter.decoder:CounterDecoder",
     ),
 )

@@ -14,7 +14,7 @@ from drivers.can.frame_block import FrameBlock
 from drivers.can.sequence_numbers import Integers
 from drivers.description import Nothing, Setup
 from drivers.dialects.can_counter import wire
-from drivers.dialects.can_counter.binding import format_of
+from drivers.dialects.can_counter.decoder import format_of
 from drivers.dialects.can_counter.options import CounterOptions
 from drivers.kinds.frame_source.counter import FreeCounter, Newest
 from drivers.kinds.frame_source.intake import bound_format

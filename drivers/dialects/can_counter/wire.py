@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from drivers.can.dbc import Dbc, Field, readings_of
 from drivers.can.decoded import Counts, Positions
-from drivers.can.encoder_frames import PositionFormat, numbered_beside, position_formats
+from drivers.can.encoder_frames import PositionFormat, position_formats, unwrap_by_neighbours
 from drivers.can.frame_block import FrameBlock
 from drivers.can.frame_cycles import Cycles, cycles_of
-from drivers.can.gap_detection import Unbroken
-from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
+from drivers.can.gap_detection import GapDetector
+from drivers.can.sequence_numbers import Integers, ascending, count_restarts, gaps_in, unwrapped_by_clock
 
 NEWEST_FRAMES = 64  # rows searched first for the newest frame of each message
 
@@ -74,9 +74,9 @@ def counter_format(
     )
 
 
-def unbroken(form: CounterFormat) -> Unbroken:
+def unbroken(form: CounterFormat) -> GapDetector:
     """Gap detector for an acquisition: every latch, with the counts of each channel."""
-    return Unbroken.of(form.sequence, form.tick, [pair.sequence for pair in form.channels.values()])
+    return GapDetector.of(form.sequence, form.tick, [pair.sequence for pair in form.channels.values()])
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     ticks, tick_bits = form.tick.signal.raw(data), form.tick.signal.length
     numbers = unwrapped_by_clock(raw, form.sequence.signal.length, ticks, tick_bits)
     boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
-    restarts = int(np.count_nonzero(np.diff(boots))) or begun_anew(numbers, ticks, tick_bits)
+    restarts = int(np.count_nonzero(np.diff(boots))) or count_restarts(numbers, ticks, tick_bits)
     newest = int(numbers.max()) if len(numbers) else -1
     cycles = cycles_of(block, rows)
     return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), newest, restarts, cycles)
@@ -175,7 +175,7 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
             other.signal.length, form.sequence.signal.length
         )  # sequence numbers of a longer signal have no counterpart in the latches
         ahead = latches.fresh
-        numbers, fresh = numbered_beside(rows, raw, bits, latches.rows[ahead], latches.numbers[ahead])
+        numbers, fresh = unwrap_by_neighbours(rows, raw, bits, latches.rows[ahead], latches.numbers[ahead])
         sequence, latch_places, other_places = np.intersect1d(
             latches.numbers[latches.fresh], numbers[fresh], assume_unique=True, return_indices=True
         )

@@ -1,16 +1,17 @@
-"""Decoder of telemetry frames by their DBC."""
+"""Frame formats of telemetry and decoder of its frames, from its bench file entry and the DBC named there."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from drivers.can.dbc import dbc_in
+from drivers.can.dbc import Dbc, dbc_in
 from drivers.can.decoded import FrameDecoder, Positions, Samples
+from drivers.can.encoder_frames import PositionFormat, position_formats
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
+from drivers.can.gap_detection import GapDetector
 from drivers.dialects.can_telemetry import wire
-from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
+from drivers.dialects.can_telemetry.wire import SampleFormat, sample_formats
 
 
 class TelemetryDecoder(FrameDecoder):
@@ -33,6 +34,16 @@ class TelemetryDecoder(FrameDecoder):
             for name, encoder in self._encoders.items()
         }
 
-    def watches(self) -> Sequence[Unbroken]:
+    def watches(self) -> Sequence[GapDetector]:
         """Gap detectors, one for each message with samples."""
         return wire.unbroken(self._formats)
+
+
+def formats_of(options: TelemetryOptions, dbc: Dbc) -> dict[str, SampleFormat]:
+    """Resolve the names of each channel in the DBC; DbcError names those missing or spread over several messages."""
+    return sample_formats(dbc, {name: sample.model_dump() for name, sample in options.channels.items()})
+
+
+def encoders_of(options: TelemetryOptions, dbc: Dbc) -> dict[str, PositionFormat]:
+    """Resolve the names of each encoder in the DBC; DbcError names the missing ones."""
+    return position_formats(dbc, {name: encoder.model_dump() for name, encoder in options.positions.items()})

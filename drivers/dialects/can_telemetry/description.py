@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, on_the_wire, temperatures
-from drivers.can.sent_frames import Encoder, OnTheWire, Output, SentFrames
+from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, bus_load, temperatures
+from drivers.can.sent_frames import BusLoad, Encoder, Output, SentFrames
 from drivers.description import DriverDescription
 from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.safe_state import NOTHING
@@ -23,11 +23,11 @@ def _encoders(options: TelemetryOptions) -> Mapping[str, Encoder]:
     return found
 
 
-def _on_the_wire(options: TelemetryOptions) -> OnTheWire:
+def _bus_load(options: TelemetryOptions) -> BusLoad:
     periods_s = {sample.value: sample.period for sample in options.channels.values()}
     for encoder in options.positions.values():
         periods_s |= dict.fromkeys((encoder.position, encoder.sequence), options.channels[encoder.channel].period)
-    return on_the_wire(options.dbc, periods_s, options.positions)
+    return bus_load(options.dbc, periods_s, options.positions)
 
 
 DESCRIPTION = DriverDescription(
@@ -45,7 +45,7 @@ DESCRIPTION = DriverDescription(
     frames=SentFrames(
         outputs=_outputs,
         encoders=_encoders,
-        on_the_wire=_on_the_wire,
+        bus_load=_bus_load,
         decoder="drivers.dialects.can_telemetry.decoder:TelemetryDecoder",
     ),
 )

@@ -14,20 +14,20 @@ from drivers.can.frame_block import FrameBlock
 from drivers.can.sequence_numbers import Integers
 from drivers.description import Nothing, Setup, check_identity
 from drivers.dialects.can_telemetry import wire
-from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.decoder import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.kinds.frame_source.intake import (
-    MOST_NAMED,
+    FROZEN_FRAMES,
+    MAX_LISTED,
     SILENT_PERIODS,
-    STANDING_FRAMES,
     FrameDriver,
     bound_format,
-    frames_named,
+    describe_frames,
 )
 from drivers.timing.awake import awake_s
 from drivers.transport.frame_link import FrameLink
-from drivers.values import Heard
+from drivers.values import LastSeen
 
 
 class CanTelemetry(FrameDriver[TelemetryOptions]):
@@ -39,7 +39,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
 
     def __init__(self, setup: Setup[TelemetryOptions, Nothing, Nothing]) -> None:
         super().__init__(setup)
-        self._heard = dict.fromkeys(self._options.channels, Heard(-math.inf, -math.inf))
+        self._last_seen = dict.fromkeys(self._options.channels, LastSeen(-math.inf, -math.inf))
         self._numbers: dict[str, Integers] = {}  # sequence numbers of the last samples, by channel
         self._codes: dict[str, int] = {}  # last sample of each channel
         self._others: set[int] = set()  # frames that belong to no channel
@@ -66,26 +66,26 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         self._temperatures, self._encoders = dbc.fields_in("°C"), encoders_of(self._options, dbc)
         return formats_of(self._options, dbc)
 
-    def _look(self, block: FrameBlock) -> None:
+    def _process(self, block: FrameBlock) -> None:
         """Decode readings and the newest samples of a block; raises if the block has a problem."""
-        self._keep_readings(self._temperatures, block)
+        self._store_readings(self._temperatures, block)
         known = {form.value.message.id for form in self._formats.values()}
         known |= {encoder.position.message.id for encoder in self._encoders.values()}
-        self._others |= set(sorted(set(block.ids.tolist()) - known)[:MOST_NAMED])
+        self._others |= set(sorted(set(block.ids.tolist()) - known)[:MAX_LISTED])
         for channel, form in self._formats.items():
-            self._listen(channel, *wire.arrivals(form, block))
+            self._store_newest(channel, *wire.arrivals(form, block))
         self._check_silence()
 
-    def _listen(self, channel: str, numbers: Integers, codes: Integers, at_s: np.ndarray) -> None:
+    def _store_newest(self, channel: str, numbers: Integers, codes: Integers, at_s: np.ndarray) -> None:
         """Store the newest value of a channel; raises if it repeats the same sample."""
         if not len(numbers):
             return
         changed = np.flatnonzero(np.diff(codes, prepend=self._codes.get(channel, ~int(codes[0]))))
-        changed_s = float(at_s[changed[-1]]) if len(changed) else self._heard[channel].pulse_s
-        self._heard[channel], self._codes[channel] = Heard(float(at_s[-1]), changed_s), int(codes[-1])
-        last = np.concatenate([self._numbers.get(channel, numbers[:0]), numbers])[-STANDING_FRAMES:]
+        changed_s = float(at_s[changed[-1]]) if len(changed) else self._last_seen[channel].change_s
+        self._last_seen[channel], self._codes[channel] = LastSeen(float(at_s[-1]), changed_s), int(codes[-1])
+        last = np.concatenate([self._numbers.get(channel, numbers[:0]), numbers])[-FROZEN_FRAMES:]
         self._numbers[channel] = last
-        if len(last) == STANDING_FRAMES and not np.diff(last).any():
+        if len(last) == FROZEN_FRAMES and not np.diff(last).any():
             raise InstrumentFault(
                 self.name, f"channel '{channel}' is frozen: its samples have the sequence number {last[0]}",
                 remedy="Switch the unit off and on; it repeats an old sample.",
@@ -97,12 +97,12 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         if since_s is None:
             return
         silent_s = SILENT_PERIODS * max(sample.period for sample in self._options.channels.values())
-        last_s = max(since_s, *(heard.frame_s for heard in self._heard.values()))
+        last_s = max(since_s, *(seen.frame_s for seen in self._last_seen.values()))
         if awake_s(last_s) <= silent_s:
             return
-        wanted = frames_named(form.value.message.id for form in self._formats.values())
+        wanted = describe_frames(form.value.message.id for form in self._formats.values())
         raise NoAnswer(
             self.name, f"no sample ({wanted}) for more than {silent_s:g} s during an acquisition",
-            received=f"{frames_named(self._others)} besides" if self._others else "no other frame either",
+            received=f"{describe_frames(self._others)} besides" if self._others else "no other frame either",
             remedy="Check that the unit is on, the CAN cable and the bit rate, and that the DBC belongs to this unit.",
         )  # fmt: skip

@@ -111,22 +111,22 @@ class TelemetryOptions(DbcOptions):
         for key, name in sample.signals.items():
             if name is not None and name.partition(".")[0] != message:
                 yield problem_at(("channels", channel, key), f"'{name}' is not in {message}, where the value is")
-        said = units[sample.value]
-        if sample.unit is not None and said and not _alike(said, sample.unit):
-            yield problem_at(("channels", channel, "unit"), f"'{sample.value}' is in '{said}' in {self.dbc.name}")
+        stated = units[sample.value]
+        if sample.unit is not None and stated and not _alike(stated, sample.unit):
+            yield problem_at(("channels", channel, "unit"), f"'{sample.value}' is in '{stated}' in {self.dbc.name}")
         if {sample.tick, sample.sequence} <= bits.keys():
-            round_s, told_s = 2 ** bits[sample.tick] * sample.tick_period, 2 ** bits[sample.sequence] * sample.period
-            if round_s <= told_s / 2:
+            round_s, span_s = 2 ** bits[sample.tick] * sample.tick_period, 2 ** bits[sample.sequence] * sample.period
+            if round_s <= span_s / 2:
                 problem = (
                     f"'{sample.tick}' wraps around after {round_s:g} s; the sample numbers detect gaps of up to "
-                    f"{told_s / 2:g} s: use a longer signal, or a shorter one for the numbers"
+                    f"{span_s / 2:g} s: use a longer signal, or a shorter one for the numbers"
                 )
                 yield problem_at(("channels", channel, "tick"), problem)
 
 
-def _alike(said: str, wanted: str) -> bool:
+def _alike(stated: str, wanted: str) -> bool:
     """Return whether the unit in a DBC is the same in another spelling."""
     try:
-        return parse_unit(said) == parse_unit(wanted)
+        return parse_unit(stated) == parse_unit(wanted)
     except QuantityError:
         return False

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from drivers.can.dbc import Dbc, DbcError, Field
 from drivers.can.decoded import Positions, Samples, Scale
-from drivers.can.encoder_frames import PositionFormat, numbered_beside
+from drivers.can.encoder_frames import PositionFormat, unwrap_by_neighbours
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
-from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
+from drivers.can.gap_detection import GapDetector
+from drivers.can.sequence_numbers import Integers, ascending, count_restarts, gaps_in, unwrapped_by_clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +64,10 @@ def _sample_format(dbc: Dbc, name: str, entry: Mapping[str, Any]) -> SampleForma
     return form
 
 
-def unbroken(forms: Mapping[str, SampleFormat]) -> list[Unbroken]:
+def unbroken(forms: Mapping[str, SampleFormat]) -> list[GapDetector]:
     """Gap detectors for an acquisition, by message: every sample."""
     distinct = {(form.sequence.message.id, form.sequence.signal.name): form for form in forms.values()}
-    return [Unbroken.of(form.sequence, form.tick) for form in distinct.values()]
+    return [GapDetector.of(form.sequence, form.tick) for form in distinct.values()]
 
 
 def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
@@ -92,7 +92,7 @@ def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
         lost=last - first + 1 - int(np.count_nonzero(fresh)),
         dropped=int(np.count_nonzero(~fresh)),
         invalid=int(np.count_nonzero(fresh & ~usable)),
-        restarts=begun_anew(numbers, ticks, tick.length),
+        restarts=count_restarts(numbers, ticks, tick.length),
     )
 
 
@@ -105,7 +105,7 @@ def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBl
     data, own = block.data[rows], encoder.sequence.signal
     bits = min(own.length, number.length)  # sequence numbers of a longer signal have no counterpart in the samples
     ahead = ascending(known)
-    numbers, fresh = numbered_beside(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
+    numbers, fresh = unwrap_by_neighbours(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
     sequence, of_sample, of_encoder = np.intersect1d(
         samples.sequence, numbers[fresh], assume_unique=True, return_indices=True
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,19 +13,18 @@ from drivers.dialects.cts import wire
 from drivers.dialects.cts.description import CtsOptions
 from drivers.dialects.cts.wire import Ramp, Status
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
-from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.lines import ProvedLine
+from drivers.kinds.chamber.lines import VerifiedLine
 from drivers.kinds.chamber.ramp import OwnRamp
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
-from drivers.transport.exchange import Pace, Proof, lines_ending
+from drivers.timing.awake import now_s
+from drivers.timing.readback import read_back
+from drivers.transport.exchange import Pace, SyncQuery, lines_ending
 from drivers.values import Identity
 
 T = TypeVar("T")
-
-READ_BACK = ReadBack()
 
 
 class CtsController(Connected):
@@ -42,44 +40,44 @@ class CtsController(Connected):
         self._device, self._pin, self._options = setup.name, setup.identity, setup.options
         self._address = address = setup.options.address
         self._ramp: OwnRamp | None = None  # last commanded set point
-        self._who = Recognised(setup.name, setup.identity)
-        proof = Proof(wire.STATUS_QUERY.encode(), wire.of_address(address, wire.read_status))
-        self._line = ProvedLine(
-            setup, proof, self._identify, Pace(answer_s=setup.options.answer_timeout),
+        self._recognised = Recognised(setup.name, setup.identity)
+        sync_query = SyncQuery(wire.STATUS_QUERY.encode(), wire.of_address(address, wire.read_status))
+        self._line = VerifiedLine(
+            setup, sync_query, self._identify, Pace(answer_s=setup.options.answer_timeout),
             framing=lines_ending(bytes([wire.ETX])), wrap=partial(wire.frame, address),
         )  # fmt: skip
         super().__init__(self._line)
 
     def _identity(self) -> Identity:
         """Names as stated in the bench file, versions as reported."""
-        return self._who.identity or Identity()
+        return self._recognised.identity or Identity()
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read temperatures, end of the ramp, and state of the chamber."""
         process_value_c, set_point_c, ramp = await self._temperatures()
         control, why = await self._control()
-        return Look(process_value_c, set_point_c, ramp.target_c, control, why)
+        return ControllerState(process_value_c, set_point_c, ramp.target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
         """Send the set point and read it back."""
-        target_c = wire.kept(temperature_c)
+        target_c = wire.as_stored(temperature_c)
         process_value_c, set_point_c, ramp = await self._temperatures()
         control, _ = await self._control()
-        start_c = process_value_c if control is Control.NOBODY else set_point_c
+        start_c = process_value_c if control is Control.IDLE else set_point_c
         rate_c_per_min = (ramp.up_c_per_min if target_c > start_c else ramp.down_c_per_min) if ramp.active else math.inf
         command = wire.set_point(target_c)
-        self._ramp = OwnRamp(start_c, target_c, rate_c_per_min / 60, _now_s())
-        await self._order(command)
-        kept_c = (await READ_BACK.until(self._temperatures, lambda told: told[2].target_c == target_c))[2].target_c
-        if kept_c != target_c:
+        self._ramp = OwnRamp(start_c, target_c, rate_c_per_min / 60, now_s())
+        await self._send_command(command)
+        stored_c = (await read_back(self._temperatures, lambda reported: reported[2].target_c == target_c))[2].target_c
+        if stored_c != target_c:
             raise Refused(
                 self._device, "the chamber did not take a new set point", sent=command,
-                received=f"set point {kept_c:g} °C", remedy="Look at the chamber for a lock or a running program.",
+                received=f"set point {stored_c:g} °C", remedy="Look at the chamber for a lock or a running program.",
             )  # fmt: skip
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """Set point as stored: rounded to a tenth of a degree."""
-        return wire.kept(temperature_c)
+        return wire.as_stored(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
         """Set both rates and read them back; BeyondLimit unless a multiple of 0.1 °C/min."""
@@ -90,13 +88,13 @@ class CtsController(Connected):
             )  # fmt: skip
         commands = wire.ramp_rates(self._options.ramp_channel, rate_c_per_min)
         for command in commands:
-            await self._order(command)
+            await self._send_command(command)
         rates = {round(rate_c_per_min, 1)}
 
         def agrees(ramp: Ramp) -> bool:
             return ramp.active and {ramp.up_c_per_min, ramp.down_c_per_min} == rates
 
-        ramp = await READ_BACK.until(self._ask_ramp, agrees)
+        ramp = await read_back(self._query_ramp, agrees)
         if not agrees(ramp):
             raise Refused(
                 self._device, "the chamber did not take a new rate", sent=" and ".join(commands),
@@ -106,28 +104,28 @@ class CtsController(Connected):
 
     async def take_control(self) -> None:
         """End a pause, start the chamber, send the set point again; InstrumentFault while there is an error."""
-        status = await self._ask(wire.STATUS_QUERY, wire.read_status)
+        status = await self._query(wire.STATUS_QUERY, wire.read_status)
         if status.error:
             raise InstrumentFault(
                 self._device, "the chamber has an error", received=f"number '{status.error}'",
                 remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
         if status.running:
-            await self._order(wire.RESUME)
+            await self._send_command(wire.RESUME)
         else:
-            await self._order(wire.START)
-        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
+            await self._send_command(wire.START)
+        control, why = await read_back(self._control, lambda found: found[0] is Control.SET_POINT)
         if control is not Control.SET_POINT:
             raise Refused(
                 self._device, "the chamber did not start", sent=wire.RESUME if status.running else wire.START,
                 received=why, remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it was paused until now
+            self._ramp = replace(self._ramp, began_s=now_s())  # it was paused until now
             await self.command(self._ramp.target_c)
 
     async def _control(self) -> tuple[Control, str]:
-        return _control(await self._ask(wire.STATUS_QUERY, wire.read_status))
+        return _control(await self._query(wire.STATUS_QUERY, wire.read_status))
 
     async def _temperatures(self) -> tuple[float, float, Ramp]:
         """Process value and active set point, °C, and the ramp.
@@ -135,52 +133,48 @@ class CtsController(Connected):
         During a ramp some chambers report the present value of the ramp as set point, others possibly its end: then the
         present value is computed from rate and time.
         """
-        temperatures = await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
-        ramp = await self._ask_ramp()
-        told_c = temperatures.set_point_c
+        temperatures = await self._query(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+        ramp = await self._query_ramp()
+        reported_c = temperatures.set_point_c
         if not ramp.active:
-            return temperatures.process_value_c, told_c, Ramp(False, math.inf, math.inf, told_c)
-        mine = self._ramp
-        by_the_clock = mine is not None and told_c == ramp.target_c == mine.target_c
-        set_point_c = mine.set_point_c(_now_s()) if mine is not None and by_the_clock else told_c
+            return temperatures.process_value_c, reported_c, Ramp(False, math.inf, math.inf, reported_c)
+        own = self._ramp
+        by_the_clock = own is not None and reported_c == ramp.target_c == own.target_c
+        set_point_c = own.set_point_c(now_s()) if own is not None and by_the_clock else reported_c
         return temperatures.process_value_c, set_point_c, ramp
 
     async def _identify(self) -> None:
-        versions = await self._ask_versions() if self._options.versions else ""
+        versions = await self._query_versions() if self._options.versions else ""
         fingerprint = f"versions {versions}" if versions else f"answers at address {self._address}"
         found = as_stated(self._pin, fingerprint, maker="CTS", model="", firmware=versions)
-        self._who.check(found, found.fingerprint)
+        self._recognised.check(found, found.fingerprint)
         self.limits_c = (wire.COLDEST_C, wire.HOTTEST_C)
 
-    async def _ask_versions(self) -> str:
+    async def _query_versions(self) -> str:
         try:
-            return await self._line.ask_once(wire.VERSIONS_QUERY, wire.of_address(self._address, wire.read_versions))
+            return await self._line.query_once(wire.VERSIONS_QUERY, wire.of_address(self._address, wire.read_versions))
         except NoAnswer as silent:
             raise NoAnswer(
                 self._device, "the chamber does not report its versions", sent=wire.VERSIONS_QUERY,
                 remedy="If it never does, set options.versions to false in the bench file.",
             ) from silent  # fmt: skip
 
-    async def _ask_ramp(self) -> Ramp:
-        return await self._ask(f"R{self._options.ramp_channel}", wire.read_ramp)
+    async def _query_ramp(self) -> Ramp:
+        return await self._query(f"R{self._options.ramp_channel}", wire.read_ramp)
 
-    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
-        return await self._line.ask(question, wire.of_address(self._address, read))
+    async def _query(self, question: str, read: Callable[[str], T]) -> T:
+        return await self._line.query(question, wire.of_address(self._address, read))
 
-    async def _order(self, command: str) -> None:
-        await self._line.order(command, wire.of_address(self._address, wire.read_done(command)))
+    async def _send_command(self, command: str) -> None:
+        await self._line.send_command(command, wire.of_address(self._address, wire.read_done(command)))
 
 
 def _control(status: Status) -> tuple[Control, str]:
     if status.error:
-        return Control.OTHER, f"the chamber has an error, number '{status.error}'"
+        return Control.FOREIGN, f"the chamber has an error, number '{status.error}'"
     if not status.running:
-        return Control.NOBODY, "the chamber is off"
-    return (Control.OTHER, "the chamber is paused") if status.paused else (Control.SET_POINT, "")
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()
+        return Control.IDLE, "the chamber is off"
+    return (Control.FOREIGN, "the chamber is paused") if status.paused else (Control.SET_POINT, "")
 
 
 class Cts(Chamber):

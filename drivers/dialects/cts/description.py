@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.description import DriverDescription
 from drivers.dialects.cts.wire import ADDRESSES, RampChannel
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe, safe_state
+from drivers.kinds.chamber.description import ChamberOptions
+from drivers.kinds.described import thermal_chamber
 from drivers.schema.fields import Flag, WholeNumber
 
 
@@ -22,17 +22,12 @@ class CtsOptions(ChamberOptions):
     versions: Flag = Field(True, description="false for a chamber that does not report versions")
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = thermal_chamber(
     name="cts",
     title="thermal chamber of CTS, ASCII protocol",
-    capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"serial", "socket"}),
     target="drivers.dialects.cts.controller:Cts",
     simulator="simulators.instruments.chambers.cts:SimulatedCts",
     recognition="drivers.dialects.cts.recognition:RECOGNITION",
     options=CtsOptions,
-    limits=ChamberLimits,
-    safe=ChamberSafe,
-    safe_state=safe_state,
-    channels=CHANNELS,
 )

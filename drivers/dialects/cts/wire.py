@@ -84,10 +84,10 @@ def of_address(address: int, read: Callable[[str], T]) -> Callable[[bytes], T]:
 
 def set_point(temperature_c: float) -> str:
     """Command: set point."""
-    return f"a0 {kept(temperature_c):05.1f}"
+    return f"a0 {as_stored(temperature_c):05.1f}"
 
 
-def kept(temperature_c: float) -> float:
+def as_stored(temperature_c: float) -> float:
     """Set point rounded to the transmitted tenth of a degree."""
     return round(temperature_c * STEPS_PER_C) / STEPS_PER_C
 

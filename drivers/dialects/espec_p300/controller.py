@@ -11,22 +11,21 @@ from drivers.dialects.espec_p300 import wire
 from drivers.dialects.espec_p300.description import P300Options
 from drivers.dialects.espec_p300.wire import Monitor, Temperatures
 from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.lines import ProvedLine
+from drivers.kinds.chamber.lines import VerifiedLine
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
-from drivers.transport.exchange import Pace, Proof
+from drivers.timing.readback import read_back
+from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()
 SAME_WITHIN_C = 1.0  # possible change of the air temperature in the second between two queries
-QUESTION_GAP_S, SETTING_GAP_S = 0.3, 1.0  # pauses of third-party drivers after a query and after a setting
+QUERY_GAP_S, SETTING_GAP_S = 0.3, 1.0  # pauses of third-party drivers after a query and after a setting
 _CONTROL: Mapping[str, Control] = {
-    wire.CONSTANT: Control.SET_POINT, wire.OFF: Control.NOBODY, wire.STANDBY: Control.NOBODY,
+    wire.CONSTANT: Control.SET_POINT, wire.OFF: Control.IDLE, wire.STANDBY: Control.IDLE,
 }  # fmt: skip
 
 
@@ -42,17 +41,17 @@ class P300(Connected):
         self._device, self._pin, self._address = setup.name, setup.identity, setup.options.address
         self._commanded_c = math.nan
         self._kind = ""  # answer to TYPE?
-        self._who = Recognised(setup.name, setup.identity)
-        proof = Proof(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
-        pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUESTION_GAP_S)
-        self._line = ProvedLine(setup, proof, self._identify, pace, end=wire.END, order_gap_s=SETTING_GAP_S)
+        self._recognised = Recognised(setup.name, setup.identity)
+        sync_query = SyncQuery(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
+        pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUERY_GAP_S)
+        self._line = VerifiedLine(setup, sync_query, self._identify, pace, end=wire.END, order_gap_s=SETTING_GAP_S)
         super().__init__(self._line)
 
     def _identity(self) -> Identity:
         """Kind and version as reported, serial number as stated in the bench file."""
-        return self._who.identity or Identity()
+        return self._recognised.identity or Identity()
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read temperatures, then the state of the chamber.
 
         BadAnswer if the two answers disagree about the process value.
@@ -67,8 +66,10 @@ class P300(Connected):
                 received=f"{temperatures.process_value_c:g} and {monitor.process_value_c:g} °C",
                 remedy="Check the serial line: its cable, its shield, its baud rate.",
             )  # fmt: skip
-        control = Control.OTHER if monitor.alarms else _CONTROL.get(monitor.mode, Control.OTHER)
-        return Look(temperatures.process_value_c, set_point_c, set_point_c, control, await self._in_words(monitor))
+        control = Control.FOREIGN if monitor.alarms else _CONTROL.get(monitor.mode, Control.FOREIGN)
+        return ControllerState(
+            temperatures.process_value_c, set_point_c, set_point_c, control, await self._state_text(monitor)
+        )
 
     async def command(self, temperature_c: float) -> None:
         """Send the set point and read it back.
@@ -79,10 +80,10 @@ class P300(Connected):
         self._commanded_c = temperature_c
         command = wire.set_point(temperature_c)
         try:
-            await self._order(command)
-            kept_c = wire.kept(temperature_c)
-            told = await READ_BACK.until(self._temperatures, lambda told: told.set_point_c == kept_c)
-            if (set_point_c := told.set_point_c) != kept_c:
+            await self._send_command(command)
+            stored_c = wire.as_stored(temperature_c)
+            reported = await read_back(self._temperatures, lambda reported: reported.set_point_c == stored_c)
+            if (set_point_c := reported.set_point_c) != stored_c:
                 raise Refused(
                     self._device, "the controller did not take a new set point", sent=command,
                     received=f"set point {set_point_c:g} °C",
@@ -92,9 +93,9 @@ class P300(Connected):
             if (await self._monitor()).mode in _CONTROL:
                 raise
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """Set point as stored: rounded to a tenth of a degree."""
-        return wire.kept(temperature_c)
+        return wire.as_stored(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
         """Do nothing: the controller has no ramp; the driver sends a series of set points."""
@@ -107,33 +108,33 @@ class P300(Connected):
         monitor = await self._monitor()
         if monitor.alarms:
             raise InstrumentFault(
-                self._device, "the chamber has an alarm", received=await self._in_words(monitor),
+                self._device, "the chamber has an alarm", received=await self._state_text(monitor),
                 remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
         if monitor.mode == wire.OFF:
-            await self._order(wire.POWER_ON)
-            await READ_BACK.until(self._monitor, lambda told: told.mode != wire.OFF)
-        await self._order(wire.CONSTANT_MODE)
-        monitor = await READ_BACK.until(self._monitor, lambda told: told.mode == wire.CONSTANT)
+            await self._send_command(wire.POWER_ON)
+            await read_back(self._monitor, lambda reported: reported.mode != wire.OFF)
+        await self._send_command(wire.CONSTANT_MODE)
+        monitor = await read_back(self._monitor, lambda reported: reported.mode == wire.CONSTANT)
         if monitor.mode != wire.CONSTANT:
             raise Refused(
                 self._device, "the chamber did not go to constant operation", sent=wire.CONSTANT_MODE,
-                received=await self._in_words(monitor), remedy="Start it by hand at the chamber.",
+                received=await self._state_text(monitor), remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         await self.command(self._commanded_c)
 
     async def _identify(self) -> None:
-        rom = await self._once(wire.ROM_QUERY, wire.read_rom)
-        limits = await self._once(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+        rom = await self._query_once(wire.ROM_QUERY, wire.read_rom)
+        limits = await self._query_once(wire.TEMPERATURE_QUERY, wire.read_temperatures)
         fingerprint = f"controller {self._kind}, programs {rom}"
         stated = as_stated(self._pin, fingerprint, maker="ESPEC", model=self._kind, firmware=rom)
         found = stated._replace(model=self._kind)  # reported by the wire
-        self._who.check(found, found.fingerprint)
+        self._recognised.check(found, found.fingerprint)
         self.limits_c = (limits.lowest_c, limits.highest_c)
 
     def _recognise(self, line: bytes) -> None:
         kind = wire.read_type(line.decode("ascii"))
-        expected = (self._who.identity or self._pin).model
+        expected = (self._recognised.identity or self._pin).model
         if expected not in (None, kind):
             raise WrongIdentity(
                 self._device, f"the controller is of kind '{kind}', expected '{expected}'", sent=wire.TYPE_QUERY,
@@ -143,28 +144,28 @@ class P300(Connected):
         self._kind = kind
 
     async def _temperatures(self) -> Temperatures:
-        return await self._line.takes.agreed("its temperature", self._ask_temperatures, alike=wire.alike)
+        return await self._line.double_read.confirmed("its temperature", self._query_temperatures, agree=wire.agree)
 
-    async def _ask_temperatures(self) -> Temperatures:
-        return await self._ask(wire.TEMPERATURE_QUERY, wire.read_temperatures)
+    async def _query_temperatures(self) -> Temperatures:
+        return await self._query(wire.TEMPERATURE_QUERY, wire.read_temperatures)
 
     async def _monitor(self) -> Monitor:
-        return await self._ask(wire.MONITOR_QUERY, wire.read_monitor)
+        return await self._query(wire.MONITOR_QUERY, wire.read_monitor)
 
-    async def _in_words(self, monitor: Monitor) -> str:
+    async def _state_text(self, monitor: Monitor) -> str:
         if not monitor.alarms:
             return f"the chamber is in mode {monitor.mode}"
-        codes = await self._ask(wire.ALARM_QUERY, wire.read_alarms)
+        codes = await self._query(wire.ALARM_QUERY, wire.read_alarms)
         return f"the chamber is in mode {monitor.mode}, alarm {', '.join(map(str, codes))}"
 
-    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
-        return await self._line.ask(self._addressed(question), wire.unless_refused(read))
+    async def _query(self, question: str, read: Callable[[str], T]) -> T:
+        return await self._line.query(self._addressed(question), wire.unless_refused(read))
 
-    async def _once(self, question: str, read: Callable[[str], T]) -> T:
-        return await self._line.ask_once(self._addressed(question), wire.unless_refused(read))
+    async def _query_once(self, question: str, read: Callable[[str], T]) -> T:
+        return await self._line.query_once(self._addressed(question), wire.unless_refused(read))
 
-    async def _order(self, command: str) -> None:
-        await self._line.order(self._addressed(command), wire.unless_refused(wire.read_done))
+    async def _send_command(self, command: str) -> None:
+        await self._line.send_command(self._addressed(command), wire.unless_refused(wire.read_done))
 
     def _addressed(self, command: str) -> str:
         return wire.addressed(command, self._address)

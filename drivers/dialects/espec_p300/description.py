@@ -6,12 +6,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.description import DriverDescription
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.kinds.chamber.description import SteppedRampOptions
+from drivers.kinds.described import thermal_chamber
 from drivers.schema.fields import WholeNumber
 
 
-class P300Options(StairOptions):
+class P300Options(SteppedRampOptions):
     """Protocol settings and ramp of the controller."""
 
     address: Annotated[WholeNumber, Field(ge=1, le=16)] | None = Field(
@@ -19,17 +19,12 @@ class P300Options(StairOptions):
     )
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = thermal_chamber(
     name="espec_p300",
     title="thermal chamber with an ESPEC P300 or SCP-220",
-    capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.dialects.espec_p300.controller:EspecP300",
     simulator="simulators.instruments.chambers.espec_p300:SimulatedP300",
     recognition="drivers.dialects.espec_p300.recognition:RECOGNITION",
     options=P300Options,
-    limits=ChamberLimits,
-    safe=ChamberSafe,
-    safe_state=safe_state,
-    channels=CHANNELS,
 )

@@ -8,16 +8,16 @@ from drivers.kinds.chamber.recognition import CHAMBER_STARTER
 from drivers.values import Identity
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Recognise a controller without an address, as on RS-232 and TCP."""
-    kind = wire.read_type(text_of(await port.ask(wire.TYPE_QUERY.encode() + wire.END)))
-    programs = wire.read_rom(text_of(await port.ask(wire.ROM_QUERY.encode() + wire.END)))
+    kind = wire.read_type(text_of(await port.query(wire.TYPE_QUERY.encode() + wire.END)))
+    programs = wire.read_rom(text_of(await port.query(wire.ROM_QUERY.encode() + wire.END)))
     return Found(Identity(maker="ESPEC", model=kind, firmware=programs, verified=False))
 
 
-def asks(line: str) -> bool:
+def is_query(line: str) -> bool:
     """Return whether a line is a query."""
     return line.endswith("?")
 
 
-RECOGNITION = Recognition(Language("espec", asks=asks), ask, starter=CHAMBER_STARTER)
+RECOGNITION = Recognition(Language("espec", is_query=is_query), recognise, starter=CHAMBER_STARTER)

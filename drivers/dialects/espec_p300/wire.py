@@ -65,7 +65,7 @@ class Monitor:
     alarms: int
 
 
-def alike(one: Temperatures, other: Temperatures) -> bool:
+def agree(one: Temperatures, other: Temperatures) -> bool:
     """Return whether two consecutive answers agree: only the air temperature may differ."""
     near = abs(one.process_value_c - other.process_value_c) <= STEADY_WITHIN_C
     return near and replace(one, process_value_c=other.process_value_c) == other
@@ -73,10 +73,10 @@ def alike(one: Temperatures, other: Temperatures) -> bool:
 
 def set_point(temperature_c: float) -> str:
     """Command: set point."""
-    return f"TEMP, S{kept(temperature_c):.1f}"
+    return f"TEMP, S{as_stored(temperature_c):.1f}"
 
 
-def kept(temperature_c: float) -> float:
+def as_stored(temperature_c: float) -> float:
     """Set point rounded to the transmitted tenth of a degree."""
     return round(temperature_c * TENTHS) / TENTHS
 

@@ -15,13 +15,12 @@ from drivers.dialects.fluke_5700a.wire import OFF, Event, Setting, State, Status
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, NotSettled, Refused
 from drivers.kinds.latest import Latest, Order
 from drivers.kinds.ranges import SourceLimits
-from drivers.timing.awake import Deadline
-from drivers.timing.readback import ReadBack
+from drivers.timing.awake import Deadline, now_s
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading, SourceReading
 
 SETTLE_LOOK_S = 1.0  # interval of polls until a setting has settled, and delay of the first one
-READ_BACK = ReadBack()  # relays delay the status after a command
 MINUTE_S = 60.0
 _DISTORTING = {
     Status.BOOST: "an amplifier is on",
@@ -66,17 +65,17 @@ class Fluke5700A:
 
         Raises InstrumentFault if there is a fault, or if settings have changed.
         """
-        state = await self._agreed_state()
+        state = await self._confirmed_state()
         if self._latest.result is not None:
             await self._check_still(state, self._latest.result)
         on_time_s = await self._on_time_s(state)
-        at_s = _now_s()
+        at_s = now_s()
         values = {"current": state.flowing_a, "settled": float(state.settled), "on_time": on_time_s}
         return {channel: [Reading(at_s, value)] for channel, value in values.items()}
 
     async def read(self) -> SourceReading:
         """Level while the output operates, else 0; a calibrator measures neither current nor voltage."""
-        state = await self._agreed_state()
+        state = await self._confirmed_state()
         return SourceReading(None, state.flowing_a, Status.OPERATING in state.status)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
@@ -117,7 +116,7 @@ class Fluke5700A:
         async with safe_in_time(self.name):
             if await self._link.reopen():
                 self._range_chosen = False
-            self._link.cut_in(wire.REMOTE, wire.ZERO, wire.STANDBY)
+            self._link.preempt(wire.REMOTE, wire.ZERO, wire.STANDBY)
             await self._reach(order, OFF)
             self._latest.done(order, OFF)
 
@@ -147,7 +146,7 @@ class Fluke5700A:
 
         At once if there is nothing to wait for.
         """
-        return await READ_BACK.until(
+        return await read_back(
             self._state, lambda state: order.ended or wire.next_step(state, wanted, self._band_a) != step
         )
 
@@ -170,14 +169,14 @@ class Fluke5700A:
             raise self._fault("the calibrator has a fault after a setting", faults)
 
     async def _state(self) -> State:
-        status = await self._link.ask(wire.STATUS_QUERY, wire.read_status)
-        return State(status, await self._link.ask(wire.OUTPUT_QUERY, wire.read_output))
+        status = await self._link.query(wire.STATUS_QUERY, wire.read_status)
+        return State(status, await self._link.query(wire.OUTPUT_QUERY, wire.read_output))
 
-    async def _agreed_state(self) -> State:
-        return await self._link.takes.agreed("what the calibrator does", self._state)
+    async def _confirmed_state(self) -> State:
+        return await self._link.double_read.confirmed("what the calibrator does", self._state)
 
     async def _minutes(self) -> int:
-        return await self._link.ask(wire.MINUTES_QUERY, wire.read_integer)
+        return await self._link.query(wire.MINUTES_QUERY, wire.read_integer)
 
     async def _events(self, state: State) -> Event:
         """Events since the last query, which are reported only once.
@@ -186,7 +185,7 @@ class Fluke5700A:
         settings of this driver.
         """
         try:
-            return await self._link.ask_once(wire.EVENTS_QUERY, wire.read_events)
+            return await self._link.query_once(wire.EVENTS_QUERY, wire.read_events)
         except NoAnswer as problem:
             still_set = self._range_chosen and Status.REMOTE | Status.RANGE_LOCKED in state.status
             self._note(f"looked for its faults{'' if still_set else ', and counts its time anew'}: {problem}")
@@ -199,7 +198,7 @@ class Fluke5700A:
         rounding, is a time. A power failure event restarts it.
         """
         events = await self._events(state)
-        minutes = await self._link.takes.agreed("its time in minutes", self._minutes, alike=_within_a_minute)
+        minutes = await self._link.double_read.confirmed("its time in minutes", self._minutes, agree=_within_a_minute)
         if self._first_min is None or Event.POWER_ON in events:
             self._first_min = minutes
         if events & wire.ERRORS and (faults := await self._link.faults()):
@@ -250,7 +249,3 @@ class Fluke5700A:
 
 def _within_a_minute(one_min: int, other_min: int) -> bool:
     return abs(one_min - other_min) <= 1
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()

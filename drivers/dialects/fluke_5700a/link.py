@@ -10,37 +10,39 @@ from drivers.dialects.fluke_5700a import wire
 from drivers.errors import BadAnswer, Refused, WrongIdentity
 from drivers.protocols import scpi
 from drivers.recognised import Recognised
-from drivers.transport.dialogue import Dialogue, once_more
-from drivers.transport.exchange import Pace, Proof
+from drivers.transport.dialogue import Dialogue, retry_once
+from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity
 
 T = TypeVar("T")
 
 ANSWER_S = 5.0  # a calibrator delays commands while it changes its range
-FAULTS_AT_MOST = 32
+MAX_FAULTS = 32
 
 
 class FlukeLink:
     """The line to one calibrator.
 
     Every message is one command or one query, and the next one waits for an answer: the input buffer of 128 bytes never
-    overflows. `takes` confirms readings that enter a result. Lifetime: `open`, then `close`; `reopen` when the wire was
-    lost. Concurrency: callers queue.
+    overflows. `double_read` confirms readings that enter a result. Lifetime: `open`, then `close`; `reopen` when the
+    wire was lost. Concurrency: callers queue.
     """
 
     def __init__(self, setup: Setup[Any, Any, Any], *, end: bytes) -> None:
         self._device, self._end, self._note = setup.name, end, setup.note
-        self._who = Recognised(setup.name, setup.identity)
-        proof = Proof(wire.IDENTITY_QUERY, self._recognise)
+        self._recognised = Recognised(setup.name, setup.identity)
+        sync_query = SyncQuery(wire.IDENTITY_QUERY, self._recognise)
         pace = Pace(answer_s=ANSWER_S)
-        self._dialogue = Dialogue(setup.name, setup.wires, setup.address, proof, end=end, pace=pace, note=setup.note)
-        self.takes = self._dialogue.takes
+        self._dialogue = Dialogue(
+            setup.name, setup.wires, setup.address, sync_query, end=end, pace=pace, note=setup.note
+        )
+        self.double_read = self._dialogue.double_read
 
     async def open(self) -> None:
         """Connect, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""
         try:
             await self._dialogue.open()
-            await once_more(self.faults, self._note)  # errors of earlier sessions
+            await retry_once(self.faults, self._note)  # errors of earlier sessions
         except BadAnswer as problem:
             self.close()
             raise BadAnswer(
@@ -56,7 +58,7 @@ class FlukeLink:
         """Connect and identify again if the connection was lost; return whether it was."""
         lost = await self._dialogue.reopen()
         if lost:
-            await once_more(self.faults, self._note)
+            await retry_once(self.faults, self._note)
         return lost
 
     def close(self) -> None:
@@ -65,15 +67,15 @@ class FlukeLink:
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""
-        return await self.ask(wire.IDENTITY_QUERY, self._recognise)
+        return await self.query(wire.IDENTITY_QUERY, self._recognise)
 
-    async def ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        """Send a query that may be repeated; see Dialogue.ask."""
-        return await self._dialogue.ask(question, read)
+    async def query(self, question: bytes, read: Callable[[bytes], T]) -> T:
+        """Send a query that may be repeated; see Dialogue.query."""
+        return await self._dialogue.query(question, read)
 
-    async def ask_once(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        """Send a query that the instrument answers only once; see Dialogue.ask_once."""
-        return await self._dialogue.ask_once(question, read)
+    async def query_once(self, question: bytes, read: Callable[[bytes], T]) -> T:
+        """Send a query that the instrument answers only once; see Dialogue.query_once."""
+        return await self._dialogue.query_once(question, read)
 
     async def write(self, command: str) -> list[str]:
         """Send a command once; return the faults in the queue after it.
@@ -81,27 +83,27 @@ class FlukeLink:
         Also returns if the answer is missing or garbled: the caller decides by reading back.
         """
         message = command.encode() + self._end + wire.FAULT_QUERY
-        fault = await self._dialogue.order(message, wire.read_integer)
+        fault = await self._dialogue.send_command(message, wire.read_integer)
         return await self.faults() if fault is None else await self._faults_from(fault)
 
-    def cut_in(self, *commands: str) -> None:
-        """Send commands at once, ahead of everything queued; see LineExchange.cut_in."""
-        self._dialogue.line.cut_in(self._end.join(command.encode() for command in commands))
+    def preempt(self, *commands: str) -> None:
+        """Send commands at once, ahead of everything queued; see LineExchange.preempt."""
+        self._dialogue.line.preempt(self._end.join(command.encode() for command in commands))
 
     async def faults(self) -> list[str]:
         """Read every fault of the queue with its text; the queue is empty after it.
 
         Raises NoAnswer if one may have been lost: each is reported only once.
         """
-        return await self._faults_from(await self.ask_once(wire.FAULT_QUERY, wire.read_integer))
+        return await self._faults_from(await self.query_once(wire.FAULT_QUERY, wire.read_integer))
 
     async def _faults_from(self, fault: int) -> list[str]:
         found: list[str] = []
         while fault != wire.NO_FAULT:
-            found.append(f"{fault} {await self.ask(wire.explain_query(fault), wire.read_text)}")
-            if len(found) == FAULTS_AT_MOST:
+            found.append(f"{fault} {await self.query(wire.explain_query(fault), wire.read_text)}")
+            if len(found) == MAX_FAULTS:
                 raise Refused(self._device, "its fault queue does not become empty", received=found[-1])
-            fault = await self.ask_once(wire.FAULT_QUERY, wire.read_integer)
+            fault = await self.query_once(wire.FAULT_QUERY, wire.read_integer)
         return found
 
     def _recognise(self, line: bytes) -> Identity:
@@ -112,4 +114,4 @@ class FlukeLink:
                 self._device, f"a {found.model} is none of {', '.join(wire.MODELS)}; its status may be different",
                 received=line.decode("ascii"), remedy="Correct driver or connection in the bench file.",
             )  # fmt: skip
-        return self._who.check(found, line.decode("ascii"))
+        return self._recognised.check(found, line.decode("ascii"))

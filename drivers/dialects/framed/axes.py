@@ -18,7 +18,7 @@ from drivers.kinds.table.axis import Drive, Mode, State
 from drivers.kinds.table.description import TableLimits
 from drivers.kinds.table.driver import Table
 from drivers.kinds.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
-from drivers.transport.double_read import Takes
+from drivers.transport.double_read import DoubleRead
 from drivers.values import Identity, Reading
 
 _MODES = {"off": Mode.OFF, "position": Mode.POSITION, "rate": Mode.RATE, "sine": Mode.SYNTHESIS}
@@ -47,7 +47,7 @@ class _FramedAxis:
         return await self._controller.identify()
 
     def _at_once(self) -> None:
-        self._controller.line.cut_in("stop")
+        self._controller.line.preempt("stop")
 
 
 class FramedHeadAxis(_FramedAxis):
@@ -57,17 +57,17 @@ class FramedHeadAxis(_FramedAxis):
 
     def __init__(self, setup: Setup[FramedHeadOptions, Any, Any]) -> None:
         super().__init__(FramedController(setup, setup.options))
-        self.takes = Takes(setup.name, setup.note, checked=True)  # every frame has a checksum
+        self.double_read = DoubleRead(setup.name, setup.note, checked=True)  # every frame has a checksum
         self._acceleration_dps2 = setup.options.acceleration
 
     async def angle(self) -> Reading:
         """Encoder angle (°)."""
-        status = await self._controller.look()
+        status = await self._controller.read_state()
         return Reading(asyncio.get_running_loop().time(), status.angle_deg)
 
     async def state(self) -> AxisState:
         """Status bits."""
-        status = await self._controller.look()
+        status = await self._controller.read_state()
         return AxisState(
             homed=status.homed, enabled=status.enabled, moving=status.moving, in_position=status.in_position,
             words=str(status),
@@ -75,7 +75,7 @@ class FramedHeadAxis(_FramedAxis):
 
     async def check_faults(self) -> None:
         """Raise InstrumentFault with the names of the present faults, or if another master commands the axis."""
-        status = await self._controller.look()
+        status = await self._controller.read_state()
         self._controller.check_faults(status)
         if not status.remote:
             raise InstrumentFault(
@@ -92,11 +92,13 @@ class FramedHeadAxis(_FramedAxis):
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
         """Start a move to an angle, sent once; return when the status after it was read. Raises Refused."""
-        await self._controller.order("move", angle=angle_deg, rate=rate_dps, acceleration=self._acceleration_dps2)
+        await self._controller.send_command(
+            "move", angle=angle_deg, rate=rate_dps, acceleration=self._acceleration_dps2
+        )
 
     async def abort(self) -> None:
         """Decelerate and hold."""
-        await self._controller.order("stop")
+        await self._controller.send_command("stop")
 
     def abort_at_once(self) -> None:
         """As `abort`, ahead of any queued message; raises LinkLost."""
@@ -111,13 +113,13 @@ class FramedTableAxis(_FramedAxis):
         self._wraps, self._endless = self._controller.profile.angle_wraps, setup.limits.angle is None
         self.longest_leg_deg = LONGEST_LEG_DEG if self._wraps else math.inf
         self._turns = TurnCounter(setup.limits.angle)
-        self._told = Mode.OFF
+        self._commanded_mode = Mode.OFF
         self._rate_dps, self._acceleration_dps2 = setup.options.rate, setup.options.acceleration
         self._here_deg, self._sine = 0.0, (0.0, 0.0)
 
-    async def look(self) -> State:
+    async def read_state(self) -> State:
         """State of the axis, its angle over whole turns."""
-        return self._understood(await self._controller.look())
+        return self._understood(await self._controller.read_state())
 
     async def check_fault(self, state: State, sent: str = "") -> None:
         """Raise InstrumentFault with its reasons if the state has a fault, met by `sent`; clears nothing."""
@@ -126,7 +128,7 @@ class FramedTableAxis(_FramedAxis):
 
     async def make_ready(self) -> State:
         """Energise the motor, unless that is so already; return the state after it. Raises InstrumentFault, Refused."""
-        status = await self._controller.look()
+        status = await self._controller.read_state()
         self._controller.check_faults(status)
         if not status.homed:
             raise InstrumentFault(
@@ -134,11 +136,11 @@ class FramedTableAxis(_FramedAxis):
                 received=str(status), remedy="Home it at the controller, where you can see it move.",
             )  # fmt: skip
         if not status.enabled:
-            self._told = Mode.OFF
+            self._commanded_mode = Mode.OFF
             status = await self._controller.enable()
         return self._understood(status)
 
-    async def give_back(self) -> None:
+    async def release_control(self) -> None:
         """Do nothing: the active interface is selected at the controller."""
 
     async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:
@@ -161,10 +163,10 @@ class FramedTableAxis(_FramedAxis):
 
     async def enter(self, mode: Mode) -> None:
         """Go to the present angle, turn at rate zero, or oscillate: a mode is entered only by a command."""
-        self._told = mode
+        self._commanded_mode = mode
         if mode is Mode.SYNTHESIS:
             amplitude_deg, frequency_hz = self._sine
-            await self._controller.order("sine", amplitude=amplitude_deg, frequency=frequency_hz)
+            await self._controller.send_command("sine", amplitude=amplitude_deg, frequency=frequency_hz)
         elif mode is Mode.RATE:
             await self.turn(0.0)
         else:
@@ -173,32 +175,32 @@ class FramedTableAxis(_FramedAxis):
     async def go(self, angle_deg: float) -> None:
         """Move the axis to an angle, within a turn if angles wrap."""
         within_deg = angle_deg % TURN_DEG if self._wraps and self._endless else angle_deg
-        await self._controller.order(
+        await self._controller.send_command(
             "move", angle=within_deg, rate=self._rate_dps, acceleration=self._acceleration_dps2
         )  # fmt: skip
 
     async def turn(self, rate_dps: float) -> None:
         """Turn the axis at a rate."""
-        await self._controller.order("rate", rate=rate_dps, acceleration=self._acceleration_dps2)
+        await self._controller.send_command("rate", rate=rate_dps, acceleration=self._acceleration_dps2)
 
     async def stop(self) -> None:
         """Decelerate and hold."""
-        self._told = Mode.OFF
-        await self._controller.order("stop")
+        self._commanded_mode = Mode.OFF
+        await self._controller.send_command("stop")
 
     def stop_at_once(self) -> None:
         """As `stop`, ahead of all queued messages; raises LinkLost."""
-        self._told = Mode.OFF
+        self._commanded_mode = Mode.OFF
         self._at_once()
 
     def _understood(self, status: Status) -> State:
-        mode = _MODES.get(status.mode, Mode.OTHER) if status.mode else self._told
+        mode = _MODES.get(status.mode, Mode.OTHER) if status.mode else self._commanded_mode
         if not status.mode and status.moving and mode is Mode.OFF:
             mode = Mode.OTHER
         drive = Drive.FAULT if status.faults else Drive.ON if status.enabled else Drive.OFF
         state = State(
-            status.angle_deg, status.rate_dps or 0.0, drive, mode, held=not status.moving, swinging=status.at_sine,
-            ours=status.remote, words=str(status),
+            status.angle_deg, status.rate_dps or 0.0, drive, mode, held=not status.moving, oscillating=status.at_sine,
+            in_control=status.remote, words=str(status),
         )  # fmt: skip
         return self._turns.count(asyncio.get_running_loop().time(), state) if self._wraps else state
 

@@ -13,10 +13,8 @@ from drivers.dialects.framed.status import Status
 from drivers.dialects.framed.wire import NumberFormat, Raw
 from drivers.errors import BeyondLimit, CannotConnect, InstrumentFault, Refused
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.values import Identity
-
-READ_BACK = ReadBack()
 
 
 class FramedController:
@@ -33,7 +31,7 @@ class FramedController:
                 remedy="Put the file back beside the bench file.",
             )  # fmt: skip
         self.device, self.profile, self._pin = setup.name, profile, setup.identity
-        self._who = Recognised(setup.name, setup.identity)
+        self._recognised = Recognised(setup.name, setup.identity)
         self._last: Status | None = None
         self.line = FramedLine(
             setup.name, setup.wires, setup.address, profile, answer_s=options.answer_timeout, check=self._take,
@@ -42,9 +40,9 @@ class FramedController:
 
     async def identify(self) -> Identity:
         """Query the identity: names as stated, the status compared with them. Raises WrongIdentity."""
-        return self._recognise(await self.look())
+        return self._recognise(await self.read_state())
 
-    async def look(self) -> Status:
+    async def read_state(self) -> Status:
         """State of the axis; raises WrongIdentity if the status comes from another controller."""
         status = await self.line.status()
         self._take(status)
@@ -65,8 +63,8 @@ class FramedController:
     async def enable(self) -> Status:
         """Energise the motor, if there is a command for it; Refused unless the status confirms it."""
         if self.profile.commands.enable is not None:
-            await self.line.order("enable")
-        status = await READ_BACK.until(self.look, lambda status: status.enabled or status.faults)
+            await self.line.send_command("enable")
+        status = await read_back(self.read_state, lambda status: status.enabled or status.faults)
         self.check_faults(status, "enable")
         if not status.enabled:
             raise Refused(
@@ -75,22 +73,22 @@ class FramedController:
             )  # fmt: skip
         return status
 
-    async def order(self, name: str, **values: float) -> None:
+    async def send_command(self, name: str, **values: float) -> None:
         """Send a command once, with those values that its frame has a field for.
 
         If the status reports the active command, it must not differ from the one sent; a command that seems lost is not
         repeated: the motion of the axis decides. Raises BeyondLimit, Refused, InstrumentFault.
         """
         self._check_limits(values)
-        told = self._raw(name, values)
+        commanded = self._raw(name, values)
         echo = {"move": ("angle", "target_angle"), "rate": ("rate", "target_rate")}.get(name)
         before = self._last  # waiting here would let a stop be sent before the command
-        await self.line.order(name, told.values())
+        await self.line.send_command(name, commanded.values())
         if before is None or echo is None:
             return
-        after = await self.look()
+        after = await self.read_state()
         self.check_faults(after, name)
-        self._check_taken(name, told[echo[0]], echo[1], before, after)
+        self._check_taken(name, commanded[echo[0]], echo[1], before, after)
 
     def _check_limits(self, values: Mapping[str, float]) -> None:
         """Raise BeyondLimit if a motion exceeds the controller's limits in the profile."""
@@ -123,13 +121,13 @@ class FramedController:
         return found
 
     def _check_taken(
-        self, name: str, told: tuple[NumberFormat, Raw], key: str, before: Status, after: Status
+        self, name: str, commanded: tuple[NumberFormat, Raw], key: str, before: Status, after: Status
     ) -> None:  # fmt: skip
         """Raise Refused if the active command is neither the one sent nor the previous one."""
         number: Number | None = getattr(self.profile.status, key)
         if number is None:
             return
-        form, (sent_form, sent) = self.profile.number(number), told
+        form, (sent_form, sent) = self.profile.number(number), commanded
         wanted, kept = form.raw(sent_form.value(sent)), getattr(after, key)
         if kept not in (wanted, getattr(before, key)):
             raise Refused(
@@ -152,4 +150,4 @@ class FramedController:
             firmware=pin.firmware or "" if firmware is None else str(firmware),
             verified=serial is not None, fingerprint=profile.fingerprint(),
         )  # fmt: skip
-        return self._who.check(found, f"{found.serial} {found.firmware}".strip())
+        return self._recognised.check(found, f"{found.serial} {found.firmware}".strip())

@@ -6,14 +6,10 @@ from typing import Annotated, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from drivers.certificates.corrections import AxisCorrections
-from drivers.description import DriverDescription
 from drivers.dialects.framed.profile import FrameProfile
-from drivers.kinds.axes import AxisUncertainty
-from drivers.kinds.head import description as head
-from drivers.kinds.head.description import HeadLimits, HeadOptions
-from drivers.kinds.table import description as table
-from drivers.kinds.table.description import TableLimits, TableOptions
+from drivers.kinds.described import indexing_head, rate_table
+from drivers.kinds.head.description import HeadOptions
+from drivers.kinds.table.description import TableOptions
 from drivers.schema.fields import DocumentFile, InUnit, ModelBeside, StrictModel
 from drivers.schema.wording import problem_at
 
@@ -56,34 +52,20 @@ def _refusal(options: StrictModel, problem: str) -> ValidationError:
 SCHEMES = frozenset({"serial", "socket", "tcp"})
 SIMULATOR = "simulators.instruments.axes.framed:SimulatedFrames"
 
-HEAD = DriverDescription(
+HEAD = indexing_head(
     name="framed_head",
     title="indexing head whose frames a profile describes",
-    capabilities=frozenset({"positioner"}),
     schemes=SCHEMES,
     target="drivers.dialects.framed.axes:FramedHead",
     simulator=SIMULATOR,
     options=FramedHeadOptions,
-    limits=HeadLimits,
-    safe_state=head.safe_state,
-    busy_s=head.busy_s,
-    uncertainty=AxisUncertainty,
-    corrections=AxisCorrections,
-    channels={"angle": "°"},
 )
 
-TABLE = DriverDescription(
+TABLE = rate_table(
     name="framed_table",
     title="rate table whose frames a profile describes",
-    capabilities=frozenset({"positioner", "rate_table"}),
     schemes=SCHEMES,
     target="drivers.dialects.framed.axes:FramedTable",
     simulator=SIMULATOR,
     options=FramedTableOptions,
-    limits=TableLimits,
-    safe_state=table.safe_state,
-    busy_s=table.busy_s,
-    uncertainty=AxisUncertainty,
-    corrections=AxisCorrections,
-    channels={"angle": "°", "rate": "°/s"},
 )

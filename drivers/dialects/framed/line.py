@@ -18,16 +18,16 @@ from drivers.dialects.framed.status import Status, StatusReader
 from drivers.dialects.framed.stream import StatusStream
 from drivers.dialects.framed.wire import NumberFormat, Raw
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
-from drivers.timing.awake import patience
+from drivers.timing.awake import fair_timeout, now_s
 from drivers.transport.address import Address
-from drivers.transport.dialogue import Pauses, once_more
+from drivers.transport.dialogue import ReconnectBackoff, retry_once
 from drivers.transport.exchange import printable_hex
 from drivers.transport.wires import Wires
 
 DRAIN_LIMIT_S = 5.0
 SILENT_PERIODS = 5  # lower limit of the timeout of a cyclic controller
-TELL_EVERY_S = 60.0
-SILENCES = 2  # after so many timeouts a network connection is closed: it may be open at one end only
+REPORT_INTERVAL_S = 60.0
+MAX_TIMEOUTS = 2  # after so many timeouts a network connection is closed: it may be open at one end only
 
 Numbers = Iterable[tuple[NumberFormat, Raw]]
 
@@ -57,16 +57,16 @@ class FramedLine:
         self._reader = StatusReader(profile)
         self._turn = asyncio.Lock()
         self._stream: StatusStream | None = None
-        self._doubtful = False
-        self._number = self._cut_ins = self._silences = 0
-        self._sent_at_s = self._told_at_s = -math.inf
-        self._pauses, self._closed = Pauses(), False
-        self._told = (0, 0)
+        self._out_of_sync = False
+        self._number = self._preemptions = self._timeouts = 0
+        self._sent_at_s = self._reported_at_s = -math.inf
+        self._backoff, self._closed = ReconnectBackoff(), False
+        self._reported = (0, 0)
 
     async def open(self) -> None:
         """Connect and identify; raises CannotConnect, NoAnswer, and what `check` raises."""
         async with self._turn:
-            await once_more(self._connect, self._note)
+            await retry_once(self._connect, self._note)
 
     async def reopen(self) -> None:
         """Reconnect at once if the connection was lost; else do nothing."""
@@ -93,22 +93,22 @@ class FramedLine:
         """
         async with self._turn:
             if self._stream is not None and self._stream.lost:
-                await self._revive()
+                await self._reconnect()
             stream = self._opened()
-            return await once_more(lambda: self._look(stream), self._note)
+            return await retry_once(lambda: self._read_status(stream), self._note)
 
-    async def order(self, name: str, numbers: Numbers = ()) -> None:
+    async def send_command(self, name: str, numbers: Numbers = ()) -> None:
         """Send a command once; its effect is in the status. Raises LinkLost, and Refused if it was not sent.
 
         If commands are acknowledged, it returns after the acknowledgement or its timeout.
         """
-        cut_ins, frame = self._cut_ins, self._frame(name, numbers)
+        preemptions, frame = self._preemptions, self._frame(name, numbers)
         async with self._turn:
             stream = self._opened()
             if self._profile.commands_answered:
-                await self._trust(stream)
+                await self._drain_if_out_of_sync(stream)
             await self._leave_gap()
-            if self._cut_ins != cut_ins:
+            if self._preemptions != preemptions:
                 raise Refused(self._device, "not sent, the instrument is being made safe", sent=_spelled(name, frame))
             self._send(stream, name, frame)
             if self._profile.commands_answered:
@@ -116,13 +116,13 @@ class FramedLine:
                 with suppress(NoAnswer):
                     await self._expected(stream, _spelled(name, frame))
 
-    def cut_in(self, name: str) -> None:
+    def preempt(self, name: str) -> None:
         """Send a command that makes the instrument safe, ahead of everything queued; raises LinkLost.
 
         A pending status read ends with Refused, and queued commands are not sent any more.
         """
-        self._cut_ins += 1
-        self._doubtful = True
+        self._preemptions += 1
+        self._out_of_sync = True
         stream = self._opened()
         self._send(stream, name, self._frame(name, ()))
         stream.interrupt()
@@ -136,10 +136,10 @@ class FramedLine:
             numbers = [*numbers, (form, self._number)]
         return self._profile.format(name).build(numbers)
 
-    async def _look(self, stream: StatusStream) -> Status:
+    async def _read_status(self, stream: StatusStream) -> Status:
         """Read the next status, requested if the controller needs a request."""
-        await self._trust(stream)
-        while (early_s := self._sent_at_s + self._profile.reaction - _now_s()) > 0:  # noqa: ASYNC110 - cut_in moves it
+        await self._drain_if_out_of_sync(stream)
+        while (early_s := self._sent_at_s + self._profile.reaction - now_s()) > 0:  # noqa: ASYNC110 - preempt moves it
             await asyncio.sleep(early_s)
         frame = b""
         if self._profile.request is not None:
@@ -151,8 +151,8 @@ class FramedLine:
         else:
             stream.expect()
         found = await self._expected(stream, _spelled("request", frame) if frame else "")
-        self._silences = 0
-        self._tell(stream)
+        self._timeouts = 0
+        self._report_losses(stream)
         try:
             return self._reader.read(found)
         except ValueError as problem:
@@ -163,50 +163,50 @@ class FramedLine:
 
     async def _expected(self, stream: StatusStream, sent: str) -> bytes:
         dropped, repeated = stream.dropped, stream.repeated
-        self._doubtful = True  # until it arrives
+        self._out_of_sync = True  # until it arrives
         try:
-            async with patience(self._answer_s):
+            async with fair_timeout(self._answer_s):
                 found = await stream.expected()
         except TimeoutError:
-            self._silences += 1
-            if self._silences >= SILENCES and not self._at_a_port:
+            self._timeouts += 1
+            if self._timeouts >= MAX_TIMEOUTS and not self._at_a_port:
                 stream.close("no more answers")
-            raise self._silence(stream, sent, dropped, repeated) from None
+            raise self._no_answer(stream, sent, dropped, repeated) from None
         except ConnectionError as problem:
             raise LinkLost(self._device, str(problem), sent=sent) from problem
-        self._doubtful = False
+        self._out_of_sync = False
         return found
 
-    async def _trust(self, stream: StatusStream) -> None:
+    async def _drain_if_out_of_sync(self, stream: StatusStream) -> None:
         """Drain a line that answers requests, if a late answer is possible."""
-        if self._profile.cyclic is not None or not (self._doubtful or stream.strays):
+        if self._profile.cyclic is not None or not (self._out_of_sync or stream.unsolicited):
             return
-        deadline_s = _now_s() + DRAIN_LIMIT_S
+        deadline_s = now_s() + DRAIN_LIMIT_S
         while True:
             stream.forget()
             try:
-                async with patience(self._answer_s):
+                async with fair_timeout(self._answer_s):
                     await stream.more()
             except TimeoutError:
-                self._doubtful = False
+                self._out_of_sync = False
                 return
             except ConnectionError as problem:
                 raise LinkLost(self._device, str(problem)) from problem
-            if _now_s() > deadline_s:
+            if now_s() > deadline_s:
                 raise BadAnswer(
                     self._device, f"is not silent within {DRAIN_LIMIT_S:g} s",
                     remedy="Check whether it sends its status by itself: its profile then says cyclic, not request.",
                 )  # fmt: skip
 
     async def _leave_gap(self) -> None:
-        early_s = self._sent_at_s + self._profile.gap - _now_s()
+        early_s = self._sent_at_s + self._profile.gap - now_s()
         if early_s > 0:
             await asyncio.sleep(early_s)
 
     def _send(self, stream: StatusStream, name: str, frame: bytes) -> None:
         """Send a command, after which a status may still be an old one."""
         self._write(stream, name, frame)
-        self._sent_at_s = _now_s()
+        self._sent_at_s = now_s()
 
     def _write(self, stream: StatusStream, name: str, frame: bytes) -> None:
         try:
@@ -223,23 +223,23 @@ class FramedLine:
             why = self._stream.lost
         try:
             self._stream = await self._wires.stream(self._device, self._address, self._new_stream)
-            self._doubtful, self._silences, self._told = self._address.is_serial_line, 0, (0, 0)
-            self._sent_at_s = _now_s()  # a serial server may hold earlier data
-            self._check(await self._look(self._stream))
+            self._out_of_sync, self._timeouts, self._reported = self._address.is_serial_line, 0, (0, 0)
+            self._sent_at_s = now_s()  # a serial server may hold earlier data
+            self._check(await self._read_status(self._stream))
         except BaseException:
             if self._stream is not None:
                 self._stream.close()
-            self._pauses.failed()
+            self._backoff.failed()
             raise
-        self._pauses = Pauses()
+        self._backoff = ReconnectBackoff()
         if why:
             self._note(f"connected and identified again at {self._address}: {why}")
 
-    async def _revive(self) -> None:
+    async def _reconnect(self) -> None:
         """Reconnect, unless the pause is not over."""
         if self._closed:
             raise LinkLost(self._device, "is not connected")
-        if (wait_s := self._pauses.left_s()) > 0:
+        if (wait_s := self._backoff.left_s()) > 0:
             raise LinkLost(self._device, f"is not connected; the next attempt is in {wait_s:.1f} s")
         await self._connect()
 
@@ -253,7 +253,7 @@ class FramedLine:
 
     # Sending
 
-    def _silence(self, stream: StatusStream, sent: str, dropped: int, repeated: int) -> NoAnswer:
+    def _no_answer(self, stream: StatusStream, sent: str, dropped: int, repeated: int) -> NoAnswer:
         problem, received = f"no status within {self._answer_s:g} s", ""
         remedy = "Check that the controller is on, the cable, and the settings of the line."
         if stream.repeated > repeated:
@@ -264,12 +264,12 @@ class FramedLine:
             remedy = "Check the settings of the line, and header, length and checksum in the profile."
         return NoAnswer(self._device, problem, sent=sent, received=received, remedy=remedy)
 
-    def _tell(self, stream: StatusStream) -> None:
+    def _report_losses(self, stream: StatusStream) -> None:
         """Note lost frames, if there are more and the last note is old enough."""
         missing = stream.missing if self._profile.cyclic is not None else 0
         found = (stream.dropped, missing)
-        if found != self._told and _now_s() >= self._told_at_s + TELL_EVERY_S:
-            self._told, self._told_at_s = found, _now_s()
+        if found != self._reported and now_s() >= self._reported_at_s + REPORT_INTERVAL_S:
+            self._reported, self._reported_at_s = found, now_s()
             self._note(
                 f"since the connection {stream.dropped} bytes belonged to no frame"
                 + (f", the last {printable_hex(stream.last_dropped)}" if stream.dropped else "")
@@ -279,7 +279,3 @@ class FramedLine:
 
 def _spelled(name: str, frame: bytes) -> str:
     return f"{name} {printable_hex(frame)}"
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()

@@ -248,7 +248,7 @@ class Fault(Place):
         """True for a bit: bits share a byte."""
         return self.bit is not None
 
-    def told(self, frame: bytes) -> str:
+    def text(self, frame: bytes) -> str:
         """Description of the fault; "" while there is none."""
         byte = frame[self.at]
         if self.bit is not None:

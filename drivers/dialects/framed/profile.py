@@ -207,9 +207,9 @@ class FrameProfile(StrictModel):
         if (self.cyclic is None) == (self.request is None):
             yield problem_at((), "needs either cyclic or request for its status")
         if self.cyclic is not None and (baud := self.line.baud) is not None:
-            takes_s = self.status.length * self.line.bits_per_byte / baud
-            if takes_s > self.cyclic.period:
-                yield problem_at(("cyclic", "period"), f"a status takes {takes_s * 1000:.3g} ms at {baud} baud")
+            duration_s = self.status.length * self.line.bits_per_byte / baud
+            if duration_s > self.cyclic.period:
+                yield problem_at(("cyclic", "period"), f"a status takes {duration_s * 1000:.3g} ms at {baud} baud")
         if self.cyclic is not None and self.commands_answered:
             yield problem_at(("commands_answered",), "is for a controller that is polled")
         if self.status.answers is not None and (self.request is None or self.request.counter is None):
@@ -236,14 +236,14 @@ class FrameProfile(StrictModel):
 
     def _alike(self) -> Iterator[InitErrorDetails]:
         """Command frames that cannot be distinguished."""
-        told: dict[tuple[int, frozenset[tuple[int, int]]], str] = {}
+        seen: dict[tuple[int, frozenset[tuple[int, int]]], str] = {}
         for name in (each for each in self._shapes if each != "status"):
             form = self.format(name)
             bytes_at = frozenset((at + index, byte) for at, data in form.fixed for index, byte in enumerate(data))
-            if before := told.get((form.length, bytes_at)):
+            if before := seen.get((form.length, bytes_at)):
                 at = ("request",) if name == "request" else ("commands", name)
                 yield problem_at(at, f"it cannot be distinguished from {before}: give it constants")
-            told[form.length, bytes_at] = name
+            seen[form.length, bytes_at] = name
 
 
 def _settle(holders: dict[int, str], where: Where, part: Place, end: int) -> Iterator[InitErrorDetails]:

@@ -68,7 +68,7 @@ class StatusReader:
         """Decode a frame; ValueError for a number that is not finite."""
         states = self._states
         pressed = states.emergency_stop is not None and states.emergency_stop.read(frame)
-        faults = [told for fault in self._faults if (told := fault.told(frame))]
+        faults = [text for fault in self._faults if (text := fault.text(frame))]
         return Status(
             self._angle.value(self._angle.read(frame)),
             None if self._rate is None else self._rate.value(self._rate.read(frame)),

@@ -13,7 +13,7 @@ SPLICE_S = 0.05  # the rest of a frame that has not arrived by then is lost
 
 
 class StatusStream(asyncio.Protocol):
-    """Receives status frames: the expected one is `fresh`, others are `strays`; `expect` resets both.
+    """Receives status frames: the expected one is `fresh`, others are `unsolicited`; `expect` resets both.
 
     A status with the counter of the last one is neither, because it has nothing new: `repeated` counts those, `missing`
     the lost ones by the counter. An incomplete frame is dropped after `rest_s`, so that two halves make no frame.
@@ -27,8 +27,8 @@ class StatusStream(asyncio.Protocol):
         self._expecting = False
         self._answers: Raw | None = None
         self.fresh: bytes | None = None
-        self.strays = self.repeated = self.missing = 0
-        self._heard_at_s = -math.inf
+        self.unsolicited = self.repeated = self.missing = 0
+        self._received_at_s = -math.inf
         self._waiter: asyncio.Future[None] | None = None
         self._transport: asyncio.Transport | None = None
         self.lost = "not connected"
@@ -79,7 +79,7 @@ class StatusStream(asyncio.Protocol):
 
     def forget(self) -> None:
         """Drop received frames that were not expected."""
-        self.strays = 0
+        self.unsolicited = 0
         self._splitter.forget()
 
     def close(self, why: str = "the connection was closed by this program") -> None:
@@ -99,7 +99,7 @@ class StatusStream(asyncio.Protocol):
         if self._expecting and self._answers in (None, self._reader.answers(frame)):
             self.fresh, self._expecting = frame, False
         else:
-            self.strays += 1
+            self.unsolicited += 1
 
     # asyncio.Protocol
 
@@ -112,9 +112,9 @@ class StatusStream(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the controller."""
         now_s = asyncio.get_running_loop().time()
-        if self._splitter.unfinished and now_s - self._heard_at_s > self._rest_s:
+        if self._splitter.unfinished and now_s - self._received_at_s > self._rest_s:
             self._splitter.forget()
-        self._heard_at_s = now_s
+        self._received_at_s = now_s
         for _, frame in self._splitter.feed(data):
             self._take(frame)
         if self._waiter is not None and not self._waiter.done():

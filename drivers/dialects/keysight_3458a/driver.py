@@ -13,19 +13,18 @@ from drivers.dialects.keysight_3458a.description import MeterOptions
 from drivers.dialects.keysight_3458a.wire import Setting
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
-from drivers.transport.dialogue import Dialogue, once_more
-from drivers.transport.exchange import Pace, Proof
+from drivers.timing.readback import read_back
+from drivers.transport.dialogue import Dialogue, retry_once
+from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity, Reading
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()
-ERRORS_AT_MOST = 32  # more than the bits of its two registers
-KEPT_READINGS = 10_000  # so that readings nobody polls do not accumulate
+MAX_ERRORS = 32  # more than the bits of its two registers
+MAX_READINGS = 10_000  # so that readings nobody polls do not accumulate
 _SLOWEST_LINE_HZ = 45.0
 _SLACK_S = 1.0
-_LONGEST_S = wire.takes_s(wire.NPLCS[-1], _SLOWEST_LINE_HZ) + _SLACK_S
+_LONGEST_S = wire.duration_s(wire.NPLCS[-1], _SLOWEST_LINE_HZ) + _SLACK_S
 
 
 class Keysight3458A:
@@ -43,24 +42,24 @@ class Keysight3458A:
     def __init__(self, setup: Setup[MeterOptions, Nothing, Nothing]) -> None:
         self.name = setup.name
         self._options, self._pin = setup.options, setup.identity
-        proof = Proof(wire.IDENTITY_QUESTION, self._recognise)
+        sync_query = SyncQuery(wire.IDENTITY_QUERY, self._recognise)
         # An abandoned reading may still arrive, so the line is silent only after the duration of the longest one.
         pace = Pace(quiet_s=_LONGEST_S)
         self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, proof, end=wire.END, pace=pace, note=setup.note
+            setup.name, setup.wires, setup.address, sync_query, end=wire.END, pace=pace, note=setup.note
         )
         self._turn, self._note = asyncio.Lock(), setup.note
-        self._who = Recognised(setup.name, setup.identity)
+        self._recognised = Recognised(setup.name, setup.identity)
         self._set: Setting | None = None  # settings that were made and read back
         self._line_hz = _SLOWEST_LINE_HZ
-        self._fresh: deque[Reading] = deque(maxlen=KEPT_READINGS)
+        self._fresh: deque[Reading] = deque(maxlen=MAX_READINGS)
 
     async def __aenter__(self) -> Self:
         """Connect, identify, set up the instrument; raises CannotConnect, WrongIdentity, InstrumentFault."""
         await self._dialogue.open()
         try:
-            await once_more(self._errors, self._note)  # errors caused by other masters are discarded
-            self._line_hz = await self._ask(wire.LINE_FREQUENCY_QUESTION, wire.read_number)
+            await retry_once(self._errors, self._note)  # errors caused by other masters are discarded
+            self._line_hz = await self._query(wire.LINE_FREQUENCY_QUERY, wire.read_number)
             await self._set_up(self._setting(self._options.nplc))
         except BaseException:
             self._dialogue.close()
@@ -77,14 +76,14 @@ class Keysight3458A:
         The fingerprint is the calibration count. Raises WrongIdentity, also when anything has changed.
         """
         async with self._turn:
-            told = await self._ask(wire.IDENTITY_QUESTION, self._recognise)
-            revision = await self._ask(wire.REVISION_QUESTION, wire.read_numbers)
-            calibrations = await self._ask(wire.CALIBRATIONS_QUESTION, wire.read_number)
-        found = told._replace(
+            reported = await self._query(wire.IDENTITY_QUERY, self._recognise)
+            revision = await self._query(wire.REVISION_QUERY, wire.read_numbers)
+            calibrations = await self._query(wire.CALIBRATIONS_QUERY, wire.read_number)
+        found = reported._replace(
             serial=self._pin.serial or "", firmware=",".join(f"{number:g}" for number in revision),
             fingerprint=f"calibrated {calibrations:.0f} times",
         )  # fmt: skip
-        return self._who.check(found, str(found))
+        return self._recognised.check(found, str(found))
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Take one reading, or return those of the running measurement; InstrumentFault as `measure`."""
@@ -123,9 +122,9 @@ class Keysight3458A:
         """Set up the instrument and read the settings back; raises Refused."""
         self._set = None
         message = wire.set_up(setting)
-        await self._dialogue.order(message, wire.read_numbers)
-        problem = "; ".join(await once_more(self._errors, self._note))
-        if problem := problem or await READ_BACK.until(lambda: self._misfit(setting), lambda misfit: not misfit):
+        await self._dialogue.send_command(message, wire.read_numbers)
+        problem = "; ".join(await retry_once(self._errors, self._note))
+        if problem := problem or await read_back(lambda: self._misfit(setting), lambda misfit: not misfit):
             raise Refused(
                 self.name, "a setting was not executed", sent=message.decode(), received=problem,
                 remedy="Look at its display, and check range and nplc in the bench file.",
@@ -140,12 +139,12 @@ class Keysight3458A:
                 self.name, "its settings have changed", received="" if setting is None else misfit,
                 remedy="Look for a power failure, a front panel in use, or another master; then run again.",
             )  # fmt: skip
-        readings, errors = await self._proved(setting, count)
+        readings, errors = await self._verified(setting, count)
         if errors:
             raise InstrumentFault(self.name, "has errors after a measurement", received="; ".join(errors))
         return readings
 
-    async def _proved(self, setting: Setting, count: int) -> tuple[Sequence[Reading], list[str]]:
+    async def _verified(self, setting: Setting, count: int) -> tuple[Sequence[Reading], list[str]]:
         """Readings confirmed by an error query after them.
 
         An error is reported only once: if its answer is missing, the readings before it are rejected.
@@ -158,8 +157,8 @@ class Keysight3458A:
         return [await self._reading(setting) for _ in range(count)], await self._errors()
 
     async def _reading(self, setting: Setting) -> Reading:
-        takes_s = wire.takes_s(setting.nplc, self._line_hz)
-        value = await self._dialogue.ask(wire.TRIGGER, wire.read_number, answer_s=takes_s + _SLACK_S)
+        duration_s = wire.duration_s(setting.nplc, self._line_hz)
+        value = await self._dialogue.query(wire.TRIGGER, wire.read_number, answer_s=duration_s + _SLACK_S)
         if abs(value) >= wire.OVERLOAD:
             raise InstrumentFault(
                 self.name, f"the input is beyond the {setting.full_scale:g} {setting.function.unit} range",
@@ -174,18 +173,18 @@ class Keysight3458A:
     async def _misfit(self, setting: Setting) -> str:
         """First answer with a different setting, "" if there is none."""
         for question, expected in wire.state_when(setting).items():
-            found = await self._ask(question, wire.read_numbers)
+            found = await self._query(question, wire.read_numbers)
             if found[: len(expected)] != expected:
-                told, wanted = (", ".join(f"{number:g}" for number in numbers) for numbers in (found, expected))
-                return f"{told} to {question.decode()}, expected {wanted}"
+                reported, wanted = (", ".join(f"{number:g}" for number in numbers) for numbers in (found, expected))
+                return f"{reported} to {question.decode()}, expected {wanted}"
         return ""
 
     async def _errors(self) -> list[str]:
         """Read and clear all error registers; raises InstrumentFault for faults of the instrument itself."""
         errors: list[str] = []
         faults: list[str] = []
-        for _ in range(ERRORS_AT_MOST):
-            entry = await self._dialogue.ask_once(wire.ERROR_QUESTION, wire.read_error)
+        for _ in range(MAX_ERRORS):
+            entry = await self._dialogue.query_once(wire.ERROR_QUERY, wire.read_error)
             if not entry.code:
                 break
             (faults if wire.is_own_fault(entry) else errors).append(str(entry))
@@ -198,8 +197,8 @@ class Keysight3458A:
             )  # fmt: skip
         return errors
 
-    async def _ask(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        return await self._dialogue.ask(question, read)
+    async def _query(self, question: bytes, read: Callable[[bytes], T]) -> T:
+        return await self._dialogue.query(question, read)
 
     def _recognise(self, line: bytes) -> Identity:
         """Query maker and model; raises WrongIdentity if they are not those of the bench file."""

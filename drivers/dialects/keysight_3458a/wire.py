@@ -26,11 +26,11 @@ OVERLOAD = 1e38  # in V or A; reported for an input over range
 
 # The instrument measures continuously until its trigger is held, and its readings would be taken for answers; a gateway
 # detects the end of answers only with END ALWAYS.
-IDENTITY_QUESTION = b"TARM HOLD;END ALWAYS;ID?"
-REVISION_QUESTION = b"REV?"
-CALIBRATIONS_QUESTION = b"CALNUM?"
-LINE_FREQUENCY_QUESTION = b"LFREQ?"
-ERROR_QUESTION = b"ERRSTR?"
+IDENTITY_QUERY = b"TARM HOLD;END ALWAYS;ID?"
+REVISION_QUERY = b"REV?"
+CALIBRATIONS_QUERY = b"CALNUM?"
+LINE_FREQUENCY_QUERY = b"LFREQ?"
+ERROR_QUERY = b"ERRSTR?"
 TRIGGER = b"TARM SGL"  # answered by the reading, at its end
 
 _ON, _OFF, _HOLD = 1.0, 0.0, 4.0
@@ -93,7 +93,7 @@ def state_when(setting: Setting) -> Mapping[bytes, tuple[float, ...]]:
     }  # fmt: skip
 
 
-def takes_s(nplc: float, line_hz: float) -> float:
+def duration_s(nplc: float, line_hz: float) -> float:
     """Duration of a reading including its zero, which is measured for as long as the input."""
     return 2 * nplc / line_hz
 
@@ -105,7 +105,7 @@ def last_zero_s(nplc: float, line_hz: float) -> float:
 
 def middle_before_answer_s(nplc: float, line_hz: float) -> float:
     """Time from the middle of a reading to its answer."""
-    return (takes_s(nplc, line_hz) + last_zero_s(nplc, line_hz)) / 2
+    return (duration_s(nplc, line_hz) + last_zero_s(nplc, line_hz)) / 2
 
 
 def read_identity(line: bytes) -> Identity:

@@ -15,10 +15,10 @@ from drivers.dialects.modbus_chamber.profile import (
     WrittenRegister,
 )
 from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.registers import ProvedRegisters, hexadecimal
+from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
 from drivers.values import Identity
 
@@ -35,26 +35,26 @@ class ProfiledController(Connected):
     def __init__(self, setup: Setup[Any, ChamberLimits, ChamberSafe], profile: ChamberProfile) -> None:
         self.can_start = profile.mode is not None and profile.mode.start is not None
         self._pin, self._profile = setup.identity, profile
-        self._registers = ProvedRegisters(setup, self._identify, gap_s=profile.gap)
+        self._registers = VerifiedRegisters(setup, self._identify, gap_s=profile.gap)
         self._link = self._registers.link
         super().__init__(self._registers)
 
     def _identity(self) -> Identity:
         """Names stated in the bench file and the profile; the fingerprint is reported by the wire."""
         low_c, high_c = self.limits_c or (0.0, 0.0)
-        told = [each.means for each in self._profile.must_be]
+        properties = [each.means for each in self._profile.must_be]
         if self._profile.limits is not None:
-            told.append(f"set point {low_c:g} to {high_c:g} °C")
-        fingerprint = ", ".join(told) or "a temperature where the process value is"
+            properties.append(f"set point {low_c:g} to {high_c:g} °C")
+        fingerprint = ", ".join(properties) or "a temperature where the process value is"
         return as_stated(self._pin, fingerprint, maker=self._profile.maker, model=self._profile.model)
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read alarms, mode and temperatures."""
         control, why = await self._control()
         target_c = in_force_c = await self._value(self._profile.set_point)
         if self._profile.set_point_in_force is not None:
             in_force_c = await self._value(self._profile.set_point_in_force)
-        return Look(await self._value(self._profile.process_value), in_force_c, target_c, control, why)
+        return ControllerState(await self._value(self._profile.process_value), in_force_c, target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
         """Write the set point, unless the register holds it already, and read it back."""
@@ -63,7 +63,7 @@ class ProfiledController(Connected):
         if await self._registers.read(register.address, register.count, function=register.read) != words:
             await self._set(register, temperature_c, "set point")
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """Set point as its register stores it; unchanged if the register cannot hold it."""
         form = self._profile.form(self._profile.set_point)
         try:
@@ -98,7 +98,7 @@ class ProfiledController(Connected):
     async def _control(self) -> tuple[Control, str]:
         """Current temperature control, with a message."""
         if alarm := await self._alarm():
-            return Control.OTHER, alarm
+            return Control.FOREIGN, alarm
         mode = self._profile.mode
         if mode is None:
             return Control.SET_POINT, ""
@@ -106,9 +106,9 @@ class ProfiledController(Connected):
         if found in mode.follows:
             return Control.SET_POINT, ""
         if found in mode.off:
-            return Control.NOBODY, f"mode {found}, off"
+            return Control.IDLE, f"mode {found}, off"
         names = [name for name, number in mode.other.items() if number == found]
-        return Control.OTHER, f"mode {found}, {names[0] if names else 'which is not in the profile'}"
+        return Control.FOREIGN, f"mode {found}, {names[0] if names else 'which is not in the profile'}"
 
     async def _alarm(self) -> str:
         """Text of active alarms; empty without an alarm."""
@@ -132,7 +132,7 @@ class ProfiledController(Connected):
                 remedy="Correct the sequence, or the scale in the profile if it is wrong.",
             ) from problem  # fmt: skip
         await self._registers.set(
-            register.address, words, what, lambda kept: self._spelled(register, kept), many=register.write == 16,
+            register.address, words, what, lambda stored: self._spelled(register, stored), many=register.write == 16,
             function=register.read,
         )  # fmt: skip
 
@@ -203,9 +203,9 @@ class ModbusChamber(Chamber):
                 setup.name, f"the profile {options.profile.path} of its controller is gone",
                 remedy="Put the file back beside the bench file.",
             )  # fmt: skip
-        how: ChamberOptions = options
+        ramp_options: ChamberOptions = options
         if profile.ramp is not None:
-            how = ChamberOptions.model_construct(
+            ramp_options = ChamberOptions.model_construct(
                 **{name: getattr(options, name) for name in ChamberOptions.model_fields}
             )
-        super().__init__(setup.name, ProfiledController(setup, profile), setup.limits, setup.safe, how)
+        super().__init__(setup.name, ProfiledController(setup, profile), setup.limits, setup.safe, ramp_options)

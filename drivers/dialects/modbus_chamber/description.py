@@ -6,14 +6,14 @@ from typing import Annotated, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from drivers.description import DriverDescription
 from drivers.dialects.modbus_chamber.profile import ChamberProfile
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.kinds.chamber.description import SteppedRampOptions
+from drivers.kinds.described import thermal_chamber
 from drivers.schema.fields import DocumentFile, ModelBeside, WholeNumber
 from drivers.schema.wording import problem_at
 
 
-class ModbusChamberOptions(StairOptions):
+class ModbusChamberOptions(SteppedRampOptions):
     """Protocol settings of the controller."""
 
     profile: Annotated[DocumentFile[ChamberProfile], ModelBeside(ChamberProfile)] = Field(
@@ -30,17 +30,12 @@ class ModbusChamberOptions(StairOptions):
         return self
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = thermal_chamber(
     name="modbus_chamber",
     title="thermal chamber whose Modbus registers a profile describes",
-    capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"tcp", "serial", "socket"}),
     target="drivers.dialects.modbus_chamber.controller:ModbusChamber",
     simulator="simulators.instruments.chambers.modbus_chamber:SimulatedProfile",
     recognition="drivers.dialects.modbus_chamber.recognition:RECOGNITION",
     options=ModbusChamberOptions,
-    limits=ChamberLimits,
-    safe=ChamberSafe,
-    safe_state=safe_state,
-    channels=CHANNELS,
 )

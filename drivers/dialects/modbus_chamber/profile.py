@@ -14,7 +14,6 @@ from drivers.kinds.chamber.words import WordOrder
 from drivers.schema.fields import NOT_EMPTY, InUnit, Number, StrictModel, WholeNumber
 from drivers.schema.wording import expected, problem_at
 
-PROFILE_SCHEMA = "itb-chamber/1"
 LAST_ADDRESS = 0xFFFF
 
 

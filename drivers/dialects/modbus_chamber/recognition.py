@@ -9,7 +9,7 @@ from drivers.kinds.chamber.recognition import CHAMBER_STARTER
 from drivers.values import Identity
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Recognise anything that answers a register request, even with an exception."""
     with suppress(NoSuchRegister):
         await port.registers(0, 1)
@@ -19,4 +19,4 @@ async def ask(port: Port) -> Found:
     )  # fmt: skip
 
 
-RECOGNITION = Recognition(MODBUS, ask, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"), generic=True)
+RECOGNITION = Recognition(MODBUS, recognise, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"), generic=True)

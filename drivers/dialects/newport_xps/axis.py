@@ -16,12 +16,13 @@ from drivers.dialects.newport_xps import wire
 from drivers.dialects.newport_xps.description import XpsOptions
 from drivers.dialects.newport_xps.wire import GroupState, Profile, Reply
 from drivers.errors import InstrumentFault, Refused
-from drivers.kinds.head.axis import ANSWER_S, READ_BACK, AxisState, OwnLimits
+from drivers.kinds.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
 from drivers.kinds.head.driver import Head
 from drivers.recognised import Recognised
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import Dialogue
-from drivers.transport.exchange import Pace, Proof, lines_ending
+from drivers.transport.exchange import Pace, SyncQuery, lines_ending
 from drivers.values import Identity, Reading
 
 T = TypeVar("T")
@@ -41,14 +42,14 @@ class XpsAxis:
         self._group, self._positioner = options.group, f"{options.group}.{options.positioner}"
         self._acceleration_dps2 = options.acceleration
         # The maker is stated, because the controller does not report it.
-        self._who = Recognised(setup.name, setup.identity.model_copy(update={"maker": None}))
+        self._recognised = Recognised(setup.name, setup.identity.model_copy(update={"maker": None}))
         self.limits: OwnLimits | None = None
         self._asking, self._moving, self._stopping = (self._connection(setup) for _ in range(3))
-        self.takes = self._asking.takes
+        self.double_read = self._asking.double_read
 
     def _connection(self, setup: Setup[XpsOptions, HeadLimits, Nothing]) -> Dialogue:
         return Dialogue(
-            setup.name, setup.wires, setup.address, Proof(wire.ASK_FIRMWARE.encode(), self._recognise), end=b"",
+            setup.name, setup.wires, setup.address, SyncQuery(wire.FIRMWARE_QUERY.encode(), self._recognise), end=b"",
             framing=lines_ending(wire.END), pace=Pace(ANSWER_S), note=setup.note,
         )  # fmt: skip
 
@@ -57,8 +58,8 @@ class XpsAxis:
         try:
             for connection in (self._asking, self._moving, self._stopping):
                 await connection.open()
-            low_deg, high_deg = await self._ask(wire.ask_travel(self._positioner), _numbers(2))
-            rate_dps, _ = await self._ask(wire.ask_fastest(self._positioner), _numbers(2))
+            low_deg, high_deg = await self._query(wire.travel_query(self._positioner), _numbers(2))
+            rate_dps, _ = await self._query(wire.max_motion_query(self._positioner), _numbers(2))
         except BaseException:
             self.close()
             raise
@@ -79,8 +80,8 @@ class XpsAxis:
 
         Raises WrongIdentity if model or firmware differ from the bench file, or have changed.
         """
-        firmware = await self._asking.ask(wire.ASK_FIRMWARE.encode(), self._recognise)
-        rate_dps, acceleration_dps2 = await self._ask(wire.ask_fastest(self._positioner), _numbers(2))
+        firmware = await self._asking.query(wire.FIRMWARE_QUERY.encode(), self._recognise)
+        rate_dps, acceleration_dps2 = await self._query(wire.max_motion_query(self._positioner), _numbers(2))
         return Identity(
             maker=self._stated.maker or "Newport", model=firmware.model, serial=self._stated.serial or "",
             firmware=firmware.firmware, verified=False,
@@ -89,16 +90,16 @@ class XpsAxis:
 
     async def angle(self) -> Reading:
         """Encoder angle (°)."""
-        (angle_deg,) = await self._ask(wire.ask_angle(self._positioner), _numbers(1))
+        (angle_deg,) = await self._query(wire.angle_query(self._positioner), _numbers(1))
         return Reading(asyncio.get_running_loop().time(), angle_deg)
 
     async def state(self) -> AxisState:
         """Status of the group, with the controller's text if it cannot move."""
-        status = await self._ask(wire.ask_status(self._group), wire.read_integer)
+        status = await self._query(wire.status_query(self._group), wire.read_integer)
         state = wire.group_state(status)
         at_rest = state is GroupState.READY
         enabled = at_rest or state is GroupState.MOVING
-        words = "" if enabled else await self._words(wire.ask_status_words(status), status)
+        words = "" if enabled else await self._words(wire.status_text_query(status), status)
         return AxisState(
             homed=state not in (GroupState.NOT_INITIALISED, GroupState.NOT_HOMED),
             enabled=enabled,
@@ -109,17 +110,17 @@ class XpsAxis:
 
     async def check_faults(self, sent: str = "") -> None:
         """Raise InstrumentFault with the positioner's error, or the reason why the group is disabled; met by `sent`."""
-        error = await self._ask(wire.ask_error(self._positioner), wire.read_integer)
+        error = await self._query(wire.error_query(self._positioner), wire.read_integer)
         if error:
-            words = await self._words(wire.ask_error_words(error), error)
+            words = await self._words(wire.error_text_query(error), error)
             raise InstrumentFault(
                 self._device, f"{self._positioner} has an error: {words}", sent=sent, received=f"{error:#x}",
                 remedy="Remove the cause, clear the error at the controller (PositionerErrorGet), initialise and home "
                 "the group if it says so, then run again.",
             )  # fmt: skip
-        status = await self._ask(wire.ask_status(self._group), wire.read_integer)
+        status = await self._query(wire.status_query(self._group), wire.read_integer)
         if wire.group_state(status) is GroupState.TRIPPED:
-            words = await self._words(wire.ask_status_words(status), status)
+            words = await self._words(wire.status_text_query(status), status)
             raise InstrumentFault(
                 self._device, f"group {self._group} was disabled by a fault: {words}", sent=sent,
                 received=f"status {status}",
@@ -130,8 +131,8 @@ class XpsAxis:
         """Energise the motor; raises Refused unless the status confirms it."""
         call = wire.enable(self._group)
         await self._moving.reopen()
-        await self._order(self._moving, call)
-        state = await READ_BACK.until(self.state, lambda state: state.enabled)
+        await self._send_command(self._moving, call)
+        state = await read_back(self.state, lambda state: state.enabled)
         if not state.enabled:
             raise Refused(
                 self._device, f"group {self._group} stays disabled", sent=call, received=state.words,
@@ -146,8 +147,8 @@ class XpsAxis:
         if _alike(found, wanted):
             return
         call = wire.set_profile(self._positioner, wanted)
-        await self._order(self._moving, call)
-        found = await READ_BACK.until(self._profile, lambda found: _alike(found, wanted))
+        await self._send_command(self._moving, call)
+        found = await read_back(self._profile, lambda found: _alike(found, wanted))
         if not _alike(found, wanted):
             raise Refused(
                 self._device, f"{self._positioner} would move at {found.rate_dps:g} °/s and "
@@ -156,7 +157,7 @@ class XpsAxis:
             )  # fmt: skip
 
     async def _profile(self) -> Profile:
-        return Profile(*await self._ask(wire.ask_profile(self._positioner), _numbers(4)))
+        return Profile(*await self._query(wire.profile_query(self._positioner), _numbers(4)))
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
         """Start a move to an angle, sent once, as prepared; the answer arrives at its end.
@@ -164,13 +165,13 @@ class XpsAxis:
         Returns then, or after `answer_s` if the answer is missing: the caller decides by the angle. Raises Refused,
         InstrumentFault.
         """
-        await self._order(self._moving, wire.move_absolute(self._positioner, angle_deg), answer_s=answer_s)
+        await self._send_command(self._moving, wire.move_absolute(self._positioner, angle_deg), answer_s=answer_s)
 
     async def abort(self) -> None:
         """Decelerate and hold; an axis at rest is no error. A queued move is not sent any more."""
         await self._stopping.reopen()
-        self._cut_in(self._moving)
-        await self._order(self._stopping, wire.abort(self._group), also=wire.NOT_ALLOWED)
+        self._preempt(self._moving)
+        await self._send_command(self._stopping, wire.abort(self._group), also=wire.NOT_ALLOWED)
 
     def abort_at_once(self) -> None:
         """As `abort`, ahead of any pending call; raises LinkLost.
@@ -178,37 +179,37 @@ class XpsAxis:
         Also sent on the other connections, which refuse it during a call: a queued move there is not sent any more, and
         a dead connection is noticed only by sending on it.
         """
-        self._stopping.line.cut_in(wire.abort(self._group).encode())
+        self._stopping.line.preempt(wire.abort(self._group).encode())
         for connection in (self._moving, self._asking):
-            self._cut_in(connection)
+            self._preempt(connection)
 
-    def _cut_in(self, connection: Dialogue) -> None:
+    def _preempt(self, connection: Dialogue) -> None:
         if connection.is_open:
-            connection.line.cut_in(wire.abort(self._group).encode())
+            connection.line.preempt(wire.abort(self._group).encode())
 
-    async def _ask(self, question: str, read: Callable[[str], T]) -> T:
+    async def _query(self, question: str, read: Callable[[str], T]) -> T:
         """Query and decode with `read`; raises Refused if the answer is an error."""
 
         def read_text(answer: bytes) -> T | Reply:
             reply = wire.read_reply(answer)
             return read(reply.text) if reply.code == wire.SUCCESS else reply
 
-        answer = await self._asking.ask(question.encode(), read_text)
+        answer = await self._asking.query(question.encode(), read_text)
         if isinstance(answer, Reply):
             raise await self._refusal(question, answer)
         return answer
 
-    async def _order(
+    async def _send_command(
         self, connection: Dialogue, call: str, *, answer_s: float = ANSWER_S, also: int = wire.SUCCESS
     ) -> None:
         """Make a call once; raises InstrumentFault or Refused if its answer is neither success nor `also`."""
-        reply = await connection.order(call.encode(), wire.read_reply, answer_s=answer_s)
+        reply = await connection.send_command(call.encode(), wire.read_reply, answer_s=answer_s)
         if reply is not None and reply.code not in (wire.SUCCESS, also):
             await self.check_faults(call)
             raise await self._refusal(call, reply)
 
     async def _refusal(self, sent: str, reply: Reply) -> Refused:
-        words = await self._words(wire.ask_code_words(reply.code), reply.code)
+        words = await self._words(wire.code_text_query(reply.code), reply.code)
         return Refused(
             self._device, f"the controller did not execute a call: {words}", sent=sent, received=str(reply),
             remedy="Look at the controller's own page, and check the group and the positioner in the bench file.",
@@ -216,7 +217,7 @@ class XpsAxis:
 
     async def _words(self, question: str, number: int) -> str:
         """Text of an error number from the controller; the number if it has none."""
-        reply = await self._asking.ask(question.encode(), wire.read_reply)
+        reply = await self._asking.query(question.encode(), wire.read_reply)
         return reply.text if reply.code == wire.SUCCESS and reply.text else f"number {number}"
 
     def _recognise(self, answer: bytes) -> Identity:
@@ -225,7 +226,7 @@ class XpsAxis:
         if reply.code != wire.SUCCESS:
             raise ValueError("no version of a firmware")
         found = Identity(model=wire.read_model(reply.text), firmware=reply.text, verified=False)
-        return self._who.check(found, str(reply))
+        return self._recognised.check(found, str(reply))
 
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:

@@ -6,10 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.certificates.corrections import AxisCorrections
-from drivers.description import DriverDescription
-from drivers.kinds.axes import AxisUncertainty
-from drivers.kinds.head.description import HeadLimits, HeadOptions, busy_s, safe_state
+from drivers.kinds.described import indexing_head
+from drivers.kinds.head.description import HeadOptions
 from drivers.schema.fields import InUnit, TextLike
 
 Name = Annotated[str, TextLike("[A-Za-z][A-Za-z0-9_-]{0,31}", "a name such as HEAD")]
@@ -23,19 +21,12 @@ class XpsOptions(HeadOptions):
     acceleration: Annotated[float, InUnit("°/s²", above=0)] = Field(40.0, description="of all moves")
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = indexing_head(
     name="newport_xps",
     title="indexing head or rotary stage on a Newport XPS",
-    capabilities=frozenset({"positioner"}),
     schemes=frozenset({"tcp"}),
     target="drivers.dialects.newport_xps.axis:NewportXps",
     simulator="simulators.instruments.axes.newport_xps:SimulatedXps",
     recognition="drivers.dialects.newport_xps.recognition:RECOGNITION",
     options=XpsOptions,
-    limits=HeadLimits,
-    safe_state=safe_state,
-    busy_s=busy_s,
-    uncertainty=AxisUncertainty,
-    corrections=AxisCorrections,
-    channels={"angle": "°"},
 )

@@ -11,9 +11,9 @@ GROUP = "Group1"  # default after delivery
 STARTER: Blocks = {**HEAD_STARTER, "options": {"group": GROUP, **HEAD_STARTER["options"]}}
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Recognise a controller; its group names cannot be queried and are left open."""
-    answer = await port.ask(wire.ASK_FIRMWARE.encode())
+    answer = await port.query(wire.FIRMWARE_QUERY.encode())
     if not answer.endswith(wire.END):
         raise ValueError("no EndOfAPI at the end")
     reply = wire.read_reply(answer.removesuffix(wire.END))
@@ -23,4 +23,4 @@ async def ask(port: Port) -> Found:
     return Found(identity)
 
 
-RECOGNITION = Recognition(Language("xps"), ask, starter=STARTER)
+RECOGNITION = Recognition(Language("xps"), recognise, starter=STARTER)

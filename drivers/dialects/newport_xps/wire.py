@@ -78,7 +78,7 @@ class Profile(NamedTuple):
 
 # Messages and decoding of the driver
 
-ASK_FIRMWARE = "FirmwareVersionGet(char *)"
+FIRMWARE_QUERY = "FirmwareVersionGet(char *)"
 
 
 def move_absolute(positioner: str, angle_deg: float) -> str:
@@ -101,47 +101,47 @@ def set_profile(positioner: str, profile: Profile) -> str:
     return f"PositionerSGammaParametersSet({positioner},{','.join(_decimal(value) for value in profile)})"
 
 
-def ask_profile(positioner: str) -> str:
+def profile_query(positioner: str) -> str:
     """Query of the motion settings."""
     return f"PositionerSGammaParametersGet({positioner},double *,double *,double *,double *)"
 
 
-def ask_angle(positioner: str) -> str:
+def angle_query(positioner: str) -> str:
     """Query of the encoder angle, °."""
     return f"GroupPositionCurrentGet({positioner},double *)"
 
 
-def ask_status(group: str) -> str:
+def status_query(group: str) -> str:
     """Query of the group status number."""
     return f"GroupStatusGet({group},int *)"
 
 
-def ask_status_words(status: int) -> str:
+def status_text_query(status: int) -> str:
     """Query of the text of a group status number."""
     return f"GroupStatusStringGet({status},char *)"
 
 
-def ask_error(positioner: str) -> str:
+def error_query(positioner: str) -> str:
     """Query of the positioner error without clearing it, as PositionerErrorGet would."""
     return f"PositionerErrorRead({positioner},int *)"
 
 
-def ask_error_words(error: int) -> str:
+def error_text_query(error: int) -> str:
     """Query of the text of a positioner error."""
     return f"PositionerErrorStringGet({error},char *)"
 
 
-def ask_code_words(code: int) -> str:
+def code_text_query(code: int) -> str:
     """Query of the text of an error number."""
     return f"ErrorStringGet({code},char *)"
 
 
-def ask_travel(positioner: str) -> str:
+def travel_query(positioner: str) -> str:
     """Query of the minimum and maximum target, °."""
     return f"PositionerUserTravelLimitsGet({positioner},double *,double *)"
 
 
-def ask_fastest(positioner: str) -> str:
+def max_motion_query(positioner: str) -> str:
     """Query of the maximum rate, °/s, and acceleration, °/s²."""
     return f"PositionerMaximumVelocityAndAccelerationGet({positioner},double *,double *)"
 

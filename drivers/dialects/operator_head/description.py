@@ -33,14 +33,14 @@ class OperatorHeadOptions(StrictModel):
 
     @model_validator(mode="after")
     def _whole_steps_in_a_turn(self) -> Self:
-        if self.index_step is not None and not self.seats(TURN_DEG):
+        if self.index_step is not None and not self.is_index_position(TURN_DEG):
             raise telling(
                 f"index_step is {self.index_step:.9g}°, a turn is {TURN_DEG / self.index_step:.6g} of them; "
                 "expected a whole number"
             )
         return self
 
-    def seats(self, angle_deg: float) -> bool:
+    def is_index_position(self, angle_deg: float) -> bool:
         """Return whether the head can be fixed at an angle."""
         return self.index_step is None or not abs(math.remainder(angle_deg, self.index_step)) > SAME_DEG
 

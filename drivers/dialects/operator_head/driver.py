@@ -9,15 +9,17 @@ from typing import Self
 
 from drivers.certificates.corrections import TURN_DEG
 from drivers.description import Nothing, Setup
-from drivers.dialects.operator_head import wording
 from drivers.dialects.operator_head.description import OperatorHeadLimits, OperatorHeadOptions
 from drivers.errors import BeyondLimit, Refused
 from drivers.kinds.head.bounds import check_angle
 from drivers.kinds.latest import Latest, Order
-from drivers.person import Errand, Turn, Typed
+from drivers.person import OperatorAnswer, OperatorRequest, Turn
 from drivers.values import Approach, Identity, Reading
 
-MOST_ANSWERS = 5  # maximum answers to one move: after that, operator and sequence disagree
+MAX_ANSWERS = 5  # maximum answers to one move: after that, operator and sequence disagree
+_COMING: dict[Approach, str] = {
+    "direct": "", "from_below": ", coming to it from below", "from_above": ", coming to it from above",
+}  # fmt: skip
 
 
 class OperatorHead:
@@ -58,12 +60,12 @@ class OperatorHead:
 
     async def angle(self) -> Reading:
         """The angle that was typed (°); prompts for it if it is unknown."""
-        stands_deg = self._latest.result
-        if stands_deg is None:
+        present_deg = self._latest.result
+        if present_deg is None:
             order = self._new_order()
-            stands_deg = await self._typed(order, self._errand(wording.to_look(self.name)))
-            self._latest.done(order, stands_deg)
-        return self._reading(stands_deg)
+            present_deg = await self._plausible_answer(order, self._request(angle_prompt(self.name)))
+            self._latest.done(order, present_deg)
+        return self._reading(present_deg)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Prompt for a turn to `angle_deg`; return the typed angle after a further `settle_s`.
@@ -72,15 +74,15 @@ class OperatorHead:
         repeated implausible answers, or if another command supersedes the move; NoAnswer without an answer.
         """
         self._check(angle_deg)
-        order, stands_deg = self._latest.order, self._latest.result
-        if stands_deg is None or approach != "direct" or abs(stands_deg - angle_deg) > self._options.tolerance:
+        order, present_deg = self._latest.order, self._latest.result
+        if present_deg is None or approach != "direct" or abs(present_deg - angle_deg) > self._options.tolerance:
             order = self._new_order()
-            text = wording.to_turn(self.name, stands_deg, angle_deg, approach)
-            stands_deg = await self._typed(order, self._errand(text, Turn(angle_deg, approach)))
-            self._latest.done(order, stands_deg)
+            text = move_prompt(self.name, present_deg, angle_deg, approach)
+            present_deg = await self._plausible_answer(order, self._request(text, Turn(angle_deg, approach)))
+            self._latest.done(order, present_deg)
         await asyncio.sleep(settle_s)
         order.check()
-        return self._reading(stands_deg)
+        return self._reading(present_deg)
 
     async def stop(self) -> None:
         """Withdraw the open prompt."""
@@ -92,51 +94,51 @@ class OperatorHead:
 
     def _check(self, angle_deg: float) -> None:
         check_angle(self.name, "the angle", angle_deg, self._limits.angle)
-        if not self._options.seats(angle_deg):
+        if not self._options.is_index_position(angle_deg):
             raise BeyondLimit(
                 self.name, f"the angle {angle_deg:g}° is between two teeth, which are {self._options.index_step:.9g}° "
                 "apart", remedy="Nobody was asked. Correct the sequence, or options.index_step in the bench file.",
             )  # fmt: skip
 
-    def _errand(self, text: str, turn: Turn | None = None) -> Errand:
-        return Errand(self.name, text, "°", self._options.turn_time, self._options.give_up_after, turn)
+    def _request(self, text: str, turn: Turn | None = None) -> OperatorRequest:
+        return OperatorRequest(self.name, text, "°", self._options.turn_time, self._options.give_up_after, turn)
 
-    async def _typed(self, order: Order, errand: Errand) -> float:
+    async def _plausible_answer(self, order: Order, request: OperatorRequest) -> float:
         """Typed angle, once it is plausible."""
-        told, asked_deg = errand.text, errand.turn.angle_deg if errand.turn is not None else None
-        for _ in range(MOST_ANSWERS):
-            answer = await self._ask(order, errand)
-            stands_deg = answer.value
-            if asked_deg is not None:
-                stands_deg = asked_deg + math.remainder(answer.value - asked_deg, TURN_DEG)
-            why = self._implausible(stands_deg, asked_deg)
+        prompt, requested_deg = request.text, request.turn.angle_deg if request.turn is not None else None
+        for _ in range(MAX_ANSWERS):
+            answer = await self._prompt(order, request)
+            present_deg = answer.value
+            if requested_deg is not None:
+                present_deg = requested_deg + math.remainder(answer.value - requested_deg, TURN_DEG)
+            why = self._implausible(present_deg, requested_deg)
             if not why:
-                return stands_deg
-            errand = errand._replace(text=wording.not_taken(answer.value, asked_deg, why, told), again=True)
+                return present_deg
+            request = request._replace(text=rejected(answer.value, requested_deg, why, prompt), again=True)
         raise Refused(
-            self.name, f"{MOST_ANSWERS} answers in a row are impossible; {why}", sent=told,
-            received=wording.spelled(answer.value),
+            self.name, f"{MAX_ANSWERS} answers in a row are impossible; {why}", sent=prompt,
+            received=spelled(answer.value),
             remedy="Look at the head together with the sequence: its zero and dial, and options.index_step and "
             "options.tolerance in the bench file.",
         )  # fmt: skip
 
-    def _implausible(self, stands_deg: float, asked_deg: float | None) -> str:
+    def _implausible(self, present_deg: float, requested_deg: float | None) -> str:
         """Reason why the head cannot stand at an angle; empty if it can."""
-        most_deg = self._options.tolerance
-        if asked_deg is not None and abs(stands_deg - asked_deg) > most_deg:
-            return f"it is {stands_deg - asked_deg:+.6g}° off, at most ±{most_deg:g}° may be"
-        if not self._options.seats(stands_deg):
+        max_deg = self._options.tolerance
+        if requested_deg is not None and abs(present_deg - requested_deg) > max_deg:
+            return f"it is {present_deg - requested_deg:+.6g}° off, at most ±{max_deg:g}° may be"
+        if not self._options.is_index_position(present_deg):
             return f"it is between two teeth, which are {self._options.index_step:.9g}° apart"
         return ""
 
-    async def _ask(self, order: Order, errand: Errand) -> Typed:
+    async def _prompt(self, order: Order, request: OperatorRequest) -> OperatorAnswer:
         """Prompt for an angle; a prompt without an answer is withdrawn and recorded."""
         order.check()
         question = self._question = asyncio.timeout(None)
         answered = False
         try:
             async with question:
-                typed = await self._person.ask(errand)
+                typed = await self._person.prompt(request)
                 answered = True
                 return typed
         except TimeoutError:
@@ -146,7 +148,7 @@ class OperatorHead:
         finally:
             self._question = None
             if not answered:
-                self._note(f"the question was withdrawn: {errand.text} The angle of the head is not confirmed.")
+                self._note(f"the question was withdrawn: {request.text} The angle of the head is not confirmed.")
 
     def _new_order(self, keeping: float | None = None) -> Order:
         """Withdraw the open prompt; unless `keep`, the angle is unknown from now on."""
@@ -158,3 +160,33 @@ class OperatorHead:
 
     def _reading(self, angle_deg: float) -> Reading:
         return Reading(asyncio.get_running_loop().time(), angle_deg)
+
+
+def spelled(angle_deg: float) -> str:
+    """Format an angle as read off a dial; the last digit is 0.000001°."""
+    return f"{round(angle_deg, 6) + 0.0:.12g}°"
+
+
+def move_prompt(device: str, from_deg: float | None, to_deg: float, approach: Approach) -> str:
+    """Prompt for a turn: target, start, direction, and final approach."""
+    if from_deg is None:
+        way = ""
+    elif from_deg == to_deg:
+        way = ", where it stands now" if approach == "direct" else ", where it stands now: away from it and back"
+    else:
+        way = f", from {spelled(from_deg)} {'up' if to_deg > from_deg else 'down'} by {spelled(abs(to_deg - from_deg))}"
+    return (
+        f"Turn {device} by hand to {spelled(to_deg)}{way}{_COMING[approach]}. When it is there and "
+        "locked, type the angle that it shows, in ° or deg."
+    )
+
+
+def angle_prompt(device: str) -> str:
+    """Prompt for the angle of a head whose angle is unknown."""
+    return f"Leave {device} as it is, and type the angle that it shows, in ° or deg."
+
+
+def rejected(typed_deg: float, requested_deg: float | None, why: str, prompt: str) -> str:
+    """Repeat a prompt after an implausible answer."""
+    asked = f", {spelled(requested_deg)} was asked for" if requested_deg is not None else ""
+    return f"{spelled(typed_deg)} was typed{asked}: {why}. {prompt}"

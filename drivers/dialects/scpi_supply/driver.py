@@ -36,18 +36,18 @@ class ScpiSupply(ScpiOutput[State, Setting]):
 
         No reading if two takes differ: the output is changing, or an answer was corrupted.
         """
-        *before, state = await self._takes()
+        *before, state = await self._read_states()
         self._compare(state)
-        for take in before:
-            if not wire.steady(take, state):
-                self._note(f"{_measured(take)} were reported, then {_measured(state)}: no reading")
+        for earlier in before:
+            if not wire.steady(earlier, state):
+                self._note(f"{_measured(earlier)} were reported, then {_measured(state)}: no reading")
                 return {"voltage": [], "current": []}
         now_s = asyncio.get_running_loop().time()
         return {"voltage": [Reading(now_s, state.voltage_v)], "current": [Reading(now_s, state.current_a)]}
 
     async def read(self) -> SourceReading:
         """Read voltage, current and output state."""
-        *_, state = await self._takes()
+        *_, state = await self._read_states()
         return SourceReading(state.voltage_v, state.current_a, state.setting.output)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
@@ -68,19 +68,19 @@ class ScpiSupply(ScpiOutput[State, Setting]):
             await self._switch_off(order, now)
         order.check()
 
-    async def _takes(self) -> list[State]:
+    async def _read_states(self) -> list[State]:
         """States of the supply, until two have the same setting."""
-        takes: list[State] = []
+        reads: list[State] = []
 
-        async def take() -> State:
-            takes.append(await self._state())
-            return takes[-1]
+        async def read_state() -> State:
+            reads.append(await self._state())
+            return reads[-1]
 
-        await self._link.takes.agreed(
-            "what the supply is set to", take, alike=lambda one, other: one.setting == other.setting,
-            spell=lambda state: state.setting,
+        await self._link.double_read.confirmed(
+            "what the supply is set to", read_state, agree=lambda one, other: one.setting == other.setting,
+            describe=lambda state: state.setting,
         )  # fmt: skip
-        return takes
+        return reads
 
     def _check_limits(self, level_v: float, limit_a: float) -> None:
         remedy = "Nothing was sent. Correct the sequence, or the limits in the bench file."
@@ -89,13 +89,13 @@ class ScpiSupply(ScpiOutput[State, Setting]):
     async def _check_maximum(self, level_v: float, limit_a: float) -> None:
         """Raise BeyondLimit for a setting beyond the instrument's own maximum, if it reports that."""
         if "maximum" in self._options.answers:
-            most = await self._link.ask(wire.MAXIMUM_QUERY, wire.read_maximum)
+            maximum = await self._link.query(wire.MAXIMUM_QUERY, wire.read_maximum)
             remedy = "Nothing was set: this is the supply's own maximum. Correct the sequence, or use another supply."
-            self._check_within(level_v, limit_a, most, remedy)
+            self._check_within(level_v, limit_a, maximum, remedy)
 
-    def _check_within(self, level_v: float, limit_a: float, most: tuple[float, float], remedy: str) -> None:
+    def _check_within(self, level_v: float, limit_a: float, maximum: tuple[float, float], remedy: str) -> None:
         wanted = (("the level", level_v, "V"), ("the current limit", limit_a, "A"))
-        for (what, value, unit), highest in zip(wanted, most, strict=True):
+        for (what, value, unit), highest in zip(wanted, maximum, strict=True):
             if not 0 <= value <= highest:
                 problem = f"{what} {value:g} {unit} is outside 0 {unit} to {highest:g} {unit}"
                 raise BeyondLimit(self.name, problem, remedy=remedy)
@@ -105,9 +105,9 @@ def _trips(state: State) -> Sequence[Fault]:
     """Names of the tripped protections."""
     if not state.tripped:
         return ()
-    told = " and ".join(trip.replace("_", "-") for trip in state.tripped)
+    names = " and ".join(trip.replace("_", "-") for trip in state.tripped)
     remedy = "Find out why, look at the unit on it, and clear the protection at its front panel."
-    return (Fault(f"its {told} protection has tripped", str(state.setting), remedy, always=True),)
+    return (Fault(f"its {names} protection has tripped", str(state.setting), remedy, always=True),)
 
 
 def _measured(state: State) -> str:

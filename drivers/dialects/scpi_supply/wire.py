@@ -73,11 +73,11 @@ def state_query(trips: Sequence[str], *, watchdog: bool = False) -> bytes:
 
 def read_state(line: bytes, trips: Sequence[str] = (), *, watchdog: bool = False) -> State:
     """Decode the answer to `state_query`; ValueError."""
-    voltage, current, output, level, limit, *told = scpi.answers(line, 5 + len(trips) + 3 * watchdog)
-    tripped = [trip for trip, has in zip(trips, told, strict=False) if scpi.boolean(has)]
+    voltage, current, output, level, limit, *further = scpi.answers(line, 5 + len(trips) + 3 * watchdog)
+    tripped = [trip for trip, has in zip(trips, further, strict=False) if scpi.boolean(has)]
     watchdog_s = 0.0
     if watchdog:
-        armed, delay, questionable = told[len(trips) :]
+        armed, delay, questionable = further[len(trips) :]
         watchdog_s = scpi.number(delay) if scpi.boolean(armed) else 0.0
         if int(scpi.number(questionable)) & PROTECTED:
             tripped.append("watchdog")
@@ -87,8 +87,8 @@ def read_state(line: bytes, trips: Sequence[str] = (), *, watchdog: bool = False
 
 def read_maximum(line: bytes) -> tuple[float, float]:
     """Decode the answer to MAXIMUM_QUERY: maximum level (V) and maximum limit (A); ValueError."""
-    most_v, most_a = scpi.answers(line, 2)
-    return scpi.number(most_v), scpi.number(most_a)
+    max_v, max_a = scpi.answers(line, 2)
+    return scpi.number(max_v), scpi.number(max_a)
 
 
 def steady(one: State, other: State) -> bool:

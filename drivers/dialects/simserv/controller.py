@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,22 +12,22 @@ from drivers.dialects.simserv import wire
 from drivers.dialects.simserv.description import SimservOptions
 from drivers.dialects.simserv.wire import Function, Info, Status, message
 from drivers.errors import InstrumentFault, NoAnswer, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, Look
+from drivers.kinds.chamber.controller import Connected, Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.lines import ProvedLine
+from drivers.kinds.chamber.lines import VerifiedLine
 from drivers.kinds.chamber.ramp import OwnRamp
 from drivers.kinds.chamber.refusal import Refusal
 from drivers.recognised import Recognised
-from drivers.timing.readback import ReadBack
-from drivers.transport.exchange import Pace, Proof, lines_ending
+from drivers.timing.awake import now_s
+from drivers.timing.readback import read_back
+from drivers.transport.exchange import Pace, SyncQuery, lines_ending
 from drivers.values import Identity
 
 T = TypeVar("T")
 
-READ_BACK = ReadBack()  # a controller may acknowledge a setting before it reports it
-MESSAGES_AT_MOST = 40  # messages searched for the text of an error
-_SERIAL_QUESTION = message(Function.INFO, Info.SERIAL)
+MAX_MESSAGES = 40  # messages searched for the text of an error
+_SERIAL_QUERY = message(Function.INFO, Info.SERIAL)
 _GRADIENTS = (
     (Function.SET_GRADIENT_UP, Function.GRADIENT_UP), (Function.SET_GRADIENT_DOWN, Function.GRADIENT_DOWN),
 )  # fmt: skip
@@ -45,27 +44,27 @@ class Simpac(Connected):
 
     def __init__(self, setup: Setup[SimservOptions, ChamberLimits, ChamberSafe]) -> None:
         self._device, self._pin = setup.name, setup.identity
-        self._tells_target = setup.options.set_point_reads == "target"
+        self._reports_target = setup.options.set_point_reads == "target"
         self._ramp: OwnRamp | None = None  # last commanded set point
         self._serial = ""
-        self._who = Recognised(setup.name, setup.identity)
-        self._line = ProvedLine(
-            setup, Proof(_SERIAL_QUESTION.encode("latin-1"), self._recognise), self._identify,
+        self._recognised = Recognised(setup.name, setup.identity)
+        self._line = VerifiedLine(
+            setup, SyncQuery(_SERIAL_QUERY.encode("latin-1"), self._recognise), self._identify,
             Pace(answer_s=setup.options.answer_timeout), end=wire.END, framing=lines_ending(wire.ANSWER_END),
         )  # fmt: skip
         super().__init__(self._line)
 
     def _identity(self) -> Identity:
         """Type and serial number as reported."""
-        return self._who.identity or Identity()
+        return self._recognised.identity or Identity()
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read process value, set point and status."""
         process_value_c = await self._variable(Function.PROCESS_VALUE)
-        told_c = await self._variable(Function.SET_POINT)
-        set_point_c, target_c = self._where(told_c, commanded_c)
+        reported_c = await self._variable(Function.SET_POINT)
+        set_point_c, target_c = self._where(reported_c, commanded_c)
         control, why = await self._control()
-        return Look(process_value_c, set_point_c, target_c, control, why)
+        return ControllerState(process_value_c, set_point_c, target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
         """Send the set point and read it back.
@@ -73,7 +72,7 @@ class Simpac(Connected):
         While a program runs it may be refused, or the program's set point is read back: then `take_control` sends it
         again.
         """
-        target_c = wire.kept(temperature_c)
+        target_c = wire.as_stored(temperature_c)
         self._ramp = await self._ramp_to(target_c)
         try:
             await self._send(self._ramp)
@@ -81,21 +80,21 @@ class Simpac(Connected):
             if not await self._program_status():
                 raise
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """Set point as stored: rounded to a tenth of a degree."""
-        return wire.kept(temperature_c)
+        return wire.as_stored(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
         """Set both gradients, each read back."""
         rate = wire.gradient(rate_c_per_min)
         for setting, reading in _GRADIENTS:
             command = message(setting, wire.TEMPERATURE, rate)
-            await self._order(command)
-            kept_c_per_min = await self._told(reading, lambda told: wire.gradient(told) == rate)
-            if wire.gradient(kept_c_per_min) != rate:
+            await self._send_command(command)
+            stored_c_per_min = await self._read_back(reading, lambda reported: wire.gradient(reported) == rate)
+            if wire.gradient(stored_c_per_min) != rate:
                 raise Refused(
                     self._device, "the controller did not take a new gradient", sent=command,
-                    received=f"gradient {kept_c_per_min:g} °C/min",
+                    received=f"gradient {stored_c_per_min:g} °C/min",
                     remedy="Choose a ramp rate that the controller stores without rounding.",
                 )  # fmt: skip
 
@@ -103,77 +102,78 @@ class Simpac(Connected):
         """Stop a program, start the chamber, send the set point again; InstrumentFault during an error."""
         await self._check_errors()
         if await self._program_status():
-            await self._order(message(Function.STOP_PROGRAM))
+            await self._send_command(message(Function.STOP_PROGRAM))
         start = message(Function.SWITCH, wire.START, 1)
-        await self._order(start)
-        control, why = await READ_BACK.until(self._control, lambda found: found[0] is Control.SET_POINT)
+        await self._send_command(start)
+        control, why = await read_back(self._control, lambda found: found[0] is Control.SET_POINT)
         if control is not Control.SET_POINT:
             raise Refused(
                 self._device, "the chamber did not start", sent=start, received=why,
                 remedy="Start it by hand at the chamber.",
             )  # fmt: skip
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=_now_s())  # it was stopped until now
+            self._ramp = replace(self._ramp, began_s=now_s())  # it was stopped until now
             await self.command(self._ramp.target_c)
 
     async def _send(self, ramp: OwnRamp) -> None:
         """Send the end of a ramp and read it back."""
         command = message(Function.SET_SET_POINT, wire.TEMPERATURE, wire.temperature(ramp.target_c))
-        acknowledged = await self._order(command)
-        told_c = await self._told(
-            Function.SET_POINT, lambda told: told == ramp.target_c or (acknowledged and self._may_be_on(ramp, told))
+        acknowledged = await self._send_command(command)
+        reported_c = await self._read_back(
+            Function.SET_POINT,
+            lambda reported: reported == ramp.target_c or (acknowledged and self._may_be_on(ramp, reported)),
         )
-        if told_c == ramp.target_c:
+        if reported_c == ramp.target_c:
             return
-        if not self._may_be_on(ramp, told_c):
+        if not self._may_be_on(ramp, reported_c):
             raise Refused(
                 self._device, "the controller did not take a new set point", sent=command,
-                received=f"set point {told_c:g} °C",
+                received=f"set point {reported_c:g} °C",
                 remedy="Look at the controller for a lock; options.set_point_reads in the bench file may be wrong.",
             )  # fmt: skip
         if not acknowledged:
             raise NoAnswer(self._device, "it is unknown whether a new set point was accepted", sent=command)
 
-    def _may_be_on(self, ramp: OwnRamp, told_c: float) -> bool:
+    def _may_be_on(self, ramp: OwnRamp, reported_c: float) -> bool:
         """Return whether a set point that is not the end of the ramp may be its present value."""
-        return not self._tells_target and ramp.is_at(told_c, _now_s())
+        return not self._reports_target and ramp.is_at(reported_c, now_s())
 
     async def _ramp_to(self, target_c: float) -> OwnRamp:
         """Ramp started by a new set point: from the active one, or from the air temperature if the chamber is off."""
         control, _ = await self._control()
-        if control is Control.NOBODY:
+        if control is Control.IDLE:
             start_c = await self._variable(Function.PROCESS_VALUE)
         else:
             start_c, _ = self._where(await self._variable(Function.SET_POINT), None)
         rate_c_per_min = await self._variable(Function.GRADIENT_UP if target_c > start_c else Function.GRADIENT_DOWN)
-        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, _now_s())  # gradient 0 means no ramp
+        return OwnRamp(start_c, target_c, rate_c_per_min / 60 or math.inf, now_s())  # gradient 0 means no ramp
 
-    def _where(self, told_c: float, commanded_c: float | None) -> tuple[float, float]:
+    def _where(self, reported_c: float, commanded_c: float | None) -> tuple[float, float]:
         """Active set point and last commanded set point, °C."""
         ramp = self._ramp
         if ramp is None:
-            return told_c, told_c
-        if self._tells_target:
-            return (ramp.set_point_c(_now_s()) if told_c == ramp.target_c else told_c), told_c
-        on_its_way = commanded_c == ramp.target_c and ramp.is_at(told_c, _now_s())
-        return told_c, (ramp.target_c if on_its_way else told_c)
+            return reported_c, reported_c
+        if self._reports_target:
+            return (ramp.set_point_c(now_s()) if reported_c == ramp.target_c else reported_c), reported_c
+        on_its_way = commanded_c == ramp.target_c and ramp.is_at(reported_c, now_s())
+        return reported_c, (ramp.target_c if on_its_way else reported_c)
 
     async def _control(self) -> tuple[Control, str]:
-        status = await self._ask(message(Function.STATUS), wire.status)
+        status = await self._query(message(Function.STATUS), wire.status)
         if Status.ERROR in status:
-            return Control.OTHER, f"the chamber has an error: {await self._error()}"
+            return Control.FOREIGN, f"the chamber has an error: {await self._error()}"
         if Status.RUNNING not in status:
-            return Control.NOBODY, "the chamber is off"
+            return Control.IDLE, "the chamber is off"
         if program := await self._program_status():
-            return Control.OTHER, f"the chamber runs a program (status {program})"
+            return Control.FOREIGN, f"the chamber runs a program (status {program})"
         return Control.SET_POINT, ""
 
     async def _program_status(self) -> int:
         """Program number; 0 without a program."""
-        return await self._ask(message(Function.PROGRAM_STATUS), wire.whole)
+        return await self._query(message(Function.PROGRAM_STATUS), wire.whole)
 
     async def _check_errors(self) -> None:
-        if Status.ERROR in await self._ask(message(Function.STATUS), wire.status):
+        if Status.ERROR in await self._query(message(Function.STATUS), wire.status):
             raise InstrumentFault(
                 self._device, "the chamber has an error", received=await self._error(),
                 remedy="Remove the cause and acknowledge it at the chamber.",
@@ -181,34 +181,34 @@ class Simpac(Connected):
 
     async def _error(self) -> str:
         """Text of the first active error message."""
-        count = await self._ask(message(Function.MESSAGES), wire.whole)
-        for index in range(1, min(count, MESSAGES_AT_MOST) + 1):
-            if await self._ask(message(Function.MESSAGE_ACTIVE, index), wire.whole):
-                return await self._ask(message(Function.MESSAGE_TEXT, index), wire.text)
+        count = await self._query(message(Function.MESSAGES), wire.whole)
+        for index in range(1, min(count, MAX_MESSAGES) + 1):
+            if await self._query(message(Function.MESSAGE_ACTIVE, index), wire.whole):
+                return await self._query(message(Function.MESSAGE_TEXT, index), wire.text)
         return "no message text"
 
     async def _identify(self) -> None:
-        kind = await self._once(message(Function.INFO, Info.TYPE), wire.text)
-        unit = await self._once(message(Function.UNIT, wire.TEMPERATURE), wire.text)
+        kind = await self._query_once(message(Function.INFO, Info.TYPE), wire.text)
+        unit = await self._query_once(message(Function.UNIT, wire.TEMPERATURE), wire.text)
         if not unit.endswith("C"):
             raise WrongIdentity(
                 self._device, "the first control variable is not a temperature in °C", received=f"unit '{unit}'",
                 remedy="Check that this is a thermal chamber, and its unit at the controller.",
             )  # fmt: skip
-        low_c = await self._once(message(Function.LOWEST, wire.TEMPERATURE), wire.number)
-        high_c = await self._once(message(Function.HIGHEST, wire.TEMPERATURE), wire.number)
+        low_c = await self._query_once(message(Function.LOWEST, wire.TEMPERATURE), wire.number)
+        high_c = await self._query_once(message(Function.HIGHEST, wire.TEMPERATURE), wire.number)
         pin = self._pin
         found = Identity(
             maker=pin.maker or "Weiss Technik", model=kind, serial=self._serial, firmware=pin.firmware or ""
         )
-        self._who.check(found, f"{kind}, serial number {self._serial}")
+        self._recognised.check(found, f"{kind}, serial number {self._serial}")
         self.limits_c = (low_c, high_c)
 
     def _recognise(self, line: bytes) -> None:
         serial = wire.unless_refused(wire.text)(line)
         if isinstance(serial, Refusal):
             raise ValueError(f"refused, {serial}")
-        expected = (self._who.identity or self._pin).serial
+        expected = (self._recognised.identity or self._pin).serial
         if expected not in (None, serial):
             raise WrongIdentity(
                 self._device, f"the chamber's serial number is '{serial}', expected '{expected}'",
@@ -216,26 +216,22 @@ class Simpac(Connected):
             )  # fmt: skip
         self._serial = serial
 
-    async def _told(self, function: Function, agrees: Callable[[float], object]) -> float:
+    async def _read_back(self, function: Function, agrees: Callable[[float], object]) -> float:
         """Value read back after a setting, once it agrees, or at the time limit."""
-        return await READ_BACK.until(lambda: self._variable(function), agrees)
+        return await read_back(lambda: self._variable(function), agrees)
 
     async def _variable(self, function: Function) -> float:
-        return await self._ask(message(function, wire.TEMPERATURE), wire.number)
+        return await self._query(message(function, wire.TEMPERATURE), wire.number)
 
-    async def _ask(self, question: str, read: Callable[[list[str]], T]) -> T:
-        return await self._line.ask(question, wire.unless_refused(read))
+    async def _query(self, question: str, read: Callable[[list[str]], T]) -> T:
+        return await self._line.query(question, wire.unless_refused(read))
 
-    async def _once(self, question: str, read: Callable[[list[str]], T]) -> T:
-        return await self._line.ask_once(question, wire.unless_refused(read))
+    async def _query_once(self, question: str, read: Callable[[list[str]], T]) -> T:
+        return await self._line.query_once(question, wire.unless_refused(read))
 
-    async def _order(self, command: str) -> bool:
+    async def _send_command(self, command: str) -> bool:
         """Send a command once; return whether it was acknowledged."""
-        return await self._line.order(command, wire.unless_refused(lambda _: True)) is not None
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()
+        return await self._line.send_command(command, wire.unless_refused(lambda _: True)) is not None
 
 
 class Simserv(Chamber):

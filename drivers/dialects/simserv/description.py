@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from drivers.description import DriverDescription
 from drivers.dialects.simserv.wire import Reads
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe, safe_state
+from drivers.kinds.chamber.description import ChamberOptions
+from drivers.kinds.described import thermal_chamber
 
 
 class SimservOptions(ChamberOptions):
@@ -18,17 +18,12 @@ class SimservOptions(ChamberOptions):
     )
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = thermal_chamber(
     name="simserv",
     title="thermal chamber of Weiss or Vötsch, SIMSERV",
-    capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"tcp"}),
     target="drivers.dialects.simserv.controller:Simserv",
     simulator="simulators.instruments.chambers.simserv:SimulatedSimserv",
     recognition="drivers.dialects.simserv.recognition:RECOGNITION",
     options=SimservOptions,
-    limits=ChamberLimits,
-    safe=ChamberSafe,
-    safe_state=safe_state,
-    channels=CHANNELS,
 )

@@ -10,18 +10,18 @@ from drivers.kinds.chamber.refusal import Refusal
 from drivers.values import Identity
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Read type and serial number."""
-    serial, kind = await _told(port, Info.SERIAL), await _told(port, Info.TYPE)
+    serial, kind = await _query(port, Info.SERIAL), await _query(port, Info.TYPE)
     return Found(Identity(maker="Weiss Technik", model=kind, serial=serial))
 
 
-async def _told(port: Port, what: Info) -> str:
-    answer = await port.ask(wire.message(Function.INFO, what).encode("latin-1") + wire.END)
+async def _query(port: Port, what: Info) -> str:
+    answer = await port.query(wire.message(Function.INFO, what).encode("latin-1") + wire.END)
     found = wire.unless_refused(wire.text)(answer.removesuffix(wire.ANSWER_END))
     if isinstance(found, Refusal) or not found.isprintable():
         raise ValueError("no name of a chamber")
     return found
 
 
-RECOGNITION = Recognition(Language("simserv"), ask, starter=CHAMBER_STARTER)
+RECOGNITION = Recognition(Language("simserv"), recognise, starter=CHAMBER_STARTER)

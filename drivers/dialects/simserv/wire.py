@@ -94,10 +94,10 @@ def message(function: Function, *arguments: int | str) -> str:
 
 def temperature(value_c: float) -> str:
     """Format a set point."""
-    return f"{kept(value_c):.1f}"
+    return f"{as_stored(value_c):.1f}"
 
 
-def kept(value_c: float) -> float:
+def as_stored(value_c: float) -> float:
     """Set point rounded to the transmitted tenth of a degree."""
     return round(value_c * STEPS_PER_C) / STEPS_PER_C
 

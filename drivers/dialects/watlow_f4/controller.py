@@ -10,10 +10,10 @@ from drivers.description import IdentityPin, Setup, check_identity
 from drivers.dialects.watlow_f4.description import F4Options
 from drivers.dialects.watlow_f4.wire import (
     INPUT_ERRORS,
+    MAX_DECIMALS,
     MEASURED_COUNT,
     MEASURED_FIRST,
     MODEL_F4,
-    MOST_DECIMALS,
     DisplayUnit,
     Register,
     Status,
@@ -21,11 +21,12 @@ from drivers.dialects.watlow_f4.wire import (
     event_output,
 )
 from drivers.errors import InstrumentFault, LinkLost, NoAnswer, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.registers import READ_BACK, ProvedRegisters, hexadecimal
+from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
+from drivers.timing.readback import read_back
 from drivers.values import Identity
 
 TERMINATING_S = 0.5  # pause that the controller needs after the end of a profile
@@ -47,7 +48,7 @@ class F4Channel(Connected):
         self._form = TemperatureFormat()
         self._known: tuple[Words, Words, int] | None = None  # of the controller at the first connection
         self._commanded_c = math.nan
-        self._registers = ProvedRegisters(setup, self._identify)
+        self._registers = VerifiedRegisters(setup, self._identify)
         self._link = self._registers.link
         super().__init__(self._registers)
 
@@ -61,7 +62,7 @@ class F4Channel(Connected):
             maker="Watlow", model="F4", firmware=_firmware(names),
         )  # fmt: skip
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read process value, status and set points; InstrumentFault if the controller reports a sensor fault."""
         found = self._form.measured(await self._registers.read(MEASURED_FIRST, MEASURED_COUNT))
         if found.input_error:
@@ -75,7 +76,7 @@ class F4Channel(Connected):
         if status in _PROFILE:
             in_force_c = await self._temperature(Register.PROFILE_SET_POINT)
         control, why = await self._control(found.alarm, status, target_c)
-        return Look(found.process_value_c, in_force_c, target_c, control, why)
+        return ControllerState(found.process_value_c, in_force_c, target_c, control, why)
 
     async def command(self, temperature_c: float) -> None:
         """Write the set point, unless it is set already, and read it back."""
@@ -84,7 +85,7 @@ class F4Channel(Connected):
         if await self._registers.read(Register.SET_POINT, 1) != (word,):
             await self._registers.set(Register.SET_POINT, (word,), "set point", self._spelled)
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """Set point rounded to the decimals of the controller; unchanged if no register can hold it."""
         try:
             return self._form.value_c(self._form.word(temperature_c))
@@ -115,7 +116,7 @@ class F4Channel(Connected):
         with suppress(NoAnswer, LinkLost):
             await self._link.write(Register.TERMINATE, (1,))
         await asyncio.sleep(TERMINATING_S)
-        (status,) = await READ_BACK.until(
+        (status,) = await read_back(
             lambda: self._registers.read(Register.STATUS, 1), lambda words: words[0] not in _PROFILE
         )
         if status in _PROFILE:
@@ -128,13 +129,13 @@ class F4Channel(Connected):
     async def _control(self, alarm: str, status: int, target_c: float) -> tuple[Control, str]:
         """Current temperature control, with a message."""
         if alarm:
-            return Control.OTHER, alarm
+            return Control.FOREIGN, alarm
         if status in _PROFILE:
-            return Control.OTHER, _PROFILE[Status(status)]
+            return Control.FOREIGN, _PROFILE[Status(status)]
         if self.limits_c is not None and target_c < self.limits_c[0]:
-            return Control.NOBODY, "the set point is off"
+            return Control.IDLE, "the set point is off"
         if self._power is not None and await self._registers.read(self._power, 1) != (1,):
-            return Control.NOBODY, f"{self._power_name} is off"
+            return Control.IDLE, f"{self._power_name} is off"
         return Control.SET_POINT, ""
 
     async def _temperature(self, register: Register) -> float:
@@ -156,9 +157,9 @@ class F4Channel(Connected):
             )  # fmt: skip
         (decimals,) = await self._link.read(Register.DECIMALS, 1)
         limits = await self._link.read(Register.SET_POINT_MIN, 2)
-        form = TemperatureFormat(min(decimals, MOST_DECIMALS))
+        form = TemperatureFormat(min(decimals, MAX_DECIMALS))
         low_c, high_c = form.value_c(limits[0]), form.value_c(limits[1])
-        if decimals > MOST_DECIMALS or low_c >= high_c:
+        if decimals > MAX_DECIMALS or low_c >= high_c:
             raise self._other(
                 "the settings of the controller are implausible",
                 f"{decimals} decimals, set point limits {hexadecimal(limits)}",
@@ -170,8 +171,8 @@ class F4Channel(Connected):
                 f"set points from {low_c:g} to {high_c:g} °C, {decimals} decimals, serial {names[1]} {names[2]}",
                 "Check the address in the bench file, then start again.",
             )  # fmt: skip
-        told = IdentityPin(firmware=self._pin.firmware)
-        check_identity(self._link.device, told, Identity(firmware=_firmware(names)))
+        pin = IdentityPin(firmware=self._pin.firmware)
+        check_identity(self._link.device, pin, Identity(firmware=_firmware(names)))
         self._known, self._form, self.limits_c = (names, limits, decimals), form, (low_c, high_c)
 
     def _other(self, what: str, received: str, remedy: str) -> WrongIdentity:

@@ -6,13 +6,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.description import DriverDescription
 from drivers.dialects.watlow_f4.wire import EVENT_OUTPUTS
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions, safe_state
+from drivers.kinds.chamber.description import SteppedRampOptions
+from drivers.kinds.described import thermal_chamber
 from drivers.schema.fields import WholeNumber
 
 
-class F4Options(StairOptions):
+class F4Options(SteppedRampOptions):
     """Protocol settings of the controller."""
 
     unit_id: Annotated[WholeNumber, Field(ge=1, le=247)] = Field(1, description="Modbus address")
@@ -21,17 +21,12 @@ class F4Options(StairOptions):
     )
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = thermal_chamber(
     name="watlow_f4",
     title="thermal chamber with a Watlow F4 S or D, Modbus RTU",
-    capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"serial", "socket"}),
     target="drivers.dialects.watlow_f4.controller:WatlowF4",
     simulator="simulators.instruments.chambers.watlow_f4:SimulatedF4",
     recognition="drivers.dialects.watlow_f4.recognition:RECOGNITION",
     options=F4Options,
-    limits=ChamberLimits,
-    safe=ChamberSafe,
-    safe_state=safe_state,
-    channels=CHANNELS,
 )

@@ -8,7 +8,7 @@ from drivers.kinds.chamber.recognition import CHAMBER_STARTER
 from drivers.values import Identity
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Recognise a controller; its serial number is left out, because the format of its registers is undocumented."""
     model, _, _, software, revision = await port.registers(Register.MODEL, 5)
     if model != MODEL_F4:
@@ -19,4 +19,4 @@ async def ask(port: Port) -> Found:
     return Found(identity, {"options": {"unit_id": port.unit_id}})
 
 
-RECOGNITION = Recognition(MODBUS, ask, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"))
+RECOGNITION = Recognition(MODBUS, recognise, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"))

@@ -15,7 +15,7 @@ from drivers.kinds.chamber.words import int16_value, int16_word
 
 MODEL_F4 = 5270
 EVENT_OUTPUTS = 8
-MOST_DECIMALS = 3
+MAX_DECIMALS = 3
 
 
 class Register(IntEnum):
@@ -95,8 +95,8 @@ class TemperatureFormat:
     def measured(self, words: Sequence[int]) -> Measured:
         """Decode the registers from MEASURED_FIRST."""
         alarms = {1: words[Register.ALARM_1 - MEASURED_FIRST], 2: words[Register.ALARM_2 - MEASURED_FIRST]}
-        told = [f"alarm {n} {_ALARMS.get(state, state)}" for n, state in alarms.items() if state]
-        return Measured(self.value_c(words[0]), words[Register.INPUT_ERROR - MEASURED_FIRST], ", ".join(told))
+        active = [f"alarm {n} {_ALARMS.get(state, state)}" for n, state in alarms.items() if state]
+        return Measured(self.value_c(words[0]), words[Register.INPUT_ERROR - MEASURED_FIRST], ", ".join(active))
 
 
 def event_output(number: int) -> int:

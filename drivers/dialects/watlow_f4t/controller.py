@@ -21,16 +21,16 @@ from drivers.dialects.watlow_f4t.wire import (
     mode_name,
 )
 from drivers.errors import BadAnswer, InstrumentFault, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, Look, as_stated
+from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
-from drivers.kinds.chamber.registers import ProvedRegisters, hexadecimal
+from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
 from drivers.kinds.chamber.words import Words
 from drivers.values import Identity
 
 COLDEST_C, HOTTEST_C = -273.15, 2000.0
-_CONTROL: Mapping[int, Control] = {ControlMode.AUTO: Control.SET_POINT, ControlMode.OFF: Control.NOBODY}
+_CONTROL: Mapping[int, Control] = {ControlMode.AUTO: Control.SET_POINT, ControlMode.OFF: Control.IDLE}
 NARROWEST_C = 1.0  # closer set-point limits are swapped words, which decode to almost zero
 
 
@@ -45,7 +45,7 @@ class F4TLoop(Connected):
     def __init__(self, setup: Setup[F4TOptions, ChamberLimits, ChamberSafe]) -> None:
         self._pin, self._block_reads = setup.identity, setup.options.block_reads
         self._form = LoopFormat(setup.options.loop, setup.options.word_order)
-        self._registers = ProvedRegisters(setup, self._identify)
+        self._registers = VerifiedRegisters(setup, self._identify)
         self._link = self._registers.link
         super().__init__(self._registers)
 
@@ -55,7 +55,7 @@ class F4TLoop(Connected):
         fingerprint = f"display unit °C, set point {low_c:g} to {high_c:g} °C"
         return as_stated(self._pin, fingerprint, maker="Watlow", model="F4T")
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read active set point, mode and process value; the set point itself only if it may differ."""
         block = await (self._block() if self._block_reads else self._block_singly())
         target_c = commanded_c
@@ -64,14 +64,14 @@ class F4TLoop(Connected):
         if commanded_c is None or abs(block.set_point_in_force - commanded_c) > ARRIVED_WITHIN_C:
             target_c = await self._number(LoopRegister.SET_POINT)
         why = f"control loop {self._form.loop} is not in auto, mode {mode_name(block.mode)}"
-        control = _CONTROL.get(block.mode, Control.OTHER)
-        return Look(block.process_value, block.set_point_in_force, target_c or 0.0, control, why)
+        control = _CONTROL.get(block.mode, Control.FOREIGN)
+        return ControllerState(block.process_value, block.set_point_in_force, target_c or 0.0, control, why)
 
     async def command(self, temperature_c: float) -> None:
         """Write the set point and read it back."""
         await self._set(LoopRegister.SET_POINT, self._form.words(temperature_c))
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """Set point as stored: the nearest float32."""
         return self._form.value(self._form.words(temperature_c))
 

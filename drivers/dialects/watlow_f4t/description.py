@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.description import DriverDescription
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberOptions, ChamberSafe, safe_state
+from drivers.kinds.chamber.description import ChamberOptions
 from drivers.kinds.chamber.words import WordOrder
+from drivers.kinds.described import thermal_chamber
 from drivers.schema.fields import Flag, WholeNumber
 
 
@@ -23,17 +23,12 @@ class F4TOptions(ChamberOptions):
     )
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = thermal_chamber(
     name="watlow_f4t",
     title="thermal chamber with a Watlow F4T, Modbus TCP or RTU",
-    capabilities=frozenset({"thermal_chamber"}),
     schemes=frozenset({"tcp", "serial", "socket"}),
     target="drivers.dialects.watlow_f4t.controller:WatlowF4T",
     simulator="simulators.instruments.chambers.watlow_f4t:SimulatedF4T",
     recognition="drivers.dialects.watlow_f4t.recognition:RECOGNITION",
     options=F4TOptions,
-    limits=ChamberLimits,
-    safe=ChamberSafe,
-    safe_state=safe_state,
-    channels=CHANNELS,
 )

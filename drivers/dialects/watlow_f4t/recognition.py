@@ -13,7 +13,7 @@ from drivers.values import Identity
 _COLDEST, _HOTTEST, _NARROWEST = -460.0, 4000.0, 1.0  # °C or °F
 
 
-async def ask(port: Port) -> Found:
+async def recognise(port: Port) -> Found:
     """Recognise a controller, and the word order of its floats."""
     (unit,) = await port.registers(DISPLAY_UNIT_SERIAL if port.is_serial_line else DISPLAY_UNIT, 1)
     limits = await port.registers(LoopRegister.SET_POINT_MIN, 4)
@@ -29,4 +29,4 @@ async def ask(port: Port) -> Found:
     raise ValueError("implausible set-point limits")
 
 
-RECOGNITION = Recognition(MODBUS, ask, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"))
+RECOGNITION = Recognition(MODBUS, recognise, starter=CHAMBER_STARTER, lines=("baud=9600", "baud=19200"))

@@ -37,7 +37,7 @@ class YokogawaGS200(ScpiSource[State]):
 
     def __init__(self, setup: Setup[GS200Options, SourceLimits, Nothing]) -> None:
         range_a = setup.options.range
-        bounds = Bounds(range_a, wire.most_a(range_a), (wire.COMPLIANCE_MIN_V, setup.options.compliance))
+        bounds = Bounds(range_a, wire.max_a(range_a), (wire.COMPLIANCE_MIN_V, setup.options.compliance))
         super().__init__(setup, DIALECT, bounds)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:

@@ -61,7 +61,7 @@ class State:
     condition: Condition = NO_CONDITION
 
 
-def most_a(range_a: float) -> float:
+def max_a(range_a: float) -> float:
     """Largest level of a range."""
     return min(OVER_RANGE * range_a, LEVEL_MAX_A)
 

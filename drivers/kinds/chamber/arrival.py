@@ -6,7 +6,7 @@ from drivers.kinds.chamber.description import FollowOptions, TemperatureRange
 from drivers.kinds.chamber.following import FollowWatch
 from drivers.values import ChamberState
 
-KEPT_WITHIN_C = 0.5  # tolerance of the commanded set point, which controllers round
+SET_POINT_TOLERANCE_C = 0.5  # tolerance of the commanded set point, which controllers round
 
 
 class Arrival:
@@ -24,7 +24,7 @@ class Arrival:
 
     def has_arrived(self, state: ChamberState) -> bool:
         """Return whether active set point and air are at the target."""
-        at_rest = abs(state.set_point_c - self.target_c) <= KEPT_WITHIN_C
+        at_rest = abs(state.set_point_c - self.target_c) <= SET_POINT_TOLERANCE_C
         return at_rest and abs(state.process_value_c - self.target_c) <= self._follow.band
 
     def problem(self, at_s: float, state: ChamberState) -> str:
@@ -33,7 +33,7 @@ class Arrival:
             longest_s = self.longest_s(state)  # a set point that jumped is far from the air for longer than `settle`
             self._watch = FollowWatch(self._follow.model_copy(update={"settle": longest_s}), self._limits)
             self._due_s = at_s + longest_s
-        if abs(state.target_c - self.target_c) > KEPT_WITHIN_C:
+        if abs(state.target_c - self.target_c) > SET_POINT_TOLERANCE_C:
             return f"the set point was changed by another master from {self.target_c:g} °C to {state.target_c:g} °C"
         if wrong := self._watch.problem(at_s, state.process_value_c, state.set_point_c, commanded=True):
             return f"{wrong}; it is at {state.process_value_c:.1f} °C"

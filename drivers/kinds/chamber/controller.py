@@ -14,12 +14,12 @@ class Control(Enum):
     """Source of the active set point."""
 
     SET_POINT = "set point"  # the set point commanded by this driver
-    NOBODY = "nobody"  # switched off or idle
-    OTHER = "other"  # a profile, a person, an alarm
+    IDLE = "nobody"  # switched off or idle
+    FOREIGN = "other"  # a profile, a person, an alarm
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class ControllerState:
     """State of a controller, °C.
 
     `set_point_c` is the active set point; `target_c` is the last command, from any master. `why` names another source
@@ -52,13 +52,13 @@ class Controller(Protocol):
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity, and closes the connection, if it has changed."""
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read the state; `commanded_c` is the expected set point, if known."""
 
     async def command(self, temperature_c: float) -> None:
         """Write the set point once and read it back; Refused if another value was stored."""
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """The set point as the controller stores it, rounded as in its messages."""
 
     async def set_ramp(self, rate_c_per_min: float) -> None:

@@ -47,7 +47,7 @@ class ChamberOptions(StrictModel):
     follow: FollowOptions = FollowOptions()
 
 
-class StairOptions(ChamberOptions):
+class SteppedRampOptions(ChamberOptions):
     """Additional options of controllers that the driver ramps by a series of set points."""
 
     step: Annotated[float, InUnit("s", at_least=10, at_most=120)] = Field(

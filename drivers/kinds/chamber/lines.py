@@ -10,34 +10,36 @@ from typing import Any, TypeVar
 from drivers.description import Setup
 from drivers.errors import NoAnswer, Refused
 from drivers.kinds.chamber.refusal import Refusal
-from drivers.transport.dialogue import Dialogue, once_more
-from drivers.transport.exchange import Framing, Pace, Proof, Wrap
+from drivers.transport.dialogue import Dialogue, retry_once
+from drivers.transport.exchange import Framing, Pace, SyncQuery, Wrap
 
 T = TypeVar("T")
 Read = Callable[[bytes], T | Refusal]
 
 
-class ProvedLine:
+class VerifiedLine:
     """Queries that are repeated once, and commands that are sent only once.
 
-    After a lost connection the next exchange reconnects and identifies first, by `identify`, which uses `ask_once` and
-    raises WrongIdentity; after any other communication error `proof` is sent first. For `order_gap_s` after a command
-    nothing is sent. Refusals are raised as Refused and not repeated. `takes` confirms readings that enter a result.
+    After a lost connection the next exchange reconnects and identifies first, by `identify`, which uses `query_once`
+    and raises WrongIdentity; after any other communication error `sync_query` is sent first. For `order_gap_s` after a
+    command nothing is sent. Refusals are raised as Refused and not repeated. `double_read` confirms readings that enter
+    a result.
 
     Concurrency: one caller at a time.
     """
 
     def __init__(
-        self, setup: Setup[Any, Any, Any], proof: Proof, identify: Callable[[], Awaitable[None]], pace: Pace, *,
+        self, setup: Setup[Any, Any, Any], sync_query: SyncQuery, identify: Callable[[], Awaitable[None]],
+        pace: Pace, *,
         end: bytes = b"\n", framing: Framing | None = None, wrap: Wrap | None = None, order_gap_s: float = 0.0,
     ) -> None:  # fmt: skip
         self._device, self._note = setup.name, setup.note
         self._identify, self._order_gap_s = identify, order_gap_s
         self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, proof, end=end, framing=framing, wrap=wrap, pace=pace,
-            greet=identify, note=setup.note,
+            setup.name, setup.wires, setup.address, sync_query, end=end, framing=framing, wrap=wrap, pace=pace,
+            on_connect=identify, note=setup.note,
         )  # fmt: skip
-        self.takes = self._dialogue.takes
+        self.double_read = self._dialogue.double_read
         self._busy_until_s = -math.inf
 
     async def connect(self) -> None:
@@ -53,32 +55,32 @@ class ProvedLine:
         if await self._dialogue.reopen():
             return
         try:
-            await once_more(self._identify, self._note)
+            await retry_once(self._identify, self._note)
         except BaseException:
             self._dialogue.close()  # the identity is unknown: the next exchange reconnects and identifies first
             raise
 
-    async def ask(self, question: str, read: Read[T]) -> T:
-        """Query and decode with `read`, repeated once without an answer; see LineExchange.ask."""
+    async def query(self, question: str, read: Read[T]) -> T:
+        """Query and decode with `read`, repeated once without an answer; see LineExchange.query."""
         await self._dialogue.reopen()
         try:
-            return await self.ask_once(question, read)
+            return await self.query_once(question, read)
         except NoAnswer as problem:
             self._note(f"asked again: {problem}")
             await self._dialogue.reopen()
-            return await self.ask_once(question, read)
+            return await self.query_once(question, read)
 
-    async def ask_once(self, question: str, read: Read[T]) -> T:
+    async def query_once(self, question: str, read: Read[T]) -> T:
         """The same on the present connection, sent once."""
         await self._rest()
-        return self._taken(question, await self._dialogue.line.ask(question.encode("latin-1"), read))
+        return self._taken(question, await self._dialogue.line.query(question.encode("latin-1"), read))
 
-    async def order(self, command: str, read: Read[T]) -> T | None:
+    async def send_command(self, command: str, read: Read[T]) -> T | None:
         """Send a command once; None if its answer is missing or garbled, and the read-back has to decide."""
         await self._dialogue.reopen()
         await self._rest()
         try:
-            return self._taken(command, await self._dialogue.order(command.encode("latin-1"), read))
+            return self._taken(command, await self._dialogue.send_command(command.encode("latin-1"), read))
         finally:
             self._busy_until_s = asyncio.get_running_loop().time() + self._order_gap_s
 

@@ -11,7 +11,7 @@ OWN_RAMP_WITHIN_C, OWN_RAMP_WITHIN_S = 1.0, 30.0  # tolerance of a controller's 
 
 
 @dataclass(frozen=True, slots=True)
-class Climb:
+class RampProfile:
     """One ramp, begun at the loop time `began_s`; without `step_s` the controller ramps by itself."""
 
     start_c: float
@@ -21,7 +21,7 @@ class Climb:
     step_s: float | None
 
     @property
-    def takes_s(self) -> float:
+    def duration_s(self) -> float:
         """Duration of the ramp."""
         return abs(self.target_c - self.start_c) / self.rate_c_per_s
 

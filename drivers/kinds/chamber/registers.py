@@ -9,16 +9,15 @@ from drivers.description import Setup
 from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
 from drivers.kinds.chamber.words import Words
 from drivers.protocols.modbus_frames import ReadFunction
-from drivers.timing.readback import ReadBack
-from drivers.transport.dialogue import once_more
+from drivers.timing.readback import read_back
+from drivers.transport.dialogue import retry_once
 from drivers.transport.modbus import GAP_S, ModbusLink
 
-READ_BACK = ReadBack()
 Spelled = Callable[[Words], str]
 """Formats registers as numbers for a message."""
 
 
-class ProvedRegisters:
+class VerifiedRegisters:
     """Register reads, and writes that are proved by reading back.
 
     After a timeout or a lost connection the next request reconnects and identifies first, by `identify`, which uses
@@ -43,7 +42,7 @@ class ProvedRegisters:
 
         Raises CannotConnect and the errors of `identify`.
         """
-        await once_more(self._connect, self._note)
+        await retry_once(self._connect, self._note)
 
     def close(self) -> None:
         """Close the connection; closing twice is harmless."""
@@ -51,7 +50,7 @@ class ProvedRegisters:
 
     async def _connect(self) -> None:
         await self.link.open()
-        await self._prove()
+        await self._verify()
 
     async def identify(self) -> None:
         """Identify; raises, and closes the connection, if it is another controller."""
@@ -59,7 +58,7 @@ class ProvedRegisters:
             await self.connect()
             return
         try:
-            await self._prove()
+            await self._verify()
         except NoAnswer as problem:
             self._note(f"asked again: {problem}")
             await self._connect()
@@ -91,22 +90,22 @@ class ProvedRegisters:
             await self.link.write(address, words, many=many)
         except (NoAnswer, LinkLost) as problem:
             unanswered = problem
-            kept = await self.read(address, count, function=function)  # immediately: the timeout has already passed
+            stored = await self.read(address, count, function=function)  # immediately: the timeout has already passed
         else:
-            kept = await READ_BACK.until(
-                lambda: self.read(address, count, function=function), lambda kept: kept == words
+            stored = await read_back(
+                lambda: self.read(address, count, function=function), lambda stored: stored == words
             )
-        if kept == words:
+        if stored == words:
             return
         if unanswered is not None:
             raise unanswered
         raise Refused(
             self.link.device, f"the controller acknowledged a new {what} and stored another",
-            sent=spelled(words), received=spelled(kept),
+            sent=spelled(words), received=spelled(stored),
             remedy="Look at the controller for a lock, a limit or a running profile.",
         )  # fmt: skip
 
-    async def _prove(self) -> None:
+    async def _verify(self) -> None:
         """Identify on the present connection, each query sent once."""
         try:
             await self._identify()

@@ -15,10 +15,10 @@ from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.can.sequence_numbers import Integers
 from drivers.description import Nothing, OptionsT, Setup, check_identity
 from drivers.errors import InstrumentFault, NoAnswer
-from drivers.kinds.frame_source.intake import SILENT_PERIODS, STANDING_FRAMES, FrameDriver, frames_named
+from drivers.kinds.frame_source.intake import FROZEN_FRAMES, SILENT_PERIODS, FrameDriver, describe_frames
 from drivers.timing.awake import awake_s
 from drivers.transport.frame_link import FrameLink
-from drivers.values import Heard
+from drivers.values import LastSeen
 
 FIRST_FRAME_S = 3.0
 Newest = Mapping[str, tuple[float, tuple[int, int]]]
@@ -76,53 +76,53 @@ class FreeCounter(FrameDriver[OptionsT]):
     async def _first_latch(self, link: FrameLink) -> None:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + FIRST_FRAME_S
-        heard: set[int] = set()
+        received_ids: set[int] = set()
         while not len(self._latches(block := link.take())[0]):
-            heard.update(block.ids.tolist())
+            received_ids.update(block.ids.tolist())
             if loop.time() >= deadline:
-                raise self._no_latch(heard)
+                raise self._no_latch(received_ids)
             await asyncio.sleep(self._period_s)
         self._last_latch_s = loop.time()
-        self._heard = dict.fromkeys(self._channels, Heard(loop.time(), loop.time()))
+        self._last_seen = dict.fromkeys(self._channels, LastSeen(loop.time(), loop.time()))
 
-    def _no_latch(self, heard: Collection[int]) -> NoAnswer:
+    def _no_latch(self, received_ids: Collection[int]) -> NoAnswer:
         """NoAnswer error that lists the frames received instead of a latch."""
         latch = self._latch
         problem = (
             f"no {latch.name} frame (0x{latch.id & ~EXTENDED:x}) within {FIRST_FRAME_S:g} s on {self._setup.address}"
         )
-        if heard:
+        if received_ids:
             remedy = "Check that the options in the bench file, such as the DBC, fit this counter."
-            return NoAnswer(self.name, problem, received=frames_named(heard), remedy=remedy)
+            return NoAnswer(self.name, problem, received=describe_frames(received_ids), remedy=remedy)
         remedy = "Check that the converter is on, the bus is terminated, and the bit rate is right."
         return NoAnswer(self.name, problem, received="no frame at all", remedy=remedy)
 
-    def _look(self, block: FrameBlock) -> None:
+    def _process(self, block: FrameBlock) -> None:
         """Decode readings and the newest counts of a block; raises if the block has a problem."""
-        self._keep_readings(self._temperatures, block)
-        self._watch(block)
-        self._listen(block)
+        self._store_readings(self._temperatures, block)
+        self._check_latches(block)
+        self._store_newest(block)
 
-    def _watch(self, block: FrameBlock) -> None:
+    def _check_latches(self, block: FrameBlock) -> None:
         """Raise if latches have stopped, or repeat one sequence number."""
         sequence, at_s = self._latches(block)
         if len(sequence):
             self._last_latch_s = float(at_s[-1])
-            self._last_numbers = [*self._last_numbers, *sequence[-STANDING_FRAMES:].tolist()][-STANDING_FRAMES:]
+            self._last_numbers = [*self._last_numbers, *sequence[-FROZEN_FRAMES:].tolist()][-FROZEN_FRAMES:]
         silent_s = SILENT_PERIODS * self._period_s
         if awake_s(self._last_latch_s) > silent_s:
             raise NoAnswer(
                 self.name, f"counter frames have stopped: none for more than {silent_s:g} s",
                 remedy="Check the converter's power, the CAN cable and the adapter, then run again.",
             )  # fmt: skip
-        if len(self._last_numbers) == STANDING_FRAMES and len(set(self._last_numbers)) == 1:
+        if len(self._last_numbers) == FROZEN_FRAMES and len(set(self._last_numbers)) == 1:
             raise InstrumentFault(
                 self.name, f"the counter is frozen: its latches have the sequence number {self._last_numbers[0]}",
                 remedy="Restart the converter; its frames repeat old counts.",
             )  # fmt: skip
 
-    def _listen(self, block: FrameBlock) -> None:
+    def _store_newest(self, block: FrameBlock) -> None:
         """Store the newest value of each channel."""
         for channel, (at_s, counts) in self._newest(block).items():
-            pulse_s = self._heard[channel].pulse_s if self._counts.get(channel) == counts else at_s
-            self._heard[channel], self._counts[channel] = Heard(at_s, pulse_s), counts
+            change_s = self._last_seen[channel].change_s if self._counts.get(channel) == counts else at_s
+            self._last_seen[channel], self._counts[channel] = LastSeen(at_s, change_s), counts

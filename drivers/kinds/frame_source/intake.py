@@ -11,20 +11,20 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from drivers.can.bus_errors import BUS_OFF, RESTARTED, error_classes, in_words
+from drivers.can.bus_errors import BUS_OFF, RESTARTED, class_names, error_classes
 from drivers.can.dbc import Dbc, DbcError, Field, readings_of
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.can.options import IDLE_BLOCK_S, text_of
 from drivers.description import Nothing, OptionsT, Setup
 from drivers.errors import BadAnswer, DriverError, InstrumentFault, LinkLost, NoAnswer
-from drivers.transport.dialogue import Pauses
+from drivers.transport.dialogue import ReconnectBackoff
 from drivers.transport.frame_link import FrameLink
-from drivers.values import Heard, Identity, Reading
+from drivers.values import Identity, LastSeen, Reading
 
 SILENT_PERIODS = 25
-STANDING_FRAMES = 3  # so many frames with one sequence number mean that the sender is frozen
-ERRORS_TOLD_EVERY_S = 60.0
-MOST_NAMED = 8  # listed when other frames than the expected ones arrive
+FROZEN_FRAMES = 3  # so many frames with one sequence number mean that the sender is frozen
+ERROR_REPORT_INTERVAL_S = 60.0
+MAX_LISTED = 8  # listed when other frames than the expected ones arrive
 
 FormatT = TypeVar("FormatT")
 
@@ -32,19 +32,19 @@ FormatT = TypeVar("FormatT")
 class FrameIntake:
     """Takes frames from a link periodically, more often during an acquisition.
 
-    Every block is passed to `look`; an error of that or of the link ends the intake and the running acquisition, and is
-    raised by `check` from then on. So does a bus-off state, even a past one; other error frames are passed to `note`,
-    at long intervals. Lifetime: from `begin` to `end` a task of its own receives the frames.
+    Every block is passed to `process`; an error of that or of the link ends the intake and the running acquisition, and
+    is raised by `check` from then on. So does a bus-off state, even a past one; other error frames are passed to
+    `note`, at long intervals. Lifetime: from `begin` to `end` a task of its own receives the frames.
     """
 
     def __init__(
-        self, name: str, link: FrameLink, look: Callable[[FrameBlock], None], note: Callable[[str], object]
+        self, name: str, link: FrameLink, process: Callable[[FrameBlock], None], note: Callable[[str], object]
     ) -> None:
-        self._name, self._link, self._look, self._note = name, link, look, note
-        self._errors, self._told_s = 0, -math.inf  # error frames not yet reported, and the time of the last report
+        self._name, self._link, self._process, self._note = name, link, process, note
+        self._errors, self._reported_s = 0, -math.inf  # error frames not yet reported, and the time of the last report
         self._acquisition: _Blocks | None = None
         self._wake = asyncio.Event()
-        self._news = asyncio.Event()
+        self._data_event = asyncio.Event()
         self._failure: DriverError | None = None
         self._taken_s = -math.inf
         self._task: asyncio.Task[None]
@@ -52,7 +52,7 @@ class FrameIntake:
 
     def begin(self) -> None:
         """Start the intake."""
-        self._task = asyncio.create_task(self._take_in(), name=f"{self._name} intake")
+        self._task = asyncio.create_task(self._receive(), name=f"{self._name} intake")
 
     async def end(self) -> None:
         """Stop the intake and close the link."""
@@ -60,10 +60,10 @@ class FrameIntake:
         await asyncio.wait([self._task])
         self._link.close()
 
-    async def news(self) -> None:
+    async def wait_for_data(self) -> None:
         """Return when frames were taken in since the last call, or the link is lost."""
-        await self._news.wait()
-        self._news.clear()
+        await self._data_event.wait()
+        self._data_event.clear()
 
     @property
     def is_lost(self) -> bool:
@@ -83,27 +83,27 @@ class FrameIntake:
         """
         if self._acquisition is not None:
             raise InstrumentFault(self._name, "an acquisition is already running")
-        self.absorb()
+        self.drain()
         self.check()
         blocks = self._acquisition = _Blocks(math.inf if block_s is None else block_s)
         self.acquiring_since_s = asyncio.get_running_loop().time()
         self._wake.set()
         try:
             yield blocks
-            self.absorb()
-            self.absorb()  # a lost link raises this after its last frames
+            self.drain()
+            self.drain()  # a lost link raises this after its last frames
         finally:
             self._acquisition = self.acquiring_since_s = None
             blocks.end(self._failure)
 
-    async def _take_in(self) -> None:
+    async def _receive(self) -> None:
         while self._failure is None:
             try:
                 async with asyncio.timeout(self._block_s):
                     await self._wake.wait()
                 self._wake.clear()
             except TimeoutError:
-                self.absorb()
+                self.drain()
 
     @property
     def _block_s(self) -> float:
@@ -111,15 +111,15 @@ class FrameIntake:
         link_s = self._link.block_s
         return max(IDLE_BLOCK_S, link_s) if self._acquisition is None else min(link_s, self._acquisition.block_s)
 
-    def look_now(self) -> None:
+    def poll(self) -> None:
         """Take in the frames that have arrived; raises the error of the intake."""
         if asyncio.get_running_loop().time() > self._taken_s:
             self._take()
         self.check()
 
-    def absorb(self) -> None:
+    def drain(self) -> None:
         """Take in the frames that have arrived, and notify waiting tasks."""
-        self._news.set()
+        self._data_event.set()
         self._take()
 
     def _take(self) -> None:
@@ -131,15 +131,15 @@ class FrameIntake:
             block = self._link.take()
             if self._acquisition is not None:
                 self._acquisition.put(block)
-            self._look_at_errors(block)
-            self._look(block)
+            self._report_error_frames(block)
+            self._process(block)
         except DriverError as problem:
-            self._failure = self._better(problem)
+            self._failure = self._root_cause(problem)
             self._link.close()  # otherwise frames would accumulate
             if self._acquisition is not None:
                 self._acquisition.end(self._failure)
 
-    def _better(self, problem: DriverError) -> DriverError:
+    def _root_cause(self, problem: DriverError) -> DriverError:
         """The problem, or the reason for the silence if the link knows it."""
         if isinstance(problem, NoAnswer):
             try:
@@ -148,21 +148,21 @@ class FrameIntake:
                 return known
         return problem
 
-    def _look_at_errors(self, block: FrameBlock) -> None:
+    def _report_error_frames(self, block: FrameBlock) -> None:
         """Report error frames; raises LinkLost if the adapter is bus-off, or was."""
         classes = error_classes(block)
         if not len(classes):
             return
         if (classes & (BUS_OFF | RESTARTED)).any():
             raise LinkLost(
-                self._name, f"the adapter is, or was, bus-off ({in_words(classes.tolist())})",
+                self._name, f"the adapter is, or was, bus-off ({class_names(classes.tolist())})",
                 remedy="Check the wiring, the termination and the bit rate; restart the adapter, then run again.",
             )  # fmt: skip
         self._errors += len(classes)
         now_s = asyncio.get_running_loop().time()
-        if now_s - self._told_s >= ERRORS_TOLD_EVERY_S:
-            self._note(f"error frames on the bus: {self._errors}, {in_words(classes.tolist())}")
-            self._errors, self._told_s = 0, now_s
+        if now_s - self._reported_s >= ERROR_REPORT_INTERVAL_S:
+            self._note(f"error frames on the bus: {self._errors}, {class_names(classes.tolist())}")
+            self._errors, self._reported_s = 0, now_s
 
 
 class _Blocks(AsyncIterator[FrameBlock]):
@@ -192,8 +192,8 @@ class _Blocks(AsyncIterator[FrameBlock]):
 class FrameDriver(ABC, Generic[OptionsT]):
     """Common part of receive-only drivers.
 
-    A subclass opens its link with `_open`, starts with `_begin`, and processes every block with `_look`, which updates
-    `_readings` (new ones by channel) and `_heard`, and raises if the block has a problem.
+    A subclass opens its link with `_open`, starts with `_begin`, and processes every block with `_process`, which
+    updates `_readings` (new ones by channel) and `_last_seen`, and raises if the block has a problem.
 
     A poll reconnects a lost link: at once, then after increasing pauses. An acquisition does not, and fails if the link
     is lost: no block spans the gap.
@@ -204,10 +204,10 @@ class FrameDriver(ABC, Generic[OptionsT]):
         self._setup = setup
         self._options = setup.options
         self._readings: dict[str, list[Reading]] = {}
-        self._heard: dict[str, Heard] = {}
+        self._last_seen: dict[str, LastSeen] = {}
         self._fingerprint = ""
         self._intake: FrameIntake
-        self._pauses = Pauses()
+        self._backoff = ReconnectBackoff()
 
     async def __aexit__(self, *exc: object) -> None:
         """Close the channel."""
@@ -223,23 +223,23 @@ class FrameDriver(ABC, Generic[OptionsT]):
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Temperatures received since the last poll; raises the error of the intake."""
-        if self._intake.is_lost and self._pauses.left_s() <= 0:
-            await self._connect_again()
-        self._intake.look_now()
+        if self._intake.is_lost and self._backoff.left_s() <= 0:
+            await self._reconnect()
+        self._intake.poll()
         readings, self._readings = self._readings, {}
         return readings
 
-    async def news(self) -> None:
+    async def wait_for_data(self) -> None:
         """Return when `poll` may return something new: frames were taken in, or there is a problem."""
-        await self._intake.news()
+        await self._intake.wait_for_data()
 
-    def take_in(self) -> None:
-        """Take in the frames that have arrived, so that `news` returns."""
-        self._intake.absorb()
+    def drain(self) -> None:
+        """Take in the frames that have arrived, so that `wait_for_data` returns."""
+        self._intake.drain()
 
-    def heard(self) -> Mapping[str, Heard]:
+    def last_seen(self) -> Mapping[str, LastSeen]:
         """Time of the last frame of each channel, as far as frames were taken in."""
-        return self._heard
+        return self._last_seen
 
     async def make_safe(self) -> None:
         """Do nothing: a receiver energises nothing."""
@@ -256,14 +256,14 @@ class FrameDriver(ABC, Generic[OptionsT]):
         """Open a link that delivers frames; raises CannotConnect, NoAnswer, LinkLost."""
 
     @abstractmethod
-    def _look(self, block: FrameBlock) -> None:
+    def _process(self, block: FrameBlock) -> None:
         """Process the content of a block; raises if it has a problem."""
 
     def _begin(self, link: FrameLink) -> None:
-        self._intake = FrameIntake(self.name, link, self._look, self._setup.note)
+        self._intake = FrameIntake(self.name, link, self._process, self._setup.note)
         self._intake.begin()
 
-    async def _connect_again(self) -> None:
+    async def _reconnect(self) -> None:
         """Reopen the link; if that fails, it stays lost."""
         try:
             link = await self._open()
@@ -274,13 +274,13 @@ class FrameDriver(ABC, Generic[OptionsT]):
                 link.close()
                 raise
         except DriverError:
-            self._pauses.failed()
+            self._backoff.failed()
             return
-        self._pauses = Pauses()
+        self._backoff = ReconnectBackoff()
         self._begin(link)
         self._setup.note(f"connected again at {self._setup.address}")
 
-    def _keep_readings(self, fields: Mapping[str, Field], block: FrameBlock) -> None:
+    def _store_readings(self, fields: Mapping[str, Field], block: FrameBlock) -> None:
         for name, (at_s, values) in readings_of(fields, block).items():
             self._readings.setdefault(name, []).extend(map(Reading, at_s.tolist(), values.tolist()))
 
@@ -295,9 +295,9 @@ def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[
     return form, f"dbc sha256:{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
-def frames_named(ids: Iterable[int]) -> str:
+def describe_frames(ids: Iterable[int]) -> str:
     """List received frames for a message; shortened if there are many."""
     frames = {frame_id for frame_id in ids if not frame_id & ERROR}
     errors = [frame_id & (ERROR - 1) for frame_id in ids if frame_id & ERROR]
-    named = [f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(frames)[:MOST_NAMED]]
-    return ", ".join([*named, *([f"error frames ({in_words(errors)})"] if errors else [])])
+    named = [f"0x{frame_id & ~EXTENDED:x}" for frame_id in sorted(frames)[:MAX_LISTED]]
+    return ", ".join([*named, *([f"error frames ({class_names(errors)})"] if errors else [])])

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.timing.readback import ReadBack
-from drivers.transport.double_read import Takes
+from drivers.transport.double_read import DoubleRead
 from drivers.values import Identity, Reading
 
 ANSWER_S = 2.0
-READ_BACK = ReadBack()
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +34,12 @@ class OwnLimits:
 class Axis(Protocol):
     """One axis of one controller, without decisions; every method is a few exchanges.
 
-    `limits` are the controller's own, known after `open` if it reports them; `takes` confirms readings that enter a
-    result. Concurrency: callers queue for the line.
+    `limits` are the controller's own, known after `open` if it reports them; `double_read` confirms readings that enter
+    a result. Concurrency: callers queue for the line.
     """
 
     limits: OwnLimits | None
-    takes: Takes
+    double_read: DoubleRead
 
     async def open(self) -> None:
         """Connect and identify; raises CannotConnect, WrongIdentity."""

@@ -8,7 +8,7 @@ from typing import Self
 
 from drivers.capabilities import Approach
 from drivers.errors import BeyondLimit, InstrumentFault, NotSettled
-from drivers.kinds.approach import ARCSEC_PER_DEG, ASTRAY_BANDS, Hold, begin_of, legs, pause_s
+from drivers.kinds.approach import ARCSEC_PER_DEG, DEVIATION_BANDS, Hold, begin_of, legs, pause_s
 from drivers.kinds.head.axis import ANSWER_S, Axis
 from drivers.kinds.head.bounds import check_angle
 from drivers.kinds.head.description import HeadLimits, HeadOptions, safe_state
@@ -65,7 +65,7 @@ class Head:
         reading = await self.angle()
         await self._axis.check_faults()
         target_deg = self._latest.result
-        if target_deg is not None and abs(reading.value - target_deg) > ASTRAY_BANDS * self._band_deg:
+        if target_deg is not None and abs(reading.value - target_deg) > DEVIATION_BANDS * self._band_deg:
             raise InstrumentFault(
                 self.name, f"the axis stands at {reading.value:.5f}°, it was sent to {target_deg:.5f}°",
                 remedy="Find out what else moves it: a joystick, another program, a hand.",
@@ -75,7 +75,7 @@ class Head:
     async def angle(self) -> Reading:
         """Encoder angle (°)."""
         # The axis may move between two takes unless it is known to be at rest.
-        return await self._agreed_angle(0.0 if self._latest.result is not None else self._limits.rate.max)
+        return await self._confirmed_angle(0.0 if self._latest.result is not None else self._limits.rate.max)
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Move to `angle_deg` and settle; return the angle read back after a further `settle_s`.
@@ -93,7 +93,7 @@ class Head:
         for leg_deg, hold_s in legs(start_deg, begin_deg, angle_deg, self._options.settle.hold):
             await self._go(order, leg_deg, hold_s=hold_s)
         await asyncio.sleep(settle_s)
-        reading = await self._agreed_angle(0.0)
+        reading = await self._confirmed_angle(0.0)
         order.check()
         if abs(reading.value - angle_deg) > self._band_deg:
             raise self._not_settled(angle_deg, reading, f"left its band within {settle_s:g} s")
@@ -117,14 +117,14 @@ class Head:
             self._axis.abort_at_once()
             await self._come_to_rest()
 
-    async def _agreed_angle(self, slope_dps: float) -> Reading:
+    async def _confirmed_angle(self, slope_dps: float) -> Reading:
         """Confirmed angle: two takes agree within the band plus the motion at `slope_dps` between them."""
 
-        def alike(one: Reading, other: Reading) -> bool:
+        def agree(one: Reading, other: Reading) -> bool:
             return abs(other.value - one.value) <= self._band_deg + slope_dps * abs(other.at_s - one.at_s)
 
-        return await self._axis.takes.agreed(
-            "the angle", self._axis.angle, alike=alike, spell=lambda reading: f"{reading.value:.6f}°"
+        return await self._axis.double_read.confirmed(
+            "the angle", self._axis.angle, agree=agree, describe=lambda reading: f"{reading.value:.6f}°"
         )
 
     def _check_angle(self, what: str, angle_deg: float) -> None:
@@ -177,7 +177,7 @@ class Head:
                 )  # fmt: skip
             at_rest = state.in_position and not state.moving
             off_deg = abs(reading.value - target_deg)
-            if hold.is_over(reading.at_s, stands=at_rest and off_deg <= self._band_deg):
+            if hold.is_over(reading.at_s, fulfilled=at_rest and off_deg <= self._band_deg):
                 return
             if deadline.passed:
                 raise self._not_settled(target_deg, reading, "is at rest" if at_rest else "is not at rest")

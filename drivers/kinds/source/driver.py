@@ -22,7 +22,7 @@ class Bounds:
     """Limits from the options of a bench file: one range, and levels and compliances (from, to)."""
 
     range_a: float
-    most_a: float
+    max_a: float
     compliance_v: tuple[float, float]
 
 
@@ -41,13 +41,13 @@ class ScpiSource(ScpiOutput[StateT, Setting]):
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Output current; InstrumentFault if the source has a fault or settings have changed."""
-        state = await self._agreed_state()
+        state = await self._confirmed_state()
         self._compare(state)
         return {"current": [Reading(asyncio.get_running_loop().time(), state.setting.flowing_a)]}
 
     async def read(self) -> SourceReading:
         """Level while the output is on, else 0; neither current nor voltage is measured."""
-        setting = (await self._agreed_state()).setting
+        setting = (await self._confirmed_state()).setting
         return SourceReading(None, setting.flowing_a, setting.output)
 
     async def set(self, level: float, *, limit: float, output: bool) -> None:
@@ -69,15 +69,15 @@ class ScpiSource(ScpiOutput[StateT, Setting]):
             await self._switch_off(order, now)
         order.check()
 
-    async def _agreed_state(self) -> StateT:
-        return await self._link.takes.agreed(
-            "what the source is set to", self._state, spell=lambda state: state.setting
+    async def _confirmed_state(self) -> StateT:
+        return await self._link.double_read.confirmed(
+            "what the source is set to", self._state, describe=lambda state: state.setting
         )
 
     def _check_limits(self, level_a: float, compliance_v: float) -> None:
         allowed, bounds = self._limits.current, self._bounds
         for what, value, low, high, unit in (
-            ("the level", level_a, max(allowed.min, -bounds.most_a), min(allowed.max, bounds.most_a), "A"),
+            ("the level", level_a, max(allowed.min, -bounds.max_a), min(allowed.max, bounds.max_a), "A"),
             ("the compliance", compliance_v, *bounds.compliance_v, "V"),
         ):
             if not low <= value <= high:

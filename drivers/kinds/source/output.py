@@ -9,12 +9,10 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, Self, TypeVar
 from drivers.description import Setup
 from drivers.errors import InstrumentFault, Refused
 from drivers.kinds.latest import Latest, Order
-from drivers.timing.readback import ReadBack
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import safe_in_time
 from drivers.transport.scpi import ScpiLink
 from drivers.values import Identity
-
-READ_BACK = ReadBack()
 
 
 class OutputSetting(Protocol):
@@ -57,17 +55,13 @@ class Fault(NamedTuple):
 
 @dataclass(frozen=True)
 class Dialect(Generic[StateT, SettingT]):
-    """Commands of one make: cut-off, state query, and the next command on the way to a setting.
-
-    `read_back` is the time for which an old setting may still be reported.
-    """
+    """Commands of one make: cut-off, state query, and the next command on the way to a setting."""
 
     cut_off: str
     state_query: bytes
     read_state: Callable[[bytes], StateT]
     next_step: Callable[[StateT, SettingT], str]
     faults: Callable[[StateT], Sequence[Fault]] = lambda _state: ()
-    read_back: ReadBack = READ_BACK
 
 
 class ScpiOutput(Generic[StateT, SettingT]):
@@ -110,7 +104,7 @@ class ScpiOutput(Generic[StateT, SettingT]):
         order = self._latest.begin()
         async with safe_in_time(self.name):
             await self._link.reopen()
-            self._link.cut_in(self._dialect.cut_off)
+            self._link.preempt(self._dialect.cut_off)
             await self._switch_off(order, await self._state())
 
     async def _switch_off(self, order: Order, now: StateT) -> None:
@@ -136,12 +130,10 @@ class ScpiOutput(Generic[StateT, SettingT]):
 
         At once if there is nothing to wait for.
         """
-        return await self._dialect.read_back.until(
-            self._state, lambda state: order.ended or self._dialect.next_step(state, wanted) != step
-        )
+        return await read_back(self._state, lambda state: order.ended or self._dialect.next_step(state, wanted) != step)
 
     async def _state(self) -> StateT:
-        return await self._link.ask(self._dialect.state_query, self._dialect.read_state)
+        return await self._link.query(self._dialect.state_query, self._dialect.read_state)
 
     def _check_faults(self, state: StateT, *, output: bool = True) -> None:
         """Raise InstrumentFault for a fault; without `output` only for those that always matter."""

@@ -5,10 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple, Protocol
 
-from drivers.timing.readback import ReadBack
 from drivers.values import Identity
-
-READ_BACK = ReadBack()  # time from a command to the status that reflects it
 
 
 class Mode(Enum):
@@ -32,9 +29,9 @@ class Drive(Enum):
 class State(NamedTuple):
     """State of an axis: °, over whole turns, °/s, and motion.
 
-    `held` is True if no motion is commanded: it may still be decelerating. `swinging` is True if a sine has its full
-    amplitude and frequency. `ours` is True if no other master can command it; `words` are the controller's own. `stale`
-    is True if a fault has frozen the reported values.
+    `held` is True if no motion is commanded: it may still be decelerating. `oscillating` is True if a sine has its full
+    amplitude and frequency. `in_control` is True if no other master can command it; `words` are the controller's own.
+    `stale` is True if a fault has frozen the reported values.
     """
 
     angle_deg: float
@@ -42,8 +39,8 @@ class State(NamedTuple):
     drive: Drive
     mode: Mode
     held: bool
-    swinging: bool
-    ours: bool
+    oscillating: bool
+    in_control: bool
     words: str
     stale: bool = False
 
@@ -72,7 +69,7 @@ class TableAxis(Protocol):
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""
 
-    async def look(self) -> State:
+    async def read_state(self) -> State:
         """Read the state of the axis."""
 
     async def check_fault(self, state: State, sent: str = "") -> None:
@@ -84,7 +81,7 @@ class TableAxis(Protocol):
         Raises InstrumentFault if a fault is latched, Refused if the drive stays off.
         """
 
-    async def give_back(self) -> None:
+    async def release_control(self) -> None:
         """Release control to other masters, if this session has taken it."""
 
     async def prepare(self, mode: Mode, rate_dps: float, acceleration_dps2: float) -> None:

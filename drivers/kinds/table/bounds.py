@@ -30,23 +30,23 @@ class Bounds:
     def check_turning(self, rate_dps: float, acceleration_dps2: float) -> None:
         """Check a rate, and the acceleration to it."""
         if rate_dps != 0:
-            self._check_most("the rate", abs(rate_dps), self._limits.rate.max, "°/s")
-        self._check_most("the acceleration", acceleration_dps2, self._limits.acceleration.max, "°/s²")
+            self._check_maximum("the rate", abs(rate_dps), self._limits.rate.max, "°/s")
+        self._check_maximum("the acceleration", acceleration_dps2, self._limits.acceleration.max, "°/s²")
         if not self.endless:
             raise self._beyond("an axis with limits.angle cannot rotate continuously")
 
     def check_sine(self, amplitude_deg: float, frequency_hz: float) -> None:
         """Check a sine: A·2πf is its peak rate, A·(2πf)² its peak acceleration."""
-        self._check_most("the amplitude", amplitude_deg, LARGEST_SINE_DEG, "°")
+        self._check_maximum("the amplitude", amplitude_deg, LARGEST_SINE_DEG, "°")
         limits, omega_per_s = self._limits, 2 * math.pi * frequency_hz
-        self._check_most("the frequency", frequency_hz, limits.frequency.max, "Hz")
-        self._check_most("the sine's peak rate", amplitude_deg * omega_per_s, limits.rate.max, "°/s")
+        self._check_maximum("the frequency", frequency_hz, limits.frequency.max, "Hz")
+        self._check_maximum("the sine's peak rate", amplitude_deg * omega_per_s, limits.rate.max, "°/s")
         peak_dps2 = amplitude_deg * omega_per_s**2
-        self._check_most("the sine's peak acceleration", peak_dps2, limits.acceleration.max, "°/s²")
+        self._check_maximum("the sine's peak acceleration", peak_dps2, limits.acceleration.max, "°/s²")
 
-    def _check_most(self, what: str, value: float, most: float, unit: str) -> None:
-        if not 0 < value <= most:
-            raise self._beyond(f"{what} of {value:g} {unit} is not between 0 and {most:g} {unit}")
+    def _check_maximum(self, what: str, value: float, maximum: float, unit: str) -> None:
+        if not 0 < value <= maximum:
+            raise self._beyond(f"{what} of {value:g} {unit} is not between 0 and {maximum:g} {unit}")
 
     def _beyond(self, problem: str) -> BeyondLimit:
         return BeyondLimit(

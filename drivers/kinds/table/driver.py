@@ -10,12 +10,13 @@ from typing import Self
 
 from drivers.capabilities import Approach
 from drivers.errors import DriverError, InstrumentFault, NotSettled
-from drivers.kinds.approach import ARCSEC_PER_DEG, ASTRAY_BANDS, Hold, begin_of, legs, pause_s
+from drivers.kinds.approach import ARCSEC_PER_DEG, DEVIATION_BANDS, Hold, begin_of, legs, pause_s
 from drivers.kinds.latest import Latest, Order
-from drivers.kinds.table.axis import READ_BACK, Drive, Mode, State, TableAxis
+from drivers.kinds.table.axis import Drive, Mode, State, TableAxis
 from drivers.kinds.table.bounds import Bounds
 from drivers.kinds.table.description import TableLimits, TableOptions, safe_state
-from drivers.timing.awake import Deadline
+from drivers.timing.awake import Deadline, now_s
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import safe_in_time
 from drivers.values import Identity, Reading
 
@@ -36,7 +37,7 @@ class Table:
 
     def __init__(self, name: str, axis: TableAxis, options: TableOptions, limits: TableLimits) -> None:
         self.name, self._axis, self._options = name, axis, options
-        self._fastest_dps, self._most_dps2 = limits.rate.max, limits.acceleration.max
+        self._max_rate_dps, self._max_dps2 = limits.rate.max, limits.acceleration.max
         self._bounds = Bounds(name, limits)
         self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
@@ -51,7 +52,7 @@ class Table:
         """Release control of the table, if the controller still answers, and close the connection; motions go on."""
         try:
             with suppress(DriverError):
-                await self._axis.give_back()
+                await self._axis.release_control()
         finally:
             self._axis.close()
 
@@ -61,9 +62,9 @@ class Table:
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Angle and rate; InstrumentFault if the state differs from the command, or the table has a fault."""
-        state = await self._axis.look()
+        state = await self._axis.read_state()
         await self._axis.check_fault(state)
-        if problem := self._departure(state):
+        if problem := self._deviation(state):
             raise InstrumentFault(
                 self.name, problem, received=str(state),
                 remedy="Look for a tripped interlock, or another master: the front panel, another program, a hand.",
@@ -72,11 +73,11 @@ class Table:
 
     async def angle(self) -> Reading:
         """Angle (°), over whole turns."""
-        return self._angle(await self._axis.look())
+        return self._angle(await self._axis.read_state())
 
     async def rate(self) -> Reading:
         """Rate (°/s)."""
-        return self._rate(await self._axis.look())
+        return self._rate(await self._axis.read_state())
 
     async def move_to(self, angle_deg: float, *, approach: Approach, settle_s: float) -> Reading:
         """Move to `angle_deg` and settle; return the angle read back after a further `settle_s`.
@@ -129,11 +130,11 @@ class Table:
         state = await self._enter(order, Mode.POSITION, self._options.acceleration)
         for end_deg in (state.angle_deg - amplitude_deg, state.angle_deg + amplitude_deg):
             self._bounds.check_angle("the end of the swing", end_deg)
-        await self._axis.prepare(Mode.SYNTHESIS, self._fastest_dps, self._most_dps2)
+        await self._axis.prepare(Mode.SYNTHESIS, self._max_rate_dps, self._max_dps2)
         await self._axis.demand_sine(amplitude_deg, frequency_hz, run_up_s)
         await self._follow(order, Mode.SYNTHESIS)
         await self._until(
-            order, Mode.SYNTHESIS, lambda state: state.swinging, run_up_s,
+            order, Mode.SYNTHESIS, lambda state: state.oscillating, run_up_s,
             f"the sine of ±{amplitude_deg:g}° at {frequency_hz:g} Hz is not reached",
         )  # fmt: skip
         self._latest.done(order, (Mode.SYNTHESIS, amplitude_deg))
@@ -159,9 +160,9 @@ class Table:
     async def _enter(self, order: Order, mode: Mode, acceleration_dps2: float) -> State:
         """Energise, take control and enter `mode` at rest (in RATE possibly turning); return the state after it."""
         state = await self._axis.make_ready()
-        rate_dps = self._options.rate if mode is Mode.POSITION else self._fastest_dps
+        rate_dps = self._options.rate if mode is Mode.POSITION else self._max_rate_dps
         await self._axis.prepare(mode, rate_dps, acceleration_dps2)
-        await self._axis.prepare(Mode.OFF, self._fastest_dps, self._options.acceleration)
+        await self._axis.prepare(Mode.OFF, self._max_rate_dps, self._options.acceleration)
         if state.mode is mode and (mode is Mode.RATE or abs(state.rate_dps) <= self._options.rate_band):
             return state
         order.check()
@@ -169,7 +170,7 @@ class Table:
             await self._axis.stop()
         await self._come_to_rest()
         await asyncio.sleep(MODE_CHANGE_S)
-        state = await self._axis.look()
+        state = await self._axis.read_state()
         order.check()
         # A mode follows its last demand as soon as it is entered.
         await self._axis.demand_here(mode, state.angle_deg)
@@ -179,7 +180,7 @@ class Table:
         """Make the servo follow the demand of a mode; return the state with that mode, or the one at the time limit."""
         order.check()
         await self._axis.enter(mode)
-        await READ_BACK.until(self._axis.look, lambda state: order.ended or state.mode is mode or state.stale)
+        await read_back(self._axis.read_state, lambda state: order.ended or state.mode is mode or state.stale)
         return await self._watch(order, mode)
 
     async def _go(self, order: Order, target_deg: float, *, hold_s: float) -> None:
@@ -198,30 +199,30 @@ class Table:
         """Move the axis to an angle once, and return when it has been there for `hold_s`."""
         hold = Hold(hold_s)
 
-        def stands(state: State) -> bool:
+        def fulfilled(state: State) -> bool:
             near = abs(state.angle_deg - target_deg) <= self._band_deg
-            return hold.is_over(_now_s(), stands=near and abs(state.rate_dps) <= self._options.rate_band)
+            return hold.is_over(now_s(), fulfilled=near and abs(state.rate_dps) <= self._options.rate_band)
 
         order.check()
         await self._axis.go(target_deg)
         travel_s = abs(way_deg) / self._options.rate + self._options.rate / self._options.acceleration
-        await self._until(order, Mode.POSITION, stands, travel_s, f"the table is not at {target_deg:g}°", hold_s)
+        await self._until(order, Mode.POSITION, fulfilled, travel_s, f"the table is not at {target_deg:g}°", hold_s)
 
     async def _until(
         self, order: Order, mode: Mode, arrived: Callable[[State], bool], expected_s: float, problem: str,
         hold_s: float = 0.0,
     ) -> None:  # fmt: skip
         """Return when the axis has arrived and held; NotSettled `give_up` after the expected time."""
-        near_s = _now_s() + expected_s
+        near_s = now_s() + expected_s
         deadline = Deadline(expected_s + hold_s + self._options.settle.give_up)
         while not arrived(state := await self._watch(order, mode)):
             if deadline.passed:
                 raise self._not_settled(problem, state)
-            await asyncio.sleep(pause_s(self._options.poll, near_s - _now_s()))
+            await asyncio.sleep(pause_s(self._options.poll, near_s - now_s()))
 
     async def _watch(self, order: Order, mode: Mode) -> State:
         """Poll a motion; raises Refused if it has been superseded, InstrumentFault if it cannot continue."""
-        state = await self._axis.look()
+        state = await self._axis.read_state()
         order.check()
         await self._axis.check_fault(state)
         if problem := _lost_control(state, mode):
@@ -235,7 +236,7 @@ class Table:
         """State of the axis at rest; raises NotSettled. A tripped axis may report old values for ever."""
         deadline = Deadline(self._safe_within_s + self._options.settle.give_up)
         while True:
-            state = await self._axis.look()
+            state = await self._axis.read_state()
             at_rest = state.held and abs(state.rate_dps) <= self._options.rate_band
             if at_rest or state.stale:
                 return state
@@ -246,7 +247,7 @@ class Table:
                 )  # fmt: skip
             await asyncio.sleep(self._options.poll)
 
-    def _departure(self, state: State) -> str:
+    def _deviation(self, state: State) -> str:
         """Difference of the table's state from the command; "" if there is none."""
         if self._latest.result is None:
             return ""
@@ -254,19 +255,19 @@ class Table:
         if problem := _lost_control(state, mode):
             return problem
         match mode:
-            case Mode.POSITION if abs(state.angle_deg - value) > ASTRAY_BANDS * self._band_deg:
+            case Mode.POSITION if abs(state.angle_deg - value) > DEVIATION_BANDS * self._band_deg:
                 return f"the table is not at {value:g}°, its target"
-            case Mode.RATE if abs(state.rate_dps - value) > ASTRAY_BANDS * self._rate_band_dps(value):
+            case Mode.RATE if abs(state.rate_dps - value) > DEVIATION_BANDS * self._rate_band_dps(value):
                 return f"the table does not turn at {value:g} °/s, as commanded"
-            case Mode.SYNTHESIS if not state.swinging:
+            case Mode.SYNTHESIS if not state.oscillating:
                 return f"the table does not swing by ±{value:g}°, as commanded"
         return ""
 
     def _angle(self, state: State) -> Reading:
-        return Reading(_now_s(), state.angle_deg)
+        return Reading(now_s(), state.angle_deg)
 
     def _rate(self, state: State) -> Reading:
-        return Reading(_now_s(), state.rate_dps)
+        return Reading(now_s(), state.rate_dps)
 
     def _rate_band_dps(self, rate_dps: float) -> float:
         return self._options.rate_band + RATE_RIPPLE * abs(rate_dps)
@@ -284,8 +285,4 @@ def _lost_control(state: State, mode: Mode) -> str:
         return "the drive of the table was switched off"
     if state.mode is not mode:
         return f"the table is in mode {state.mode.value}, commanded was {mode.value}"
-    return "" if state.ours else "another master has taken control of the table"
-
-
-def _now_s() -> float:
-    return asyncio.get_running_loop().time()
+    return "" if state.in_control else "another master has taken control of the table"

@@ -21,7 +21,7 @@ from drivers.dialects.acutronic_acl.wire import (
     Supervisor,
 )
 from drivers.protocols import scpi
-from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
 from simulators.physics.profiles import Slew
 from simulators.world import World
@@ -321,13 +321,11 @@ class SimulatedAcutrol:
     # Readings
 
     def _angle_deg(self) -> float:
-        """Reported angle."""
         if not self.faults.active("frozen"):
             self._seen_deg = math.remainder(self._driven.encoder_deg(self._world.now()), TURN_DEG)
         return self._seen_deg
 
     def _rate_dps(self) -> float:
-        """Reported rate."""
         if not self.faults.active("frozen"):
             self._seen_dps = self._driven.rate_dps(self._world.now())
         return self._seen_dps
@@ -353,10 +351,10 @@ class SimulatedAcutrol:
                 return SWINGING
         return Dynamics(0)
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **MEASURES_AND_OBEYS,
-        "emergency_stop": Mishap(lambda table: table.trip(SoftwareFault.ABORT, InterlockInput.MASTER_INTERLOCK)),
-        "interlock": Mishap(lambda table: table.trip(SoftwareFault(0), InterlockInput.INTERLOCK_1)),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **MEASUREMENT_AND_COMMAND_FAULTS,
+        "emergency_stop": FaultEffect(lambda table: table.trip(SoftwareFault.ABORT, InterlockInput.MASTER_INTERLOCK)),
+        "interlock": FaultEffect(lambda table: table.trip(SoftwareFault(0), InterlockInput.INTERLOCK_1)),
     }
 
 

@@ -12,9 +12,9 @@ from typing import ClassVar, Self
 
 from drivers.dialects.aerotech_ensemble import wire
 from drivers.dialects.aerotech_ensemble.wire import AxisFault, AxisStatus, Outcome, Reply
-from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
-from simulators.serving.serve import Later
+from simulators.serving.serve import DelayedAnswers
 from simulators.world import World
 
 DEFAULT_RATE_DPS = 10.0
@@ -105,8 +105,8 @@ class SimulatedEnsemble:
         """Execute one line; return its answer."""
         try:
             command = wire.parse_command(line)
-            if (said := " ".join([command.word, *command.arguments])) in _ACCEPTED:
-                return wire.render(self._of_the_controller(said))
+            if (text := " ".join([command.word, *command.arguments])) in _ACCEPTED:
+                return wire.render(self._of_the_controller(text))
             given = self._apart(command.arguments)
             if command.word == "RAMP":
                 return wire.render(self._set_ramp(given))
@@ -138,13 +138,13 @@ class SimulatedEnsemble:
         """True if a fault is latched."""
         return bool(self._latched)
 
-    def _of_the_controller(self, said: str) -> Reply:
+    def _of_the_controller(self, text: str) -> Reply:
         """Execute a command without an axis."""
-        if said == "ACKNOWLEDGEALL":
+        if text == "ACKNOWLEDGEALL":
             self._latched = AxisFault(0)
-        if said in ("ABSOLUTE", "INCREMENTAL"):
-            self._incremental = said == "INCREMENTAL"
-        return Reply(Outcome.DONE, VERSION if said == "VERSION" else "")
+        if text in ("ABSOLUTE", "INCREMENTAL"):
+            self._incremental = text == "INCREMENTAL"
+        return Reply(Outcome.DONE, VERSION if text == "VERSION" else "")
 
     def _set_ramp(self, arguments: Sequence[str]) -> Reply:
         match arguments:
@@ -241,35 +241,30 @@ class SimulatedEnsemble:
             status |= AxisStatus.IN_POSITION
         return status
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **MEASURES_AND_OBEYS,
-        "emergency_stop": Mishap(lambda head: head.trip(AxisFault.EMERGENCY_STOP)),
-        "tripped": Mishap(lambda head: head.trip(AxisFault.POSITION_ERROR)),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **MEASUREMENT_AND_COMMAND_FAULTS,
+        "emergency_stop": FaultEffect(lambda head: head.trip(AxisFault.EMERGENCY_STOP)),
+        "tripped": FaultEffect(lambda head: head.trip(AxisFault.POSITION_ERROR)),
     }
 
 
-class EnsembleSession:
+class EnsembleSession(DelayedAnswers):
     """One connection: lines end with LF, and those after a HOME wait until it is finished."""
 
     def __init__(self, controller: SimulatedEnsemble) -> None:
         self._controller = controller
-        self._later: Later = lambda _delay_s, _answer: None
         self._rest = b""
         self._lines: deque[bytes] = deque()
         self._homes = False
-
-    def answer_by(self, later: Later) -> None:
-        """Set the callback that reports the end of a HOME; without it, it is never reported."""
-        self._later = later
 
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the answers to completed lines."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         self._lines.extend(lines)
-        return self._carry_on()
+        return self._next_replies()
 
-    def _carry_on(self) -> bytes:
-        said = b""
+    def _next_replies(self) -> bytes:
+        text = b""
         while self._lines and not self._homes:
             line = self._lines.popleft()
             answer = self._controller.execute(line)
@@ -277,12 +272,12 @@ class EnsembleSession:
             if self._homes:
                 self._later(self._controller.left_s(), self._home_is_over)
             else:
-                said += answer
-        return said
+                text += answer
+        return text
 
     def _home_is_over(self) -> bytes:
         self._homes = False
-        return wire.render(_FAULT if self._controller.has_fault else _DONE) + self._carry_on()
+        return wire.render(_FAULT if self._controller.has_fault else _DONE) + self._next_replies()
 
 
 def _named(parameter: str) -> str:

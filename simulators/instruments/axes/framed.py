@@ -12,7 +12,7 @@ from typing import ClassVar, Self
 from drivers.dialects.framed.parts import Bit, Fault, Number
 from drivers.dialects.framed.profile import FrameProfile
 from drivers.dialects.framed.wire import NumberFormat, Raw, Splitter
-from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
 from simulators.physics.profiles import Slew
 from simulators.serving.serve import Later
@@ -85,10 +85,10 @@ class SimulatedFrames:
         if pressed:
             self._drop()
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **MEASURES_AND_OBEYS,
-        "emergency_stop": Mishap(press_emergency_stop, lambda controller: controller.press_emergency_stop(False)),
-        "interlock": Mishap(trip),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **MEASUREMENT_AND_COMMAND_FAULTS,
+        "emergency_stop": FaultEffect(press_emergency_stop, lambda controller: controller.press_emergency_stop(False)),
+        "interlock": FaultEffect(trip),
     }
 
     def carry_out(self, name: str, frame: bytes) -> None:
@@ -129,7 +129,6 @@ class SimulatedFrames:
         return self.profile.format("status").build([*numbers, *self._bytes_of_bits()])
 
     def _bytes_of_bits(self) -> list[tuple[NumberFormat, Raw]]:
-        """Bytes of state and fault bits."""
         now = self._world.now()
         states = self.profile.status.states
         moving, swings = self._axis.moving(now), self.mode == "sine"

@@ -7,9 +7,9 @@ from typing import ClassVar, Self
 
 from drivers.dialects.newport_xps import wire
 from drivers.dialects.newport_xps.wire import GroupState, Profile, Reply
-from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
-from simulators.serving.serve import Later
+from simulators.serving.serve import DelayedAnswers
 from simulators.world import World
 
 FIRMWARE = "XPS-C8 Firmware V2.6.1"
@@ -240,9 +240,9 @@ class SimulatedXps:
         return str(self._error)
 
     def _take_error(self, given: Sequence[str]) -> str:
-        told = self._read_error(given)
+        text = self._read_error(given)
         self._error = 0
-        return told
+        return text
 
     def _set_profile(self, given: Sequence[str]) -> str:
         self._of_positioner(given)
@@ -255,26 +255,21 @@ class SimulatedXps:
     def _put_profile(self, profile: Profile) -> None:
         self.profile = profile
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **MEASURES_AND_OBEYS,
-        "emergency_stop": Mishap(stop_at_once),
-        "tripped": Mishap(trip),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **MEASUREMENT_AND_COMMAND_FAULTS,
+        "emergency_stop": FaultEffect(stop_at_once),
+        "tripped": FaultEffect(trip),
     }
 
 
-class XpsSession:
+class XpsSession(DelayedAnswers):
     """One connection: a call ends with its parenthesis; during one call, the next is refused."""
 
     def __init__(self, controller: SimulatedXps) -> None:
         self._controller = controller
         self._rest = b""
-        self._later: Later = lambda _delay_s, _answer: None
         self._under_way = ""
         self._motions = 0
-
-    def answer_by(self, later: Later) -> None:
-        """Set the callback that answers a move when it ends; without it, there is no answer."""
-        self._later = later
 
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the immediate answers."""

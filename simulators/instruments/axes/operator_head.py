@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from drivers.certificates.corrections import TURN_DEG
 from drivers.person import Turn
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan
 from simulators.world import World
 
 
@@ -18,7 +18,7 @@ class HandTurnedHead:
     `silent`: no operator. `stuck`: it does not turn, and the operator does not notice.
     """
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {"stuck": LOOKED_FOR}
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {"stuck": PASSIVE_FAULT}
 
     def __init__(self, world: World, faults: FaultPlan, role: str | None = None) -> None:
         self.faults = faults

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from drivers.can.dbc import Dbc, Field, dbc_in, encode_frames
 from drivers.can.frame_block import FrameBlock
 from drivers.certificates.corrections import ARCSEC_PER_DEG
-from drivers.dialects.can_counter.binding import format_of
+from drivers.dialects.can_counter.decoder import format_of
 from drivers.dialects.can_counter.options import CounterOptions
 from drivers.dialects.can_counter.wire import CounterFormat
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.can_nodes.can_node import (
     TEMPERATURE_PERIOD_S,
     CanNode,
@@ -79,8 +79,8 @@ class SimulatedCounter(CanNode):
     A channel with a place counts the pulses of that unit's converter; one without counts nothing.
     """
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CanNode.MISHAPS, "stuck_count": LOOKED_FOR, "cleared_count": LOOKED_FOR,
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CanNode.FAULT_EFFECTS, "stuck_count": PASSIVE_FAULT, "cleared_count": PASSIVE_FAULT,
     }  # fmt: skip
 
     def __init__(self, world: World, settings: CounterSettings, faults: FaultPlan) -> None:
@@ -102,8 +102,8 @@ class SimulatedCounter(CanNode):
             [draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in settings.form.channels
         ]
         self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
-        self._owed = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, before a change of stimulus
-        self._warmth_latches = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
+        self._carry = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, before a change of stimulus
+        self._latches_per_temperature = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         self.may_swap = frozenset(channel.sequence.message.id for channel in settings.form.channels.values())
         self._held: dict[str, int] = {}  # values of stuck counts
         self._cleared: dict[str, int] = {}  # values of counts before they were cleared
@@ -143,7 +143,7 @@ class SimulatedCounter(CanNode):
         self._catch_up()
         if now > self._counted_s:
             for channel, unit in self._units.items():
-                self._owed[channel] += float(unit.charge_pulses(np.array([self._counted_s, now]))[0])
+                self._carry[channel] += float(unit.charge_pulses(np.array([self._counted_s, now]))[0])
             self._counted_s = now
 
     def _catch_up(self) -> None:
@@ -183,7 +183,10 @@ class SimulatedCounter(CanNode):
         for name, positive, negative in self._counts(edges_s, frozen):
             channel = form.channels[name]
             if spoils:
-                positive, negative = self._spoilt(name, at_s, positive), self._spoilt(f"-{name}", at_s, negative)
+                positive, negative = (
+                    self._with_faults(name, at_s, positive),
+                    self._with_faults(f"-{name}", at_s, negative),
+                )
             if (unit := self._units.get(name)) is not None and unit.faults.active("silent"):
                 continue
             put(channel.positive, positive)
@@ -193,9 +196,9 @@ class SimulatedCounter(CanNode):
             put(encoder.position, self._positions(name, np.full_like(at_s, at_s[0]) if frozen else at_s))
             put(encoder.sequence, self._sequence0 + shown)
         host_s = self._world.host_time(at_s)
-        return in_order([encode_frames(self._settings.dbc, host_s, values), self._warmth(numbers, at_s)])
+        return in_order([encode_frames(self._settings.dbc, host_s, values), self._temperature_frames(numbers, at_s)])
 
-    def _spoilt(self, name: str, at_s: Array, counts: Counts) -> Counts:
+    def _with_faults(self, name: str, at_s: Array, counts: Counts) -> Counts:
         """Apply stuck and cleared counts to the counts of one sign at the times."""
         for begin_s, _ in self.faults.spans_s("cleared_count"):
             since = at_s >= begin_s
@@ -221,8 +224,8 @@ class SimulatedCounter(CanNode):
         if unit is None:
             return np.zeros(len(edges_s) - 1)
         pulses = unit.charge_pulses(edges_s)
-        pulses[0] += self._owed[channel]
-        self._owed[channel] = 0.0
+        pulses[0] += self._carry[channel]
+        self._carry[channel] = 0.0
         return pulses
 
     def _positions(self, role: str, at_s: Array) -> NDArray[np.int64]:
@@ -230,9 +233,9 @@ class SimulatedCounter(CanNode):
         angle_deg = self._world.axis_of(role).encoder_angles_deg(at_s + self._world.settings.encoder_skew_s)
         return np.floor(angle_deg * self._settings.encoders[role]).astype(np.int64)
 
-    def _warmth(self, numbers: NDArray[np.int64], at_s: Array) -> FrameBlock:
+    def _temperature_frames(self, numbers: NDArray[np.int64], at_s: Array) -> FrameBlock:
         """One frame of each temperature message per second; a signal without a unit is the converter board's."""
-        at_s = at_s[numbers % self._warmth_latches == 0]
+        at_s = at_s[numbers % self._latches_per_temperature == 0]
         fields, host_s = self._settings.form.temperatures, self._world.host_time(at_s)
         return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
 

@@ -17,8 +17,8 @@ from drivers.can.frame_block import ERROR, FrameBlock
 from drivers.can.options import IDLE_BLOCK_S
 from drivers.errors import LinkLost
 from drivers.installed import loaded
-from simulators.faults.frame_faults import FrameFault, carry
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.faults.frame_faults import FrameFault, apply_fault
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan
 from simulators.units.accelerometer_unit import SimulatedUnit
 from simulators.units.gyro_unit import SimulatedGyro
 from simulators.units.imu import ImuChannel
@@ -74,10 +74,11 @@ class CanNode(ABC):
     A block of frames is computed when it is taken, or just before a stimulus changes.
     """
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        "frozen": LOOKED_FOR, "restart": LOOKED_FOR, "lost_frames": LOOKED_FOR, "lost_bursts": LOOKED_FOR,
-        "doubled_frames": LOOKED_FOR, "late_frames": LOOKED_FOR, "foreign_frames": LOOKED_FOR,
-        "short_frames": LOOKED_FOR, "swapped_frames": LOOKED_FOR, "error_frames": LOOKED_FOR, "bus_off": LOOKED_FOR,
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        "frozen": PASSIVE_FAULT, "restart": PASSIVE_FAULT, "lost_frames": PASSIVE_FAULT, "lost_bursts": PASSIVE_FAULT,
+        "doubled_frames": PASSIVE_FAULT, "late_frames": PASSIVE_FAULT, "foreign_frames": PASSIVE_FAULT,
+        "short_frames": PASSIVE_FAULT, "swapped_frames": PASSIVE_FAULT, "error_frames": PASSIVE_FAULT,
+        "bus_off": PASSIVE_FAULT,
     }  # fmt: skip
 
     def __init__(self, name: str, world: World, faults: FaultPlan) -> None:
@@ -101,9 +102,9 @@ class CanNode(ABC):
         sent, self._sent = self._sent, []
         if self.faults.active("cut"):
             raise LinkLost(self._name, "the connection was cut", remedy="Check the cable, then run again.")
-        return self._carried(self._heard(FrameBlock.joined(sent)))
+        return self._with_bus_faults(self._with_foreign(FrameBlock.joined(sent)))
 
-    def _carried(self, frames: FrameBlock) -> FrameBlock:
+    def _with_bus_faults(self, frames: FrameBlock) -> FrameBlock:
         """Apply the faults of a bad bus to frames."""
         if self.faults.active("bus_off"):
             off_s = float(self._world.host_time(np.array(self.faults.since_s("bus_off"))))
@@ -111,7 +112,7 @@ class CanNode(ABC):
             return FrameBlock.joined([_before(frames, off_s), *([] if told else [_error_frame(BUS_OFF, off_s)])])
         for fault in FrameFault:
             if self.faults.active(fault.value):
-                frames = carry(fault, frames, self._draws, BAD_SHARE, self.may_swap).block
+                frames = apply_fault(fault, frames, self._draws, BAD_SHARE, self.may_swap).block
         if len(frames) and self.faults.active("error_frames"):
             frames = FrameBlock.joined([frames, _error_frame(PROTOCOL_ERROR, float(frames.at_s[-1]))])
         return frames
@@ -119,7 +120,7 @@ class CanNode(ABC):
     def close(self) -> None:  # noqa: B027  nothing is to be done
         """Do nothing: a node is independent of its client."""
 
-    def _heard(self, frames: FrameBlock) -> FrameBlock:
+    def _with_foreign(self, frames: FrameBlock) -> FrameBlock:
         """Frames without those sent while the node was silent."""
         for span_s in self.faults.spans_s("silent"):
             begin_s, end_s = self._world.host_time(np.array(span_s))

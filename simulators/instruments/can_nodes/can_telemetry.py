@@ -14,7 +14,7 @@ from drivers.can.dbc import Dbc, Field, dbc_in, encode_frames
 from drivers.can.encoder_frames import PositionFormat
 from drivers.can.frame_block import FrameBlock
 from drivers.certificates.corrections import ARCSEC_PER_DEG
-from drivers.dialects.can_telemetry.binding import encoders_of, formats_of
+from drivers.dialects.can_telemetry.decoder import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.dialects.can_telemetry.wire import SampleFormat
 from simulators.faults.instrument_faults import FaultPlan
@@ -168,7 +168,9 @@ class SimulatedTelemetry(CanNode):
                     said |= self._positions(each, numbers, shown_s)
                 blocks.append(encode_frames(self._settings.dbc, self._world.host_time(at_s), said))
                 if each.unit.place not in warmed:
-                    blocks.append(self._warmth(each.unit.place, at_s[numbers % each.warmth_samples == 0]))
+                    blocks.append(
+                        self._temperature_frames(each.unit.place, at_s[numbers % each.samples_per_temperature == 0])
+                    )
                     warmed.add(each.unit.place)
         if blocks:
             self._sent.append(in_order(blocks))
@@ -183,7 +185,7 @@ class SimulatedTelemetry(CanNode):
             said[position.message.name] = {position.signal.name: counts, sequence.signal.name: numbers}
         return said
 
-    def _warmth(self, place: str, at_s: Array) -> FrameBlock:
+    def _temperature_frames(self, place: str, at_s: Array) -> FrameBlock:
         """Thermometer readings of a unit, once a second."""
         fields, host_s = self._thermometers[place], self._world.host_time(at_s)
         return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
@@ -213,7 +215,7 @@ class _Stream:
 
     def __init__(self, name: str, unit: Sender, settings: ChannelSettings, world: World) -> None:
         self.unit, self.settings, self._how = unit, settings, unit.sent
-        self.warmth_samples = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
+        self.samples_per_temperature = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         self._sample_s = settings.period_s / (1 + self._how.clock)  # true seconds from sample to sample
         self._noise = stream(world.settings.seed, "noise", unit.place, f"telemetry {name}")
         self._powered_at_s: float | None = None
@@ -224,13 +226,13 @@ class _Stream:
         """Start clock and sample numbers at 0."""
         self._origin_s = self.integrated_s = at_s
         self._number = 0
-        self._owed = 0.0  # of the current sample: codes times seconds, before a change of stimulus
+        self._carry = 0.0  # of the current sample: codes times seconds, before a change of stimulus
 
     def integrate(self, until_s: float) -> None:
         """Integrate the output since the last sample."""
         if until_s > self.integrated_s:
             mean = float(self.unit.mean_codes(np.array([self.integrated_s, until_s]))[0])
-            self._owed += mean * (until_s - self.integrated_s)
+            self._carry += mean * (until_s - self.integrated_s)
             self.integrated_s = until_s
 
     def samples(self, now_s: float, *, frozen: bool) -> tuple[Integers, Array, Integers]:
@@ -248,8 +250,8 @@ class _Stream:
             return numbers, at_s, numbers
         edges_s = np.concatenate(([self.integrated_s], at_s))
         charge = self.unit.mean_codes(edges_s) * np.diff(edges_s)
-        charge[0] += self._owed
-        self._number, self.integrated_s, self._owed = int(numbers[-1]), float(at_s[-1]), 0.0
+        charge[0] += self._carry
+        self._number, self.integrated_s, self._carry = int(numbers[-1]), float(at_s[-1]), 0.0
         noise = self._how.noise_code * self._noise.standard_normal(due)
         codes = np.rint(charge / self._sample_s + noise).astype(np.int64)
         if self.unit.faults.active("dead"):

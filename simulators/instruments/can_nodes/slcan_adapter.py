@@ -34,14 +34,14 @@ class SimulatedAdapter(asyncio.Protocol):
         *commands, self._rest = (self._rest + data).split(slcan.END)
         for command in commands:
             if command and self._transport is not None:
-                self._transport.write(slcan.END if self._obey(command) else slcan.REFUSED)
+                self._transport.write(slcan.END if self._execute(command) else slcan.REFUSED)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop sending."""
         self._close()
         self._transport = None
 
-    def _obey(self, command: bytes) -> bool:
+    def _execute(self, command: bytes) -> bool:
         if command in slcan.BITRATES.values() and self._sending is None:
             self._bitrate_set = True
             return True

@@ -38,7 +38,7 @@ class SimulatedServer(asyncio.Protocol):
         self._rest += data
         while (text := _TEXT.search(self._rest)) is not None and self._transport is not None:
             self._rest = self._rest[text.end() :]
-            self._obey(text[0], self._transport)
+            self._execute(text[0], self._transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop sending."""
@@ -46,7 +46,7 @@ class SimulatedServer(asyncio.Protocol):
         if self._sending is not None:
             self._sending.cancel()
 
-    def _obey(self, text: bytes, transport: asyncio.Transport) -> None:
+    def _execute(self, text: bytes, transport: asyncio.Transport) -> None:
         if not self._has_bus:
             self._has_bus = text == open_text(self._bus)
             transport.write(OK if self._has_bus else b"< error could not open bus >")

@@ -25,8 +25,8 @@ from drivers.dialects.binder.wire import (
     value_c,
     words,
 )
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan, sets
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -93,23 +93,10 @@ class SimulatedBinder(SimulatedChamber):
         else:
             raise RegisterError(ExceptionCode.ILLEGAL_ADDRESS)
 
-    def open_door(self) -> None:
-        """Set the door contact."""
-        super().open_door()
-        self.door = 1
-
-    def close_door(self) -> None:
-        """Clear the door contact."""
-        super().close_door()
-        self.door = 0
-
-    def raise_alarm(self) -> None:
-        """Raise an alarm."""
-        self.alarm = 1
-
-    def clear_alarm(self) -> None:
-        """Clear the alarm."""
-        self.alarm = 0
+    def move_door(self, *, is_open: bool) -> None:
+        """Open or close the door, with its contact."""
+        super().move_door(is_open=is_open)
+        self.door = int(is_open)
 
     def start_program(self) -> None:
         """Start a program at the front panel."""
@@ -121,7 +108,6 @@ class SimulatedBinder(SimulatedChamber):
         return (BASIC, MANUAL) if self.kind == "mb1" else (registers_of("mb2", "manual", swapped=False).set_point,)
 
     def _held(self) -> Mapping[int, int]:
-        """All readable words."""
         at = registers_of(self.kind, "manual", swapped=False)
         pairs = {address: self._set_points[address] for address in self._here()}
         pairs[at.process_value] = words(self.measured_c())
@@ -180,9 +166,9 @@ class SimulatedBinder(SimulatedChamber):
             self._set_points = dict.fromkeys(self._set_points, words(AFTER_RESTART_C))
             self._follow()
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": LOOKED_FOR,
-        "program": Mishap(start_program),
-        "alarm": Mishap(raise_alarm, clear_alarm),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": PASSIVE_FAULT,
+        "program": FaultEffect(start_program),
+        "alarm": sets("alarm", 1, 0),
     }

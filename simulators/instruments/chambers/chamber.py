@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import get_args
 
-from simulators.faults.instrument_faults import LOOKED_FOR, MEASURES_AND_OBEYS, OPEN_C, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import (
+    MEASUREMENT_AND_COMMAND_FAULTS,
+    OPEN_C,
+    PASSIVE_FAULT,
+    FaultEffect,
+    FaultKind,
+    FaultPlan,
+)
 from simulators.physics.chamber_failures import Failure
 from simulators.world import World
 
@@ -36,27 +43,25 @@ class SimulatedChamber:
             self._air_c = self._world.thermal.air_c
         return self._air_c
 
-    def open_door(self) -> None:
-        """Open the door."""
-        self._world.door(is_open=True)
-
-    def close_door(self) -> None:
-        """Close the door."""
-        self._world.door(is_open=False)
+    def move_door(self, *, is_open: bool) -> None:
+        """Open or close the door."""
+        self._world.door(is_open=is_open)
 
     def break_down(self, failure: Failure | None) -> None:
         """Break a part of the chamber, independent of its controller; None repairs it."""
         self._world.chamber_fails(failure)
 
 
-def _breaks(failure: Failure) -> Mishap:
-    return Mishap(lambda chamber: chamber.break_down(failure), lambda chamber: chamber.break_down(None))
+def _breaks(failure: Failure) -> FaultEffect:
+    return FaultEffect(lambda chamber: chamber.break_down(failure), lambda chamber: chamber.break_down(None))
 
 
-CHAMBER_MISHAPS: Mapping[FaultKind, Mishap] = {
-    **MEASURES_AND_OBEYS,
-    "door_open": Mishap(lambda chamber: chamber.open_door(), lambda chamber: chamber.close_door()),
-    "open_sensor": LOOKED_FOR,
+CHAMBER_FAULT_EFFECTS: Mapping[FaultKind, FaultEffect] = {
+    **MEASUREMENT_AND_COMMAND_FAULTS,
+    "door_open": FaultEffect(
+        lambda chamber: chamber.move_door(is_open=True), lambda chamber: chamber.move_door(is_open=False)
+    ),
+    "open_sensor": PASSIVE_FAULT,
     **{failure: _breaks(failure) for failure in get_args(Failure)},
 }
 """Faults of every chamber."""

@@ -13,8 +13,8 @@ from typing import ClassVar, Literal, Self
 
 from drivers.dialects.cts import wire
 from drivers.dialects.cts.wire import ETX, FULL_SPEED_C_PER_MIN, STX, RampChannel
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
@@ -40,7 +40,7 @@ class SimulatedCts(SimulatedChamber):
         super().__init__(world, faults)
         self.address, self.versions = address, versions
         self.running, self.paused, self.error, self.program = True, False, "", False
-        self.set_point_c = wire.kept(world.thermal.set_point_c)
+        self.set_point_c = wire.as_stored(world.thermal.set_point_c)
         self.rates = {"u": FULL_SPEED_C_PER_MIN, "d": FULL_SPEED_C_PER_MIN}
         self._ramp_channel, self._limits_c, self._reads = ramp_channel, limits_c, set_point_reads
         self._settings: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], bool]], ...] = (
@@ -149,11 +149,11 @@ class SimulatedCts(SimulatedChamber):
         in_force = self.running and self._ramps and self._reads == "in_force"
         return self._world.thermal.set_point_c if in_force else self.set_point_c
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": Mishap(restart),
-        "program": Mishap(start_program),
-        "alarm": Mishap(lambda chamber: chamber.fail("1"), acknowledge),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": FaultEffect(restart),
+        "program": FaultEffect(start_program),
+        "alarm": FaultEffect(lambda chamber: chamber.fail("1"), acknowledge),
     }
 
 

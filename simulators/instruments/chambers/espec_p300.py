@@ -13,15 +13,15 @@ from typing import ClassVar, Self
 
 from drivers.dialects.espec_p300 import wire
 from drivers.dialects.espec_p300.wire import CONSTANT, OFF, STANDBY, TENTHS
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan, sets
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.scpi import LineSession
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
 
 RUN = "RUN"
 PROGRAMS: Mapping[int, tuple[float, float]] = {1: (80.0, 1.0), 2: (-20.0, 0.5)}  # target, °C, and rate, °C/min
-QUESTION_GAP_S, SETTING_GAP_S = 0.2, 0.5  # minimum pause
+QUERY_GAP_S, SETTING_GAP_S = 0.2, 0.5  # minimum pause
 _TEMPERATURE = re.compile(
     r"TEMP,\s*(?=[SHL])(?:S(-?\d{1,3}\.\d))?\s*(?:H\s*(-?\d{1,3}\.\d))?\s*(?:L\s*(-?\d{1,3}\.\d))?"
 )
@@ -91,7 +91,7 @@ class SimulatedP300(SimulatedChamber):
                 return ""
         now_s = self._world.look()
         self.hurried += now_s < self._ready_s
-        self._ready_s = now_s + (QUESTION_GAP_S if "?" in line else SETTING_GAP_S)
+        self._ready_s = now_s + (QUERY_GAP_S if "?" in line else SETTING_GAP_S)
         try:
             return self._carry_out(line)
         except Refusal as refusal:
@@ -111,14 +111,6 @@ class SimulatedP300(SimulatedChamber):
         """Return to constant operation at the front panel."""
         if self.mode == RUN:
             self._enter(CONSTANT)
-
-    def protect(self) -> None:
-        """Protect the settings at the front panel."""
-        self.protected = True
-
-    def unprotect(self) -> None:
-        """Release the settings at the front panel."""
-        self.protected = False
 
     def _protect_keys(self, match: re.Match[str]) -> None:
         self.protected = match[1].upper() == "ON"
@@ -178,10 +170,10 @@ class SimulatedP300(SimulatedChamber):
     def _humidity(self) -> str:
         return "" if self._humidity_percent is None else str(self._humidity_percent)
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": Mishap(restart),
-        "program": Mishap(start_program, end_program),
-        "alarm": Mishap(lambda chamber: chamber.alarm(1), lambda chamber: chamber.alarms.clear()),
-        "front_panel": Mishap(protect, unprotect),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": FaultEffect(restart),
+        "program": FaultEffect(start_program, end_program),
+        "alarm": FaultEffect(lambda chamber: chamber.alarm(1), lambda chamber: chamber.alarms.clear()),
+        "front_panel": sets("protected", True, False),
     }

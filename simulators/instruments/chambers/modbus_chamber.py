@@ -12,8 +12,8 @@ from typing import ClassVar, Self
 
 from drivers.dialects.modbus_chamber.profile import ChamberProfile, CodeRegister, ValueRegister
 from drivers.kinds.chamber.words import Words
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.modbus import (
     READ,
     READ_INPUT,
@@ -190,9 +190,9 @@ class SimulatedProfile(SimulatedChamber):
         if not allowed:
             raise RegisterError(ExceptionCode.ILLEGAL_VALUE)
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": LOOKED_FOR,
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": PASSIVE_FAULT,
     }
 
 

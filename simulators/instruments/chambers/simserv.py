@@ -12,8 +12,8 @@ from typing import ClassVar, Self
 
 from drivers.dialects.simserv import wire
 from drivers.dialects.simserv.wire import Function, Info, Reads, Status
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.scpi import LineSession
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -51,7 +51,7 @@ class SimulatedSimserv(SimulatedChamber):
     ) -> None:  # fmt: skip
         super().__init__(world, faults)
         self.kind, self.serial, self.limits_c = kind, serial, limits_c
-        self.set_point_c = wire.kept(world.thermal.set_point_c)
+        self.set_point_c = wire.as_stored(world.thermal.set_point_c)
         self.gradients: dict[Function, float] = {Function.GRADIENT_UP: 0.0, Function.GRADIENT_DOWN: 0.0}
         self.outputs = {1: True}
         self.program = 0
@@ -116,15 +116,13 @@ class SimulatedSimserv(SimulatedChamber):
         self.active.add(index)
         self.outputs[wire.START] = False
 
-    def open_door(self) -> None:
-        """Open the door; its contact stops the chamber, with a message."""
-        super().open_door()
-        self.error(1)
-
-    def close_door(self) -> None:
-        """Clear the door message; the chamber stays off."""
-        super().close_door()
-        self.active.discard(1)
+    def move_door(self, *, is_open: bool) -> None:
+        """Open the door, whose contact stops the chamber with a message, or close it; the chamber stays off."""
+        super().move_door(is_open=is_open)
+        if is_open:
+            self.error(1)
+        else:
+            self.active.discard(1)
 
     def start_program(self) -> None:
         """Start a program at the front panel, if the chamber allows it."""
@@ -224,11 +222,11 @@ class SimulatedSimserv(SimulatedChamber):
         in_force = self.program or (self._runs and self._reads == "in_force")
         return self._world.thermal.set_point_c if in_force else self.set_point_c
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": Mishap(restart),
-        "program": Mishap(start_program, _end_program),
-        "alarm": Mishap(lambda chamber: chamber.error(2), lambda chamber: chamber.active.discard(2)),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": FaultEffect(restart),
+        "program": FaultEffect(start_program, _end_program),
+        "alarm": FaultEffect(lambda chamber: chamber.error(2), lambda chamber: chamber.active.discard(2)),
     }
 
 

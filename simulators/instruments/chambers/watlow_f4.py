@@ -19,8 +19,8 @@ from drivers.dialects.watlow_f4.wire import (
     TemperatureFormat,
     event_output,
 )
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan, sets
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, RegisterError
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -63,7 +63,7 @@ class SimulatedF4(SimulatedChamber):
         }
         self._outputs = {event_output(number): int(number == power_event) for number in range(1, EVENT_OUTPUTS + 1)}
         self._status = Status.STATIC
-        self._told: Mapping[int, Callable[[], int]] = {
+        self._readable: Mapping[int, Callable[[], int]] = {
             Register.MODEL: lambda: model,
             Register.SERIAL_FIRST: lambda: SERIAL[0],
             Register.SERIAL_LAST: lambda: SERIAL[1],
@@ -106,8 +106,8 @@ class SimulatedF4(SimulatedChamber):
             self._take(where, word)
 
     def _word_at(self, address: int) -> int:
-        if address in self._told:
-            return self._told[address]()
+        if address in self._readable:
+            return self._readable[address]()
         for held in (self._settings, self._outputs):
             if address in held:
                 return held[address]
@@ -161,18 +161,6 @@ class SimulatedF4(SimulatedChamber):
                 self._settings[address] = word
                 self._follow_set_point()
 
-    def raise_alarm(self) -> None:
-        """Raise an alarm."""
-        self.alarm = 1
-
-    def open_sensor(self) -> None:
-        """Open the sensor circuit."""
-        self.sensor_error = 1
-
-    def clear(self) -> None:
-        """Clear alarm and sensor fault."""
-        self.alarm = self.sensor_error = 0
-
     def start_profile(self) -> None:
         """Start a program at the front panel."""
         self._status = Status.PROFILE_RUNS
@@ -202,10 +190,10 @@ class SimulatedF4(SimulatedChamber):
     def _limit_c(self, register: Register) -> float:
         return self._form.value_c(self._settings[register])
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": LOOKED_FOR,
-        "program": Mishap(start_profile, _end_profile),
-        "alarm": Mishap(raise_alarm, clear),
-        "open_sensor": Mishap(open_sensor, clear),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": PASSIVE_FAULT,
+        "program": FaultEffect(start_profile, _end_profile),
+        "alarm": sets("alarm", 1, 0),
+        "open_sensor": sets("sensor_error", 1, 0),
     }

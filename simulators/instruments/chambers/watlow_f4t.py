@@ -23,8 +23,8 @@ from drivers.dialects.watlow_f4t.wire import (
     RampScale,
 )
 from drivers.kinds.chamber.words import WordOrder, Words
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.modbus import ExceptionCode, ModbusRtuSession, ModbusServer, ModbusTcpSession, RegisterError
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -200,8 +200,8 @@ class SimulatedF4T(SimulatedChamber):
             return max(-100.0, min(100.0, power_percent))
         return self._float(LoopRegister.MANUAL_POWER) if mode == ControlMode.MANUAL else 0.0
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "front_panel": Mishap(switch_off, switch_on),
-        "restart": Mishap(restart),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "front_panel": FaultEffect(switch_off, switch_on),
+        "restart": FaultEffect(restart),
     }

@@ -16,10 +16,10 @@ import numpy as np
 from drivers.dialects.agilent_34970a import wire
 from drivers.dialects.agilent_34970a.wire import Condition
 from drivers.protocols.scpi import Command, ErrorEntry
-from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.meters.scanner_session import ScannerSession
 from simulators.instruments.meters.scanner_settings import ChannelSettings
-from simulators.instruments.meters.scanner_sweeps import MEMORY_READINGS, Scans, Taken, exponential
+from simulators.instruments.meters.scanner_sweeps import MEMORY_READINGS, Scans, StoredReading, exponential
 from simulators.instruments.scpi import (
     ILLEGAL_VALUE,
     OUT_OF_RANGE,
@@ -62,7 +62,7 @@ class SimulatedScanner:
         self.faults = faults
         self.open: set[int] = set()
         self.answer_end = answer_end
-        self._world, self._names = world, names
+        self._world, self.names = world, names
         self._slots = {channel // 100 * 100 for channel in names}
         self._last: dict[int, float] = {}
         self._scans = Scans(world, self._reading_c)
@@ -92,14 +92,6 @@ class SimulatedScanner:
     def joined(self, answers: list[str]) -> str:
         """Join the answers to one line."""
         return self._interpreter.joined(answers)
-
-    def open_sensors(self) -> None:
-        """Disconnect all sensors."""
-        self.open.update(self._names)
-
-    def close_sensors(self) -> None:
-        """Reconnect all sensors."""
-        self.open.clear()
 
     def restart(self) -> None:
         """Short power failure: scanning stops."""
@@ -136,14 +128,14 @@ class SimulatedScanner:
 
     def _fetch(self, _: str) -> str:
         """Readings in memory; none after READ?, whose readings are not stored."""
-        memory = self._scans.taken()
+        memory = self._scans.stored_readings()
         if not memory:
             raise Refusal(STALE)
         return self._spelled(memory)
 
     def _remove(self, argument: str) -> str:
         """Take the oldest readings out of the memory."""
-        memory = self._scans.taken()
+        memory = self._scans.stored_readings()
         count = round(setting(argument, 1, MEMORY_READINGS))
         if count > len(memory):
             raise Refusal(STALE)
@@ -151,14 +143,14 @@ class SimulatedScanner:
 
     def _read_out(self, argument: str) -> str:
         """The same as a block, with the available number of readings."""
-        memory = self._scans.taken()
+        memory = self._scans.stored_readings()
         count = min(len(memory), round(setting(argument or str(MEMORY_READINGS), 1, MEMORY_READINGS)))
         return _block(self._spelled([memory.popleft() for _ in range(count)]))
 
-    def _spelled(self, readings: Iterable[Taken]) -> str:
+    def _spelled(self, readings: Iterable[StoredReading]) -> str:
         return ",".join(self._spelled_one(reading) for reading in readings)
 
-    def _spelled_one(self, reading: Taken) -> str:
+    def _spelled_one(self, reading: StoredReading) -> str:
         unit, shown = self.units.get(reading.channel, "C"), reading.temperature_c
         if reading.channel in self.volts:
             unit = "VDC"
@@ -177,7 +169,7 @@ class SimulatedScanner:
         """Reading of a sensor at a true time, None if it is open."""
         if channel in self.volts:
             return 0.0  # no voltage source there
-        name = self._names.get(channel, "")
+        name = self.names.get(channel, "")
         unit = self._world.counted.get(name)
         if channel in self.open or (unit is not None and unit.faults.active("open_thermometer")):
             return None
@@ -192,7 +184,7 @@ class SimulatedScanner:
             "ABORt": lambda _: self._scans.abort(),
             "INITiate[:IMMediate]": lambda _: self._begin(),
             "FETCh?": self._fetch,
-            "DATA:POINts?": lambda _: f"{len(self._scans.taken()):+d}",
+            "DATA:POINts?": lambda _: f"{len(self._scans.stored_readings()):+d}",
             "DATA:REMove?": self._remove,
             "R?": self._read_out,
             "FORMat:READing:TIME:TYPE": lambda _: None,
@@ -306,8 +298,8 @@ class SimulatedScanner:
             raise Refusal(OUT_OF_RANGE)
         return tuple(sorted(channels))
 
-    def _of_each(self, argument: str, tell: Callable[[int], str]) -> str:
-        return ",".join(tell(channel) for channel in self._channels(argument))
+    def _of_each(self, argument: str, answer: Callable[[int], str]) -> str:
+        return ",".join(answer(channel) for channel in self._channels(argument))
 
     def _sensor(self, channel: int) -> tuple[str, str]:
         return self.sensors.get(channel, ("TC", "J"))
@@ -338,10 +330,12 @@ class SimulatedScanner:
         self.monitored, self.monitors = (), False
         self.formats = dict.fromkeys(_FORMATS, False)
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **MEASURES_AND_OBEYS,
-        "restart": Mishap(restart),
-        "open_sensor": Mishap(open_sensors, close_sensors),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **MEASUREMENT_AND_COMMAND_FAULTS,
+        "restart": FaultEffect(restart),
+        "open_sensor": FaultEffect(
+            lambda scanner: scanner.open.update(scanner.names), lambda scanner: scanner.open.clear()
+        ),
     }
 
 

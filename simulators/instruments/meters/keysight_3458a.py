@@ -11,10 +11,10 @@ from functools import partial
 from typing import ClassVar
 
 from drivers.dialects.keysight_3458a import wire
-from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.meters.meter_inputs import MeterInput
 from simulators.instruments.prologix import Gateway
-from simulators.serving.serve import Later
+from simulators.serving.serve import DelayedAnswers
 from simulators.units.unit_file import stream
 from simulators.world import World
 
@@ -33,8 +33,8 @@ _CHOICES = {
     "DISP": {**_ON_OFF, "MSG": 2, "CLR": 3}, "MEM": {"OFF": 0, "LIFO": 1, "FIFO": 2, "CONT": 3},
     "MFORMAT": {"ASCII": 1, "SINT": 2, "DINT": 3, "SREAL": 4, "DREAL": 5},
 }  # fmt: skip
-_KEPT = {"LFILTER": 0, "FIXEDZ": 0, "LOCK": 0, "BEEP": 1, "DISP": 1, "MEM": 0, "MFORMAT": 4}
-_PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0, **_KEPT}
+_STORED = {"LFILTER": 0, "FIXEDZ": 0, "LOCK": 0, "BEEP": 1, "DISP": 1, "MEM": 0, "MFORMAT": 4}
+_PRESET = {"TARM": 1, "TRIG": 5, "INBUF": 0, "AZERO": 1, "OFORMAT": 1, "MATH": 0, **_STORED}
 _POWER_ON = {**_PRESET, "TRIG": 1, "END": 0, "QFORMAT": 1}
 _NUMBERS = {"NDIG": (7.0, 3.0, 8.0), "NRDGS": (1.0, 1.0, 1.0), "DELAY": (0.0, 0.0, 6000.0)}  # default range
 _INSIDE_C = 36.5
@@ -62,7 +62,7 @@ class Simulated3458A:
         self._world, self.connected, self._line_hz = world, connected, line_hz
         self._noise = stream(world.settings.seed, "noise", name, "reading")
         self._read = 0.0
-        self._told: Mapping[str, Callable[[], str]] = {
+        self._answers: Mapping[str, Callable[[], str]] = {
             "ID?": lambda: identity,
             "REV?": lambda: "9,2",
             "CALNUM?": lambda: "12",
@@ -112,8 +112,8 @@ class Simulated3458A:
     def execute(self, command: str) -> str:
         """Execute one command other than a trigger; return its answer, or "" for none."""
         header, *parameters = re.split(r"[ ,]+", command.upper())
-        if header in self._told:
-            return self._told[header]()
+        if header in self._answers:
+            return self._answers[header]()
         if header.endswith("?") and header[:-1] in self.codes:
             return str(self.codes[header[:-1]])
         if header.endswith("?") and header[:-1] in self._numbers:
@@ -139,10 +139,10 @@ class Simulated3458A:
     def begin_reading(self) -> float:
         """Begin a triggered reading; return its duration (s)."""
         now_s = self._world.look()
-        takes_s = wire.takes_s(self.nplc, self._line_hz)
-        self._reading = _Aperture(now_s, now_s + takes_s - wire.last_zero_s(self.nplc, self._line_hz), now_s)
-        self._reading_ends_s = now_s + takes_s
-        return takes_s
+        duration_s = wire.duration_s(self.nplc, self._line_hz)
+        self._reading = _Aperture(now_s, now_s + duration_s - wire.last_zero_s(self.nplc, self._line_hz), now_s)
+        self._reading_ends_s = now_s + duration_s
+        return duration_s
 
     def end_reading(self) -> str:
         """Finish the reading and hold the trigger again; "" after a power failure meanwhile."""
@@ -250,13 +250,13 @@ class Simulated3458A:
 
     def _take_register(self, first: int) -> str:
         """Read and clear the errors from `first` on, one bit each."""
-        taken = {code for code in self.errors if first <= code < first + 100}
-        self.errors -= taken
-        return str(sum(1 << code - first for code in taken))
+        cleared = {code for code in self.errors if first <= code < first + 100}
+        self.errors -= cleared
+        return str(sum(1 << code - first for code in cleared))
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **MEASURES_AND_OBEYS,
-        "restart": Mishap(restart),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **MEASUREMENT_AND_COMMAND_FAULTS,
+        "restart": FaultEffect(restart),
     }
 
 
@@ -270,7 +270,7 @@ class _Aperture:
     input: float = 0.0
 
 
-class VoltmeterSession:
+class VoltmeterSession(DelayedAnswers):
     """A connection to the gateway: commands are queued, and only a reading takes time.
 
     Lines that begin with `++` are for the gateway; with `++auto 0` answers stay in the instrument until `++read`.
@@ -278,38 +278,33 @@ class VoltmeterSession:
 
     def __init__(self, meter: Simulated3458A) -> None:
         self._meter = meter
-        self._later: Later = lambda _delay_s, _answer: None
         self._rest = b""
         self._commands: deque[str] = deque()
         self._gateway = Gateway()
         self._unread: deque[bytes] = deque()
 
-    def answer_by(self, later: Later) -> None:
-        """Set the callback that sends a reading when it is ready; without it, none is sent."""
-        self._later = later
-
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the immediate answers."""
-        *told, self._rest = re.split(rb"[\r\n;]", self._rest + data)
-        self._commands.extend(command for part in told if (command := part.decode("latin-1").strip()))
-        return self._carry_on()
+        *received, self._rest = re.split(rb"[\r\n;]", self._rest + data)
+        self._commands.extend(command for part in received if (command := part.decode("latin-1").strip()))
+        return self._next_replies()
 
-    def _carry_on(self) -> bytes:
-        said = b""
+    def _next_replies(self) -> bytes:
+        sent = b""
         while self._commands and not self._meter.is_reading:
             command = self._commands.popleft()
             if command.startswith("++"):
-                said += self._of_the_gateway(command)
+                sent += self._of_the_gateway(command)
             elif not self._gateway.reaches_the_instrument:
                 continue
             elif self._meter.triggered_by(command):
                 self._later(self._meter.begin_reading(), self._finish)
             else:
-                said += self._spoken(self._meter.execute(command))
-        return said
+                sent += self._reply(self._meter.execute(command))
+        return sent
 
     def _finish(self) -> bytes:
-        return self._spoken(self._meter.end_reading()) + self._carry_on()
+        return self._reply(self._meter.end_reading()) + self._next_replies()
 
     def _of_the_gateway(self, line: str) -> bytes:
         if line.lower().split()[0] == "++read" and self._unread and self._gateway.reaches_the_instrument:
@@ -317,7 +312,7 @@ class VoltmeterSession:
         answer = self._gateway.execute(line, self._meter.execute("STB?"))
         return answer.encode() + b"\r\n" if answer else b""
 
-    def _spoken(self, answer: str) -> bytes:
+    def _reply(self, answer: str) -> bytes:
         if not (answer and self._meter.codes["END"]):
             return b""
         line = answer.encode() + b"\r\n"

@@ -116,5 +116,5 @@ class CurrentInSeries:
 
     def read(self, mean: float, at_s: float) -> float:
         """Reading with the errors of gain, offset and drift."""
-        erring = self.errors.current_a(mean, np.array([at_s]))
-        return float(read_of(erring, self.table)[0])
+        with_errors = self.errors.current_a(mean, np.array([at_s]))
+        return float(read_of(with_errors, self.table)[0])

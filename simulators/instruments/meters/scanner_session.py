@@ -8,7 +8,7 @@ from typing import Protocol
 
 from drivers.protocols import scpi
 from drivers.protocols.scpi import Command
-from simulators.serving.serve import Later
+from simulators.serving.serve import DelayedAnswers
 
 _WAITING = ("*OPC?", "*WAI")
 _FETCH = ("FETCH?", "FETC?")
@@ -41,7 +41,7 @@ class Scanner(Protocol):
         """Readings of the finished scan, "" without one."""
 
 
-class ScannerSession:
+class ScannerSession(DelayedAnswers):
     """A connection: a command that waits for a scan delays all later ones. Lines end with LF or CR LF.
 
     READ?, MEAS:TEMP?, FETC?, *OPC? and *WAI wait; all others are executed during a scan.
@@ -49,31 +49,26 @@ class ScannerSession:
 
     def __init__(self, scanner: Scanner) -> None:
         self._scanner = scanner
-        self._later: Later = lambda _delay_s, _answer: None
         self._rest = b""
         self._lines: deque[_Line] = deque()
         self._waits = False
-
-    def answer_by(self, later: Later) -> None:
-        """Set the callback for delayed answers; without it, they are never sent."""
-        self._later = later
 
     def feed(self, data: bytes) -> bytes:
         """Receive bytes in any portions; return the immediate answers."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         self._lines.extend(_Line(line.decode("latin-1").strip()) for line in lines)
-        return self._carry_on()
+        return self._next_replies()
 
-    def _carry_on(self) -> bytes:
-        said = b""
+    def _next_replies(self) -> bytes:
+        sent = b""
         while self._lines and not self._waits:
             line = self._lines[0]
             if not line.commands:
                 self._lines.popleft()
-                said += self._spoken(self._scanner.joined(line.answers))
+                sent += self._reply(self._scanner.joined(line.answers))
             else:
                 self._next_of(line)
-        return said
+        return sent
 
     def _next_of(self, line: _Line) -> None:
         """Execute the next command of a line, or wait for its scan."""
@@ -111,9 +106,9 @@ class ScannerSession:
 
     def _go_on(self) -> bytes:
         self._waits = False
-        return self._carry_on()
+        return self._next_replies()
 
-    def _spoken(self, answer: str) -> bytes:
+    def _reply(self, answer: str) -> bytes:
         return answer.encode() + self._scanner.answer_end if answer else b""
 
 

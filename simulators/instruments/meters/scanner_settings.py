@@ -6,22 +6,22 @@ from collections.abc import Callable, Mapping
 
 from simulators.instruments.meters.scanner_sweeps import exponential
 from simulators.instruments.scpi import Handler
-from simulators.instruments.stored_settings import Kept, kept_number, kept_switch, kept_word
+from simulators.instruments.stored_settings import StoredSetting, stored_number, stored_switch, stored_word
 
 Channels = Callable[[str], tuple[int, ...]]
 """Parse a channel list like `(@101:103)`, empty for the scan list; raises Refusal."""
 
 _TRANSDUCER = "[SENSe:]TEMPerature:TRANsducer"
-_OHM = kept_number(100.0, 49.0, 2100.0, exponential)
-KEPT: Mapping[str, Kept] = {
-    "[SENSe:]TEMPerature:NPLC": kept_number(1.0, 0.02, 200.0, exponential),
-    f"{_TRANSDUCER}:TC:CHECk": kept_switch("0"),
-    f"{_TRANSDUCER}:TC:RJUNction": kept_number(0.0, -20.0, 80.0, exponential),
-    f"{_TRANSDUCER}:TC:RJUNction:TYPE": kept_word("INT", "INTernal", "EXTernal", "FIXed"),
+_OHM = stored_number(100.0, 49.0, 2100.0, exponential)
+STORED: Mapping[str, StoredSetting] = {
+    "[SENSe:]TEMPerature:NPLC": stored_number(1.0, 0.02, 200.0, exponential),
+    f"{_TRANSDUCER}:TC:CHECk": stored_switch("0"),
+    f"{_TRANSDUCER}:TC:RJUNction": stored_number(0.0, -20.0, 80.0, exponential),
+    f"{_TRANSDUCER}:TC:RJUNction:TYPE": stored_word("INT", "INTernal", "EXTernal", "FIXed"),
     f"{_TRANSDUCER}:RTD:RESistance[:REFerence]": _OHM,
     f"{_TRANSDUCER}:FRTD:RESistance[:REFerence]": _OHM,
-    "ROUTe:CHANnel:DELay": kept_number(0.0, 0.0, 60.0, exponential),
-    "ROUTe:CHANnel:DELay:AUTO": kept_switch("1"),
+    "ROUTe:CHANnel:DELay": stored_number(0.0, 0.0, 60.0, exponential),
+    "ROUTe:CHANnel:DELay:AUTO": stored_switch("1"),
 }
 
 
@@ -30,28 +30,28 @@ class ChannelSettings:
 
     def __init__(self, channels: Channels) -> None:
         self._channels = channels
-        self._told: dict[tuple[str, int], str] = {}
+        self._values: dict[tuple[str, int], str] = {}
 
     def commands(self) -> dict[str, Handler]:
         """Handlers of settings and queries, by header."""
-        setters = {header: self._setter(header) for header in KEPT}
-        return setters | {f"{header}?": self._teller(header) for header in KEPT}
+        setters = {header: self._setter(header) for header in STORED}
+        return setters | {f"{header}?": self._query_handler(header) for header in STORED}
 
     def reset(self) -> None:
         """Reset all settings to their defaults."""
-        self._told.clear()
+        self._values.clear()
 
     def _setter(self, header: str) -> Handler:
-        def put(argument: str) -> None:
+        def store(argument: str) -> None:
             value, _, channels = argument.partition(",")
-            told = KEPT[header].told(value.strip())
-            self._told.update({(header, channel): told for channel in self._channels(channels)})
+            reported = STORED[header].reported(value.strip())
+            self._values.update({(header, channel): reported for channel in self._channels(channels)})
 
-        return put
+        return store
 
-    def _teller(self, header: str) -> Handler:
-        def tell(argument: str) -> str:
-            first = KEPT[header].first
-            return ",".join(self._told.get((header, channel), first) for channel in self._channels(argument))
+    def _query_handler(self, header: str) -> Handler:
+        def answer(argument: str) -> str:
+            default = STORED[header].default
+            return ",".join(self._values.get((header, channel), default) for channel in self._channels(argument))
 
-        return tell
+        return answer

@@ -13,12 +13,12 @@ from simulators.instruments.scpi import ILLEGAL_VALUE, SETTINGS_CONFLICT, Handle
 from simulators.world import World
 
 SENSOR_S = 0.2
-MEMORY_READINGS, SWEEPS_AT_MOST, TIMER_AT_MOST_S = 50_000, 50_000, 359_999.0
+MEMORY_READINGS, MAX_SWEEPS, MAX_TIMER_S = 50_000, 50_000, 359_999.0
 _SOURCES = {"IMM": "IMM", "IMMEDIATE": "IMM", "TIM": "TIM", "TIMER": "TIM"}
 _AT_ONCE_S = 1e-9  # tolerance for rounding errors of due times
 
 
-class Taken(NamedTuple):
+class StoredReading(NamedTuple):
     """A reading: channel, seconds since the start of the scan, and °C, None for an open sensor."""
 
     channel: int
@@ -46,8 +46,8 @@ class Sweeps:
 
     def left_s(self, now_s: float) -> float:
         """Remaining time, 0 at the end."""
-        takes_s = (self.count - 1) * self._period_s + self._sweep_s
-        left_s = self.begun_s + takes_s - now_s
+        duration_s = (self.count - 1) * self._period_s + self._sweep_s
+        left_s = self.begun_s + duration_s - now_s
         return left_s if left_s > _AT_ONCE_S else 0.0
 
     def due(self, now_s: float) -> int:
@@ -79,7 +79,7 @@ class Scans:
 
     def __init__(self, world: World, read: Callable[[int, float], float | None]) -> None:
         self._world, self._read = world, read
-        self._memory: deque[Taken] = deque(maxlen=MEMORY_READINGS)
+        self._memory: deque[StoredReading] = deque(maxlen=MEMORY_READINGS)
         self.reset()
 
     def reset(self) -> None:
@@ -114,7 +114,7 @@ class Scans:
         """Remaining time of the running scan (s), 0 without one."""
         return 0.0 if self._sweeps is None else self._sweeps.left_s(self._world.now())
 
-    def end(self) -> list[Taken]:
+    def end(self) -> list[StoredReading]:
         """Readings of the finished scan, none without one; those of a READ? are then removed from memory."""
         sweeps = self._sweeps
         if sweeps is None or math.isinf(sweeps.count):
@@ -128,10 +128,10 @@ class Scans:
 
     def abort(self) -> None:
         """End the running scan; its readings are kept."""
-        self.taken()
+        self.stored_readings()
         self._sweeps = None
 
-    def taken(self) -> deque[Taken]:
+    def stored_readings(self) -> deque[StoredReading]:
         """Memory with the readings until now; the caller may remove readings from it."""
         if self._sweeps is not None and self._sweeps.kept:
             self._take(self._sweeps, self._sweeps.due(self._world.now()))
@@ -142,7 +142,7 @@ class Scans:
         self._world.look()
         for index in range(max(self._taken, count - MEMORY_READINGS), count):
             channel, since_s = sweeps.place(index)
-            self._memory.append(Taken(channel, since_s, self._read(channel, sweeps.begun_s + since_s)))
+            self._memory.append(StoredReading(channel, since_s, self._read(channel, sweeps.begun_s + since_s)))
         self._taken = max(self._taken, count)
 
     def _set_source(self, argument: str) -> None:
@@ -152,10 +152,10 @@ class Scans:
 
     def _set_count(self, argument: str) -> None:
         endless = argument.upper() in ("INF", "INFINITY")
-        self._count = math.inf if endless else float(round(setting(argument, 1, SWEEPS_AT_MOST)))
+        self._count = math.inf if endless else float(round(setting(argument, 1, MAX_SWEEPS)))
 
     def _set_timer(self, argument: str) -> None:
-        self._timer_s = setting(argument, 0, TIMER_AT_MOST_S)
+        self._timer_s = setting(argument, 0, MAX_TIMER_S)
 
 
 def exponential(value: float) -> str:

@@ -11,9 +11,9 @@ from typing import ClassVar, Self
 
 from drivers.dialects.fluke_5700a import wire
 from drivers.dialects.fluke_5700a.wire import Event, Status, Terminator
-from simulators.faults.instrument_faults import OBEYS, FaultKind, FaultPlan, Mishap
+from drivers.protocols.scpi import number
+from simulators.faults.instrument_faults import COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
-from simulators.instruments.sources.fluke_units import quantity
 from simulators.world import World
 
 # Only the first is documented; the manual's list of the others could not be had, so these numbers are made up.
@@ -32,6 +32,10 @@ _NO_EFFECT = {  # commands without effect here: their arguments
 _AMPLITUDES = ("V", "A", "OHM")
 _OUTPUTS = ("OUT", "OPER", "STBY", "RANGELCK", "*RST")
 _EITHER_END = bytes.maketrans(b"\r", b"\n")
+_QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?)\s*([A-Z]+)", re.ASCII)
+_UNITS = ("HZ", "V", "A", "OHM", "DB", "DBM", "PCT", "PPM")
+_MULTIPLIERS = {"": 1.0, "K": 1e3, "M": 1e-3, "U": 1e-6, "MA": 1e6}
+_MEGA = {"MOHM": "OHM", "MHZ": "HZ"}
 
 
 class SimulatedFluke:
@@ -131,7 +135,7 @@ class SimulatedFluke:
             elif header in _OUTPUTS:
                 self.faults.carry_out(partial(self._command_output, header, arguments))
             else:
-                self._obey(header, arguments)
+                self._execute(header, arguments)
         return answers
 
     def fault(self, code: int) -> None:
@@ -152,7 +156,7 @@ class SimulatedFluke:
         events, self._events = self._events, Event(0)
         return str(int(events))
 
-    def _obey(self, header: str, arguments: list[str]) -> None:
+    def _execute(self, header: str, arguments: list[str]) -> None:
         match header, arguments:
             case "REMOTE" | "LOCKOUT", []:
                 self.remote = True
@@ -232,11 +236,11 @@ class SimulatedFluke:
         self.modes = Status(0)
         self._changed_s = self._switched_s = -math.inf
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **OBEYS,
-        "restart": Mishap(restart),
-        "front_panel": Mishap(local),
-        "tripped": Mishap(overload),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **COMMAND_FAULTS,
+        "restart": FaultEffect(restart),
+        "front_panel": FaultEffect(local),
+        "tripped": FaultEffect(overload),
     }
 
 
@@ -269,3 +273,17 @@ class FlukeSession:
         for line in lines:
             said += b"".join(answer.encode() + source.end for answer in source.execute(line.decode("latin-1")))
         return said
+
+
+def quantity(text: str) -> tuple[float, str]:
+    """Parse a value in a unit with multiplier, from capitals like `10V`, `1.2 MA` or `1KHZ`; ValueError."""
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise ValueError(f"'{text}' is not a number with a unit")
+    value, word = number(match[1]), match[2]
+    if word in _MEGA:
+        return 1e6 * value, _MEGA[word]
+    for multiplier, factor in _MULTIPLIERS.items():
+        if word.startswith(multiplier) and word[len(multiplier) :] in _UNITS:
+            return factor * value, word[len(multiplier) :]
+    raise ValueError(f"'{word}' is no unit")

@@ -11,14 +11,14 @@ from collections.abc import Callable
 from enum import IntFlag
 
 from simulators.instruments.scpi import SETTINGS_CONFLICT, Handler, Refusal
-from simulators.instruments.stored_settings import KeptSettings, kept_number, kept_switch
+from simulators.instruments.stored_settings import StoredSettings, stored_number, stored_switch
 
 _INTERVAL_S, _SLOPE_S, _REPEAT = "PROGram:INTerval", "PROGram:SLOPe", "PROGram:REPeat"
-_KEPT = {
-    _INTERVAL_S: kept_number(1.0, 0.1, 3600.0, lambda seconds: f"{seconds:.1f}"),
-    _SLOPE_S: kept_number(0.0, 0.0, 3600.0, lambda seconds: f"{seconds:.1f}"),
-    _REPEAT: kept_switch("0"),
-    "PROGram:COUNt": kept_number(1, 1, 10_000, lambda step: str(round(step))),
+_STORED = {
+    _INTERVAL_S: stored_number(1.0, 0.1, 3600.0, lambda seconds: f"{seconds:.1f}"),
+    _SLOPE_S: stored_number(0.0, 0.0, 3600.0, lambda seconds: f"{seconds:.1f}"),
+    _REPEAT: stored_switch("0"),
+    "PROGram:COUNt": stored_number(1, 1, 10_000, lambda step: str(round(step))),
 }
 
 
@@ -34,12 +34,12 @@ class Program:
 
     def __init__(self, now_s: Callable[[], float], begins: Callable[[], float]) -> None:
         self._now_s, self._begins = now_s, begins
-        self._kept = KeptSettings(_KEPT)
+        self._stored = StoredSettings(_STORED)
         self.reset()
 
     def reset(self) -> None:
         """Clear the program."""
-        self._kept.reset()
+        self._stored.reset()
         self.edited = False
         self._steps: list[float] = []
         self._from, self._begun_s = 0.0, math.nan
@@ -48,7 +48,7 @@ class Program:
     def commands(self) -> dict[str, Handler]:
         """Handlers to edit, run and end it, by header."""
         return {
-            **self._kept.commands(),
+            **self._stored.commands(),
             "PROGram:LOAD?": lambda _: '""',  # no file in its memory
             "PROGram:EDIT:STARt": lambda _: self._edit(),
             "PROGram:EDIT:END": lambda _: self._end_editing(),
@@ -69,19 +69,19 @@ class Program:
         since_s = self._now_s() - self._begun_s
         if math.isnan(since_s):
             return None
-        interval_s = float(self._kept[_INTERVAL_S])
+        interval_s = float(self._stored[_INTERVAL_S])
         step = math.floor(since_s / interval_s)
-        if step >= len(self._steps) and self._kept[_REPEAT] == "0":
+        if step >= len(self._steps) and self._stored[_REPEAT] == "0":
             return self._steps[-1]
         before = self._steps[(step - 1) % len(self._steps)] if step else self._from
-        slope_s = min(float(self._kept[_SLOPE_S]), interval_s)
+        slope_s = min(float(self._stored[_SLOPE_S]), interval_s)
         passed = min((since_s - step * interval_s) / slope_s, 1.0) if slope_s else 1.0
         return before + passed * (self._steps[step % len(self._steps)] - before)
 
     def take_events(self) -> Event:
         """Events since the last query."""
         since_s = self._now_s() - self._begun_s
-        steps = 0 if math.isnan(since_s) else math.floor(since_s / float(self._kept[_INTERVAL_S]))
+        steps = 0 if math.isnan(since_s) else math.floor(since_s / float(self._stored[_INTERVAL_S]))
         happened = Event.END_OF_STEP if steps else Event(0)
         if steps >= len(self._steps) > 0:
             happened |= Event.END_OF_PROGRAM

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 from drivers.dialects.keithley_6220 import wire
 from drivers.dialects.keithley_6220.wire import Condition, Terminator
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan, sets
 from simulators.instruments.scpi import (
     OUT_OF_RANGE,
     SETTINGS_CONFLICT,
@@ -21,20 +21,20 @@ from simulators.instruments.scpi import (
 from simulators.instruments.setup import InstrumentSetup
 from simulators.instruments.sources.keithley_wave import Waves
 from simulators.instruments.sources.loaded_source import LoadedSource
-from simulators.instruments.stored_settings import KeptSettings, kept_number, kept_switch, kept_word
+from simulators.instruments.stored_settings import StoredSettings, stored_number, stored_switch, stored_word
 from simulators.world import World
 
 _LEVEL_MAX_A = wire.OVER_RANGE * wire.RANGES_A[-1]
 MEASUREMENT_SUMMARY, OPERATION_SUMMARY = 1 << 0, 1 << 7  # bit of the status byte
-_REGISTER = kept_number(0, 0, 65535, lambda value: str(round(value)))
+_REGISTER = stored_number(0, 0, 65535, lambda value: str(round(value)))
 _ERROR_QUERIES = ("SYSTem:ERRor[:NEXT]?", "STATus:QUEue[:NEXT]?")
-_KEPT = {
-    "[SOURce:]DELay": kept_number(1.0, 1e-3, 999999.999, lambda delay_s: f"{delay_s:.6E}"),
-    "[SOURce:]CURRent:FILTer[:STATe]": kept_switch("0"),
-    "OUTPut:ISHield": kept_word("OLOW", "GUARd", "OLOW"),
-    "OUTPut:LTEarth": kept_switch("0"),
-    "OUTPut:RESPonse": kept_word("FAST", "FAST", "SLOW"),
-    "DISPlay:ENABle": kept_switch("1"),
+_STORED = {
+    "[SOURce:]DELay": stored_number(1.0, 1e-3, 999999.999, lambda delay_s: f"{delay_s:.6E}"),
+    "[SOURce:]CURRent:FILTer[:STATe]": stored_switch("0"),
+    "OUTPut:ISHield": stored_word("OLOW", "GUARd", "OLOW"),
+    "OUTPut:LTEarth": stored_switch("0"),
+    "OUTPut:RESPonse": stored_word("FAST", "FAST", "SLOW"),
+    "DISPlay:ENABle": stored_switch("1"),
     "STATus:MEASurement:ENABle": _REGISTER,
     "STATus:OPERation:ENABle": _REGISTER,
     "STATus:QUEStionable:ENABle": _REGISTER,
@@ -60,7 +60,7 @@ class SimulatedKeithley(LoadedSource):
         self._interlock_closed = True
         self._end = end = wire.TERMINATORS[terminator]
         self._acts_on = end[:1] if is_serial_line or b"\n" not in end else b"\n"
-        self._kept = KeptSettings(_KEPT)
+        self._stored = StoredSettings(_STORED)
         self._waves = Waves(self._energise, world.now) if model == "6221" else None
         identity = f"KEITHLEY INSTRUMENTS INC.,MODEL {model},{serial},D04  /700x"
         self._interpreter = Interpreter(
@@ -89,7 +89,7 @@ class SimulatedKeithley(LoadedSource):
 
     @property
     def interlock_closed(self) -> bool:
-        """True if the rear contact is closed."""
+        """True if the rear contact is closed; opening it switches the output off."""
         return self._interlock_closed
 
     @interlock_closed.setter
@@ -97,14 +97,6 @@ class SimulatedKeithley(LoadedSource):
         self._interlock_closed = closed
         if not closed:
             self.put_output(False)
-
-    def open_interlock(self) -> None:
-        """Open the rear contact, which switches the output off."""
-        self.interlock_closed = False
-
-    def close_interlock(self) -> None:
-        """Close the rear contact; the output stays off."""
-        self.interlock_closed = True
 
     def restart(self) -> None:
         """Short power failure: all settings are as at power-on."""
@@ -130,10 +122,10 @@ class SimulatedKeithley(LoadedSource):
             "[SOURce:]CLEar[:IMMediate]": self.unless_stuck(lambda _: self._clear()),
             "[SOURce:]DELTa:NVPResent?": lambda _: "0",  # no nanovoltmeter on its second line
             "SYSTem:BEEPer[:IMMediate]": lambda _: None,
-            "STATus:QUEue:CLEar": lambda _: self._interpreter.forget_errors(),
-            "SYSTem:CLEar": lambda _: self._interpreter.forget_errors(),
+            "STATus:QUEue:CLEar": lambda _: self._interpreter.clear_errors(),
+            "SYSTem:CLEar": lambda _: self._interpreter.clear_errors(),
             "*RST": lambda _: self._reset(),
-            **self._kept.commands(),
+            **self._stored.commands(),
             **({} if self._waves is None else self._waves.commands()),
         }
 
@@ -182,8 +174,8 @@ class SimulatedKeithley(LoadedSource):
 
     def _summary(self) -> int:
         """Status byte bits of the measurement and the operation registers."""
-        measured = int(self._condition()) & int(self._kept["STATus:MEASurement:ENABle"])
-        happened = 0 if self._waves is None else int(self._waves.events) & int(self._kept["STATus:OPERation:ENABle"])
+        measured = int(self._condition()) & int(self._stored["STATus:MEASurement:ENABle"])
+        happened = 0 if self._waves is None else int(self._waves.events) & int(self._stored["STATus:OPERation:ENABle"])
         return (MEASUREMENT_SUMMARY if measured else 0) | (OPERATION_SUMMARY if happened else 0)
 
     def _clear(self) -> None:
@@ -192,20 +184,19 @@ class SimulatedKeithley(LoadedSource):
         self.level_a = 0.0
 
     def _reset(self) -> None:
-        self._kept.reset()
+        self._stored.reset()
         if self._waves is not None:
             self._waves.reset()
         self.level_a, self.compliance_v = 0.0, 10.0
         self.range_a, self.auto_range = wire.RANGES_A[-1], True
         self.put_output(False)
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **LoadedSource.MISHAPS,
-        "restart": Mishap(restart),
-        "interlock": Mishap(open_interlock, close_interlock),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **LoadedSource.FAULT_EFFECTS,
+        "restart": FaultEffect(restart),
+        "interlock": sets("interlock_closed", False, True),
     }
 
 
 def _range_for(level_a: float) -> float:
-    """Smallest range for a level."""
     return next(range_a for range_a in wire.RANGES_A if abs(level_a) <= wire.OVER_RANGE * range_a)

@@ -14,7 +14,13 @@ from enum import IntFlag
 from drivers.dialects.keithley_6220 import wire
 from drivers.protocols import scpi
 from simulators.instruments.scpi import SETTINGS_CONFLICT, Handler, Refusal
-from simulators.instruments.stored_settings import Kept, KeptSettings, kept_number, kept_switch, kept_word
+from simulators.instruments.stored_settings import (
+    StoredSetting,
+    StoredSettings,
+    stored_number,
+    stored_switch,
+    stored_word,
+)
 
 _WAVE = "[SOURce:]WAVE"
 _AMPLITUDE, _OFFSET = f"{_WAVE}:AMPLitude", f"{_WAVE}:OFFSet"
@@ -37,25 +43,27 @@ def _spelled(value: float) -> str:
     return f"{value:.6E}"
 
 
-def _endless(most: float) -> Kept:
+def _endless(most: float) -> StoredSetting:
     """Parse a duration: a number, or INF, reported as SCPI infinity."""
-    number = kept_number(most, 1e-7, most, _spelled)
+    number = stored_number(most, 1e-7, most, _spelled)
     infinity = _spelled(scpi.NOT_A_NUMBER)
-    return Kept(infinity, lambda argument: infinity if argument.upper().startswith("INF") else number.told(argument))
+    return StoredSetting(
+        infinity, lambda argument: infinity if argument.upper().startswith("INF") else number.reported(argument)
+    )
 
 
-_SETTINGS: Mapping[str, Kept] = {
-    _FUNCTION: kept_word("SIN", "SINusoid", "SQUare", "RAMP", *_ARBITRARY),
-    _FREQUENCY: kept_number(1e3, 1e-3, 1e5, _spelled),
-    _AMPLITUDE: kept_number(1e-3, 2e-12, _LEVEL_MAX_A, _spelled),
-    _OFFSET: kept_number(0.0, -_LEVEL_MAX_A, _LEVEL_MAX_A, _spelled),
-    f"{_WAVE}:DCYCle": kept_number(50.0, 0.0, 100.0, _spelled),
+_SETTINGS: Mapping[str, StoredSetting] = {
+    _FUNCTION: stored_word("SIN", "SINusoid", "SQUare", "RAMP", *_ARBITRARY),
+    _FREQUENCY: stored_number(1e3, 1e-3, 1e5, _spelled),
+    _AMPLITUDE: stored_number(1e-3, 2e-12, _LEVEL_MAX_A, _spelled),
+    _OFFSET: stored_number(0.0, -_LEVEL_MAX_A, _LEVEL_MAX_A, _spelled),
+    f"{_WAVE}:DCYCle": stored_number(50.0, 0.0, 100.0, _spelled),
     _DURATION_S: _endless(999999.999),
     _CYCLES: _endless(99999999900.0),
-    _RANGE: kept_word("BEST", "BEST", "FIXed"),
-    f"{_WAVE}:PMARk[:LEVel]": kept_number(180.0, -180.0, 360.0, _spelled),
-    f"{_WAVE}:PMARk:STATe": kept_switch("0"),
-    f"{_WAVE}:PMARk:OLINe": kept_number(3, 1, 6, lambda line: str(round(line))),
+    _RANGE: stored_word("BEST", "BEST", "FIXed"),
+    f"{_WAVE}:PMARk[:LEVel]": stored_number(180.0, -180.0, 360.0, _spelled),
+    f"{_WAVE}:PMARk:STATe": stored_switch("0"),
+    f"{_WAVE}:PMARk:OLINe": stored_number(3, 1, 6, lambda line: str(round(line))),
 }
 
 
@@ -64,7 +72,7 @@ class Waves:
 
     def __init__(self, switch: Callable[[bool], None], now_s: Callable[[], float]) -> None:
         self._switch, self._now_s = switch, now_s
-        self._settings = KeptSettings(_SETTINGS)
+        self._settings = StoredSettings(_SETTINGS)
         self._events = Operation(0)
         self.reset()
 

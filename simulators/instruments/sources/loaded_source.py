@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from simulators.faults.instrument_faults import OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.scpi import Handler, Refusal
 from simulators.world import World
 
@@ -53,7 +53,7 @@ class LoadedSource:
         """Execute a setting, unless it is stuck or delayed."""
         return lambda argument: self.faults.carry_out(lambda: handler(argument), Refusal)
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **OBEYS,
-        "compliance": Mishap(take_load_off, put_load_back),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **COMMAND_FAULTS,
+        "compliance": FaultEffect(take_load_off, put_load_back),
     }

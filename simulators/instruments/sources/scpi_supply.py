@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Self
 
 from drivers.dialects.scpi_supply import wire
-from simulators.faults.instrument_faults import MEASURES_AND_OBEYS, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.scpi import (
     ILLEGAL_VALUE,
     NOT_ALLOWED,
@@ -20,7 +20,7 @@ from simulators.instruments.scpi import (
     switch,
 )
 from simulators.instruments.setup import InstrumentSetup
-from simulators.instruments.stored_settings import KeptSettings, kept_number, kept_switch
+from simulators.instruments.stored_settings import StoredSettings, stored_number, stored_switch
 from simulators.world import World
 
 VOLTAGE_MAX_V = 32.0
@@ -31,11 +31,11 @@ _NOTHING_HAPPENS = (
     "SYSTem:REMote", "SYSTem:LOCal", "SYSTem:RWLock", "SYSTem:BEEPer[:IMMediate]", "DISPlay[:STATe]",
     "DISPlay:TEXT[:DATA]", "DISPlay:TEXT:CLEar",
 )  # fmt: skip
-_KEPT = {  # levels at which others trip; here it trips on request
-    "[SOURce:]VOLTage:PROTection[:LEVel]": kept_number(35.2, 0.0, 35.2, lambda value: f"{value:.3f}"),
-    "[SOURce:]VOLTage:PROTection:STATe": kept_switch("1"),
-    "[SOURce:]CURRent:PROTection[:LEVel]": kept_number(3.3, 0.0, 3.3, lambda value: f"{value:.4f}"),
-    "[SOURce:]CURRent:PROTection:STATe": kept_switch("0"),
+_STORED = {  # levels at which others trip; here it trips on request
+    "[SOURce:]VOLTage:PROTection[:LEVel]": stored_number(35.2, 0.0, 35.2, lambda value: f"{value:.3f}"),
+    "[SOURce:]VOLTage:PROTection:STATe": stored_switch("1"),
+    "[SOURce:]CURRent:PROTection[:LEVel]": stored_number(3.3, 0.0, 3.3, lambda value: f"{value:.4f}"),
+    "[SOURce:]CURRent:PROTection:STATe": stored_switch("0"),
 }
 
 
@@ -58,14 +58,14 @@ class SimulatedSupply:
         self._world, self._name = world, name
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._measured, self._tripped = (0.0, 0.0), set[str]()
-        self._kept = KeptSettings(_KEPT)
-        self._watchdog, self._watchdog_s, self._spoken_to_s = False, WATCHDOG_S, 0.0
+        self._stored = StoredSettings(_STORED)
+        self._watchdog, self._watchdog_s, self._last_message_s = False, WATCHDOG_S, 0.0
         self._interpreter = Interpreter(
             f"INERTIAL TEST BENCH,{model},{serial},1.0",
             {
-                wire.VOLTAGE: self._perhaps_later(self._set_level),
+                wire.VOLTAGE: self._maybe_delayed(self._set_level),
                 f"{wire.VOLTAGE}?": lambda asked: f"{_asked(asked, self._level_v, VOLTAGE_MAX_V):.3f}",
-                wire.CURRENT: self._perhaps_later(self._set_limit),
+                wire.CURRENT: self._maybe_delayed(self._set_limit),
                 f"{wire.CURRENT}?": lambda asked: f"{_asked(asked, self._limit_a, CURRENT_MAX_A):.4f}",
                 wire.OUTPUT: self._switch,
                 f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
@@ -78,7 +78,7 @@ class SimulatedSupply:
                 wire.WATCHDOG_DELAY: self._set_watchdog,
                 f"{wire.WATCHDOG_DELAY}?": lambda _: f"{self._watchdog_s:.0f}",
                 f"{wire.QUESTIONABLE}?": lambda _: str(wire.PROTECTED * ("watchdog" in self._tripped)),
-                "APPLy": self._perhaps_later(self._apply),
+                "APPLy": self._maybe_delayed(self._apply),
                 "APPLy?": lambda _: f'"{self._level_v:.3f},{self._limit_a:.4f}"',
                 f"{wire.MEASURE_POWER}?": lambda _: f"{math.prod(self._measure()):.5f}",
                 **dict.fromkeys(_CLEARS, lambda _: self._tripped.clear()),
@@ -86,7 +86,7 @@ class SimulatedSupply:
                 "INSTrument[:SELect]?": lambda _: "OUT1",
                 "INSTrument:NSELect?": lambda _: "1",
                 **dict.fromkeys(_NOTHING_HAPPENS, lambda _: None),
-                **self._kept.commands(),
+                **self._stored.commands(),
                 "*RST": lambda _: self._reset(),
             },
         )
@@ -112,10 +112,10 @@ class SimulatedSupply:
         """Execute a message on a remote interface; the watchdog may have switched the output off before."""
         if self._watchdog:
             now_s = self._world.now()
-            if now_s - self._spoken_to_s > self._watchdog_s:
+            if now_s - self._last_message_s > self._watchdog_s:
                 self._tripped.add("watchdog")
                 self._feed_units()
-            self._spoken_to_s = now_s
+            self._last_message_s = now_s
         return self._interpreter.execute(message)
 
     @property
@@ -128,7 +128,7 @@ class SimulatedSupply:
         self.faults.carry_out(lambda: self._watch(on))
 
     def _watch(self, on: bool) -> None:
-        self._watchdog, self._spoken_to_s = on, self._world.now()
+        self._watchdog, self._last_message_s = on, self._world.now()
 
     def _set_watchdog(self, argument: str) -> None:
         self._watchdog_s = round(setting(argument, 1.0, WATCHDOG_MAX_S))
@@ -160,7 +160,7 @@ class SimulatedSupply:
         self.output = on
         self._feed_units()
 
-    def _perhaps_later(self, handler: Handler) -> Handler:
+    def _maybe_delayed(self, handler: Handler) -> Handler:
         return lambda argument: self.faults.do(lambda: handler(argument), Refusal)
 
     def _feed_units(self) -> None:
@@ -177,15 +177,15 @@ class SimulatedSupply:
 
     def _reset(self) -> None:
         self._tripped.clear()
-        self._kept.reset()
+        self._stored.reset()
         self._watchdog, self._watchdog_s = False, WATCHDOG_S
         self._level_v, self._limit_a, self.output = 0.0, CURRENT_MAX_A, False
         self._feed_units()
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **MEASURES_AND_OBEYS,
-        "tripped": Mishap(trip),
-        "restart": Mishap(restart),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **MEASUREMENT_AND_COMMAND_FAULTS,
+        "tripped": FaultEffect(trip),
+        "restart": FaultEffect(restart),
     }
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 from drivers.dialects.yokogawa_gs200 import wire
 from drivers.dialects.yokogawa_gs200.wire import Condition, Function
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.scpi import (
     ILLEGAL_VALUE,
     NOT_ALLOWED,
@@ -23,18 +23,18 @@ from simulators.instruments.scpi import (
 from simulators.instruments.setup import InstrumentSetup
 from simulators.instruments.sources.gs200_program import Program
 from simulators.instruments.sources.loaded_source import LoadedSource
-from simulators.instruments.stored_settings import KeptSettings, kept_switch, kept_word
+from simulators.instruments.stored_settings import StoredSettings, stored_switch, stored_word
 from simulators.world import World
 
 ERROR_QUERIES = ("STATus:ERRor?", "SYSTem:ERRor[:NEXT]?")
 _RANGES_V = (10e-3, 100e-3, 1.0, 10.0, 30.0)
 _FUNCTIONS: dict[str, Function] = {"CURR": "CURR", "CURRENT": "CURR", "VOLT": "VOLT", "VOLTAGE": "VOLT"}
 _CURRENT_LIMITS_A = (1e-3, 200e-3)
-_KEPT = {
-    "SENSe:REMote": kept_switch("0"),
-    "SENSe:GUARd": kept_switch("0"),
-    "ROUTe:BNCOut": kept_word("TRIG", "TRIGger", "OUTPut", "READy"),
-    "ROUTe:BNCIn": kept_word("TRIG", "TRIGger", "OUTPut"),
+_STORED = {
+    "SENSe:REMote": stored_switch("0"),
+    "SENSe:GUARd": stored_switch("0"),
+    "ROUTe:BNCOut": stored_word("TRIG", "TRIGger", "OUTPut", "READy"),
+    "ROUTe:BNCIn": stored_word("TRIG", "TRIGger", "OUTPut"),
 }
 
 
@@ -54,7 +54,7 @@ class SimulatedGS200(LoadedSource):
         super().__init__(world, faults, load_ohm)
         self.function: Function = "VOLT"
         self.emergency = False
-        self._kept = KeptSettings(_KEPT)
+        self._stored = StoredSettings(_STORED)
         self._reset()
         identity = f"YOKOGAWA,GS210,{serial},2.02"
         self._interpreter = Interpreter(identity, self._commands(), error_queries=error_queries)
@@ -122,7 +122,7 @@ class SimulatedGS200(LoadedSource):
             "SYSTem:REMote": lambda _: None,
             "SYSTem:LOCal": lambda _: None,
             "*RST": lambda _: self._reset(),
-            **self._kept.commands(),
+            **self._stored.commands(),
             **self._program.commands(),
             "PROGram:HOLD": lambda _: self._hold(),
         }
@@ -132,7 +132,7 @@ class SimulatedGS200(LoadedSource):
         return wire.RANGES_A if self.function == "CURR" else _RANGES_V
 
     def _most(self, range_: float) -> float:
-        return wire.most_a(range_) if self.function == "CURR" else min(wire.OVER_RANGE * range_, 32.0)
+        return wire.max_a(range_) if self.function == "CURR" else min(wire.OVER_RANGE * range_, 32.0)
 
     def _set_function(self, argument: str) -> None:
         function = _FUNCTIONS.get(argument.upper())
@@ -201,17 +201,17 @@ class SimulatedGS200(LoadedSource):
         return next(range_ for range_ in self._ranges if value <= over * range_ * (1 + 1e-9))
 
     def _reset(self) -> None:
-        self._kept.reset()
+        self._stored.reset()
         self._program.reset()
         self.put_output(False)
         self.function, self.level_a = "VOLT", 0.0
         self.range_a = _RANGES_V[-1]
         self.compliance_v, self.current_limit_a = wire.COMPLIANCE_MAX_V, _CURRENT_LIMITS_A[1]
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **LoadedSource.MISHAPS,
-        "restart": Mishap(restart),
-        "tripped": Mishap(trip),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **LoadedSource.FAULT_EFFECTS,
+        "restart": FaultEffect(restart),
+        "tripped": FaultEffect(trip),
     }
 
 

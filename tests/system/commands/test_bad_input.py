@@ -28,8 +28,8 @@ def bench(tmp_path, monkeypatch, capsys):
 
     def command(*arguments: str) -> tuple[int, list[str], list[str]]:
         code = main(arguments)
-        said = capsys.readouterr()
-        return code, said.out.splitlines(), said.err.splitlines()
+        message = capsys.readouterr()
+        return code, message.out.splitlines(), message.err.splitlines()
 
     return command
 

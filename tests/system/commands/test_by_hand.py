@@ -27,18 +27,18 @@ COUNT = "{measure: counter.x, for: 5 s, as: rate}"
 IN_WORDS = "When it is there and locked, type the angle that it shows, in ° or deg."
 
 
-def ran(tmp_path, *lines, answers=None, teardown=(OFF,), **wishes):
+def ran(tmp_path, *lines, answers=None, teardown=(OFF,), **options):
     tmp_path.mkdir(exist_ok=True)
     path = tmp_path / "s.yaml"
     path.write_text(steps(*lines) + "teardown:\n" + "".join(f"  - {line}\n" for line in teardown) + TAIL, "utf-8")
-    return run_by_hand(tmp_path, answers, sequence=str(path), **wishes)
+    return run_by_hand(tmp_path, answers, sequence=str(path), **options)
 
 
-def run_by_hand(tmp_path, answers=None, **wishes):
+def run_by_hand(tmp_path, answers=None, **options):
     if answers is not None:
-        wishes["answers"] = tmp_path / "answers.yaml"
-        wishes["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
-    return run_short(tmp_path / "runs", **({"bench": FILE} | wishes))
+        options["answers"] = tmp_path / "answers.yaml"
+        options["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
+    return run_short(tmp_path / "runs", **({"bench": FILE} | options))
 
 
 def events(result, *kinds):
@@ -50,7 +50,7 @@ def ended(result):
     return {event.step: event.data for event in events(result, "step_ended")}
 
 
-def said(result):
+def message(result):
     """Each answer to a question of the head: its id, what was typed, and by whom."""
     return [(each.step, each.data["answer"], each.data["by"]) for each in events(result, "answered")]
 
@@ -82,13 +82,13 @@ def test_a_run_takes_as_long_as_was_planned(tmp_path):
     expected = estimate(plan_of(tmp_path, steps(*moves), bench=BENCH), BENCH)
     assert [round(span.duration_s) for span in expected.spans] == [120, 0, 123, 120]
     assert turned_by_hand(expected, BENCH) == {"head": 3}
-    assert [answer for _, answer, _ in said(result)] == ["90 °", "90 °", "0 °"]
+    assert [answer for _, answer, _ in message(result)] == ["90 °", "90 °", "0 °"]
     assert result.bench_s == pytest.approx(363, abs=4)
 
 
 def test_an_angle_that_was_misread_is_asked_for_again_and_is_never_taken(tmp_path):
     result = ran(tmp_path, POWER, UP, COUNT, answers={"head#1": {"answer": "93 deg", "by": "A. Hurry"}})
-    assert said(result) == [("head#1", "93 °", "A. Hurry"), ("head#1~2", "90 °", "scripted technician")]
+    assert message(result) == [("head#1", "93 °", "A. Hurry"), ("head#1~2", "90 °", "scripted technician")]
     again = events(result, "asked")[1].data["text"]
     assert again.startswith("93° was typed, 90° was asked for: it is +3° off, at most ±0.01° may be. Turn head")
     assert ended(result)["steps/move"]["angle_deg"] == 90
@@ -99,7 +99,7 @@ def test_a_head_that_was_turned_elsewhere_is_found_out_by_the_reading_alone(tmp_
     honest = ran(tmp_path / "a", POWER, UP, COUNT)
     wrong = ran(tmp_path / "b", POWER, UP, COUNT, answers={"head#1": {"does": {"turn": "270°"}}})
     nothing = ran(tmp_path / "c", POWER, UP, COUNT, answers={"head": {"does": {}}})
-    assert said(wrong) == said(nothing) == said(honest) == [("head#1", "90 °", "scripted technician")]
+    assert message(wrong) == message(nothing) == message(honest) == [("head#1", "90 °", "scripted technician")]
     rates = [ended(result)["steps/measure"]["value"] for result in (honest, wrong, nothing)]
     assert rates[0] > 10_000
     assert rates[1] < -10_000
@@ -108,7 +108,7 @@ def test_a_head_that_was_turned_elsewhere_is_found_out_by_the_reading_alone(tmp_
 
 def test_a_head_that_sticks_is_found_out_by_the_reading_alone(tmp_path):
     result = ran(tmp_path, POWER, UP, COUNT, bench=with_fault(tmp_path, "stuck"))
-    assert said(result) == [("head#1", "90 °", "scripted technician")]
+    assert message(result) == [("head#1", "90 °", "scripted technician")]
     assert abs(ended(result)["steps/measure"]["value"]) < 1_000
 
 
@@ -136,7 +136,7 @@ def with_fault(tmp_path, kind):
 def test_an_attitude_is_not_asked_twice_for_and_an_unknown_angle_is_looked_at(tmp_path):
     by = "{move: head, by: 90°}"
     result = ran(tmp_path, by, by)
-    assert [(step, answer) for step, answer, _ in said(result)] == [
+    assert [(step, answer) for step, answer, _ in message(result)] == [
         ("head#1", "0 °"), ("head#2", "90 °"), ("head#3", "180 °"),
     ]  # fmt: skip
     assert events(result, "asked")[0].data["text"].startswith("Leave head as it is, and type the angle")
@@ -170,12 +170,12 @@ def test_ending_a_run_leaves_no_question_open(tmp_path, ending):
 
     async def script(engine):
         await asyncio.sleep(30)
-        assert [question.step for question in engine.desk.questions] == ["head#1"]
+        assert [question.step for question in engine.prompts.questions] == ["head#1"]
         getattr(engine, ending)()
         await asyncio.sleep(0.5)
-        assert engine.desk.questions == ()
+        assert engine.prompts.questions == ()
         with pytest.raises(InputError, match="no question is open"):
-            engine.desk.answer("90 deg", "A. Late")
+            engine.prompts.answer("90 deg", "A. Late")
 
     run = run_plan(tmp_path / "run", plan, BENCH, script)
     assert run.outcome.how == "aborted"
@@ -194,7 +194,7 @@ def test_a_step_is_skipped_and_repeated_as_any_other(tmp_path):
             await asyncio.sleep(60)
             getattr(engine, wish)()
         await asyncio.sleep(60)
-        engine.desk.answer("0 deg", "A. Person")
+        engine.prompts.answer("0 deg", "A. Person")
 
     run = run_plan(tmp_path / "run", plan, BENCH, script)
     assert run.outcome.how == "completed"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.app.execute import RunResult
-from bench.app.inspect import look_at_devices
+from bench.app.inspect import inspect_devices
 from bench.app.tracing import read_trace_file
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.store.reader import RunReader
@@ -77,7 +77,7 @@ def test_a_log_beside_the_bench_file_is_looked_at(tmp_path: Path, recorded: tupl
     _, folder = recorded
     bench = copy_bench(tmp_path / "config", (SIMULATED, "connection: log:bus.blf"))
     (tmp_path / "config/bus.blf").write_bytes((folder / "bus.blf").read_bytes())
-    found = {look.role: look for look in look_at_devices(str(bench))}
+    found = {look.role: look for look in inspect_devices(str(bench))}
     assert not found["counter"].problem, found["counter"].text
 
 

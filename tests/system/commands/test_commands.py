@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.report.verify import verify
+from bench.report.revision import verify
 from bench.store.reader import RunReader
 from tests.support.runs import ROOT
 
@@ -81,7 +81,7 @@ def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_here, filters, 
 
 
 @pytest.mark.parametrize(
-    ("filters", "told"),
+    ("filters", "reported"),
     [
         (
             ("--verdict", "PASSED"),
@@ -93,10 +93,10 @@ def test_runs_are_filtered_by_what_they_came_to(smoke_run, bench_here, filters, 
         ),
     ],
 )
-def test_a_filter_that_no_run_can_meet_is_refused(smoke_run, bench_here, filters, told):
+def test_a_filter_that_no_run_can_meet_is_refused(smoke_run, bench_here, filters, reported):
     done = bench_here("runs", "--runs", smoke_run.path.parent, *filters)
     assert (done.returncode, done.stdout) == (2, "")
-    assert told in done.stderr
+    assert reported in done.stderr
 
 
 def test_a_file_that_is_no_case_is_no_run_either(tmp_path, bench_here):
@@ -108,9 +108,9 @@ def test_a_file_that_is_no_case_is_no_run_either(tmp_path, bench_here):
 
 
 def test_the_status_of_a_run_is_text_for_people_and_json_for_programs(smoke_run, bench_here):
-    told = bench_here("status", smoke_run.path).stdout
-    assert told.startswith(f"{smoke_run.path.name}: completed, PASS\n")
-    assert "steps done  13" in told
+    reported = bench_here("status", smoke_run.path).stdout
+    assert reported.startswith(f"{smoke_run.path.name}: completed, PASS\n")
+    assert "steps done  13" in reported
     assert json.loads(bench_here("status", smoke_run.path, "--json").stdout)["done"] == 13
 
 
@@ -251,7 +251,7 @@ def test_the_digest_of_a_damaged_run_is_refused_or_marked(smoke_run, tmp_path, b
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "reported"),
     [
         (os.mkfifo, "is not a regular file; remove it, then"),
         (Path.mkdir, "is a folder; remove it, then"),
@@ -260,9 +260,9 @@ def test_the_digest_of_a_damaged_run_is_refused_or_marked(smoke_run, tmp_path, b
         (lambda path: path.write_text("PASS", "utf-8"), "has changed since it was written;"),
     ],
 )
-def test_what_is_in_the_place_of_a_report_is_said(smoke_run, tmp_path, make, told):
+def test_what_is_in_the_place_of_a_report_is_said(smoke_run, tmp_path, make, reported):
     folder = shutil.copytree(smoke_run.path, tmp_path / smoke_run.path.name)
     (folder / "report.html").unlink()
     make(folder / "report.html")
     (problem,) = verify(folder)
-    assert problem == f"{folder / 'report.html'}: {told} 'bench report {folder.name}' writes it again"
+    assert problem == f"{folder / 'report.html'}: {reported} 'bench report {folder.name}' writes it again"

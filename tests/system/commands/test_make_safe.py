@@ -56,13 +56,13 @@ def test_one_that_comes_back_within_the_time_to_connect_is_made_safe(tmp_path):
 def test_only_what_a_run_that_is_over_has_left_on(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     bench, run = copy_bench(tmp_path / "config"), tmp_path / "runs" / "earlier"
-    said: list[str] = []
+    message: list[str] = []
 
     def made_safe() -> list[Lane]:
-        return list(make_safe(str(bench), said.append, lambda _lane: None, if_left_on=True))
+        return list(make_safe(str(bench), message.append, lambda _lane: None, if_left_on=True))
 
     assert made_safe() == []
-    assert "no run that is over has left an instrument on" in said[-1]
+    assert "no run that is over has left an instrument on" in message[-1]
     note_energised(run, bench, wall_utc(), {"supply": "tcp://127.0.0.1:5025"})
     run.mkdir(parents=True)
     directory = RunDirectory.reopen(run)  # under way

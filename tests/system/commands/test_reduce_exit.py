@@ -23,7 +23,7 @@ def misspelt(case):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "code", "said"),
+    ("damage", "code", "message"),
     [
         (lambda case: None, exits.PASS, ""),
         (limit, exits.FAIL, ""),
@@ -32,12 +32,12 @@ def misspelt(case):
         (misspelt, exits.INPUT_ERROR, "settings.km: unknown key; did you mean 'k_m'?"),
     ],
 )
-def test_the_exit_code_says_what_became_of_a_case(tmp_path, bench_here, spoil, code, said):
+def test_the_exit_code_says_what_became_of_a_case(tmp_path, bench_here, damage, code, message):
     case = good_case("M3", "gyro_range")
-    spoil(case)
+    damage(case)
     done = bench_here("reduce", case.write(tmp_path), "--out", tmp_path / "out")
     assert done.returncode == code, done.stderr
-    assert said in done.stderr
+    assert message in done.stderr
     if code != exits.INPUT_ERROR:
         passed = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))["passed"]
         assert passed == {exits.PASS: True, exits.FAIL: False}.get(code)

@@ -55,9 +55,9 @@ teardown:
 """
 
 
-def rehearsed(folder, sequence="smoke", fault_seed=None, **wishes):
-    wishes = {"bench": str(WIRES), "simulate": True, "runs": folder} | wishes
-    return rehearse(prepare(RunRequest(sequence, **wishes)), Quiet(), fault_seed)
+def rehearsed(folder, sequence="smoke", fault_seed=None, **options):
+    options = {"bench": str(WIRES), "simulate": True, "runs": folder} | options
+    return rehearse(prepare(RunRequest(sequence, **options)), Quiet(), fault_seed)
 
 
 def written(folder, text):
@@ -107,7 +107,7 @@ def test_with_a_fault_it_says_what_was_broken_when_and_how_it_ended(tmp_path, be
 def test_whatever_breaks_all_else_is_made_safe_and_nothing_acknowledged_is_lost(tmp_path, seed):
     rehearsal = rehearsed(tmp_path, fault_seed=seed)
     assert 1 <= len(rehearsal.faults) <= 3
-    assert rehearsal.unsafe_unbroken == ()
+    assert rehearsal.unsafe_without_fault == ()
     assert rehearsal.lost == ()
     if rehearsal.result.outcome.how != "completed":
         assert rehearsal.result.problems
@@ -152,7 +152,7 @@ def test_soaks_and_waits_take_what_the_plan_said(tmp_path):
         assert took[f"steps/temperature={name}"].took_s > 15 * 60
     assert took["steps/wait_until"].took_s == pytest.approx(took["steps/wait_until"].planned_s, abs=30)
     assert took["steps/prompt"].ratio == pytest.approx(1)
-    assert rehearsal.most_different(1)[0].name.endswith("/soak")
+    assert rehearsal.largest_deviations(1)[0].name.endswith("/soak")
 
 
 def test_turning_takes_what_the_plan_said(tmp_path):
@@ -170,8 +170,8 @@ def test_a_short_tumble_takes_and_writes_what_the_plan_said(tmp_path):
     assert all(phase.ratio == pytest.approx(1, abs=0.02) for phase in rehearsal.phases[1:])
 
 
-def ends_too_late(**wishes):
-    checked = load_checked(RunRequest("tumble_static", **wishes))
+def ends_too_late(**options):
+    checked = load_checked(RunRequest("tumble_static", **options))
     return [remark.problem for remark in checked.warnings if remark.rule == "ends-too-late"]
 
 

@@ -16,11 +16,11 @@ from tests.support.runs import ROOT, run_short
 LONG = ("soak=60 min",)
 
 
-def run_with(tmp_path, *faults, settings=LONG, **wishes):
+def run_with(tmp_path, *faults, settings=LONG, **options):
     path = tmp_path / "scenario.yaml"
     head = "schema: itb-scenario/1\ntitle: A test\nfaults:\n"
     path.write_text(head + "".join(f"  - {fault}\n" for fault in faults), "utf-8")
-    result = run_short(tmp_path / "runs", sequence="smoke", settings=settings, scenario=path, **wishes)
+    result = run_short(tmp_path / "runs", sequence="smoke", settings=settings, scenario=path, **options)
     with RunReader(result.path) as reader:
         events = list(reader.events("fault_begins", "fault_ends", "device_note", "step_failed"))
     return result, [(event.kind, event.at_s, event.data) for event in events]
@@ -69,20 +69,20 @@ def test_after_a_step_the_time_counts_from_its_end(tmp_path):
 
 
 def test_a_step_that_is_done_again_brings_its_faults_once():
-    told = []
+    reported = []
     bench = load_bench(ROOT / "config/simulated.yaml").bench
     fault = ScriptedFault.model_validate({"after": "steps/move", "device": "head", "fault": "stuck"})
     laboratory = make_laboratory(bench, unit_files(bench, None), 1, lambda: 0.0)
-    player = FaultPlayer(laboratory, [fault], lambda kind, each: told.append((kind, each.kind)))
+    player = FaultPlayer(laboratory, [fault], lambda kind, each: reported.append((kind, each.kind)))
     player.step_ended("steps/other")
-    assert told == []
+    assert reported == []
     for step in ("steps/move~2", "steps/move~3"):
         player.step_ended(step)
-    assert told == [("fault_begins", "stuck")]
+    assert reported == [("fault_begins", "stuck")]
 
 
 @pytest.mark.parametrize(
-    ("fault", "how", "told"),
+    ("fault", "how", "reported"),
     [
         ("delay", "completed", ""),
         ("split", "completed", ""),
@@ -91,10 +91,10 @@ def test_a_step_that_is_done_again_brings_its_faults_once():
         ("cut_short", "error", "supply: "),
     ],
 )
-def test_what_a_line_does_to_answers_is_borne_or_told(tmp_path, fault, how, told):
+def test_what_a_line_does_to_answers_is_borne_or_told(tmp_path, fault, how, reported):
     result, _ = run_with(tmp_path, f"{{at: 20 min, device: supply, fault: {fault}, for: 11 s}}")
     assert result.outcome.how == how, result.problems
-    assert "".join(result.problems[:1]).startswith(told)
+    assert "".join(result.problems[:1]).startswith(reported)
 
 
 def test_units_break_too_and_a_bench_file_says_it_by_its_own_key(tmp_path):

@@ -51,12 +51,12 @@ def test_the_record_says_how_the_units_were_fixed_and_what_fed_the_converter(ful
 
 
 def test_the_source_is_on_only_while_it_is_plugged_in(full):
-    plugged, told = False, []
+    plugged, reported = False, []
     for event in events(full):
         plugged = event.data.get("input", "source" if plugged else "") == "source"
         if event.data.get("role") == "source" and event.data["output"]:
-            told.append(plugged)
-    assert told == [True] * 5
+            reported.append(plugged)
+    assert reported == [True] * 5
 
 
 def test_the_report_tells_and_draws_the_levels(full):

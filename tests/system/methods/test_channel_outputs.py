@@ -50,10 +50,10 @@ def test_the_certificate_of_the_voltmeter_is_in_the_budgets_and_a_unit_that_send
 def test_what_was_read_before_the_ramps_is_told_in_g(full):
     _, result = full
     with RunReader(result.path) as reader:
-        told = [event.data for event in reader.events("step_ended") if event.data.get("reading") == "output.a"]
-    assert [each["unit"] for each in told] == ["g"] * 3
-    assert [each["value"] for each in told] == pytest.approx([1.0, 0.577, 0.0], abs=0.005)
-    assert all(0 < each["u"] < 1e-4 for each in told)
+        reported = [event.data for event in reader.events("step_ended") if event.data.get("reading") == "output.a"]
+    assert [each["unit"] for each in reported] == ["g"] * 3
+    assert [each["value"] for each in reported] == pytest.approx([1.0, 0.577, 0.0], abs=0.005)
+    assert all(0 < each["u"] < 1e-4 for each in reported)
 
 
 def test_a_run_is_reduced_again_to_the_same(full):

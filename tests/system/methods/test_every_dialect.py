@@ -36,8 +36,8 @@ def test_every_driver_is_there() -> None:
 @pytest.mark.parametrize("sequence", list(SHORT))
 def test_it_is_rehearsed_with_every_instrument_connected_asked_and_made_safe(sequence: str, tmp_path: Path) -> None:
     place, settings = SHORT[sequence]
-    wishes = RunRequest(sequence, bench=str(BENCH), preset="quick", settings=tuple(settings), runs=tmp_path)
-    rehearsal = rehearse(prepare(wishes), Quiet())
+    options = RunRequest(sequence, bench=str(BENCH), preset="quick", settings=tuple(settings), runs=tmp_path)
+    rehearsal = rehearse(prepare(options), Quiet())
     assert rehearsal.result.outcome.how == "completed", rehearsal.result.problems
     assert rehearsal.unsafe == {}
     assert rehearsal.lost == ()
@@ -45,7 +45,7 @@ def test_it_is_rehearsed_with_every_instrument_connected_asked_and_made_safe(seq
         assert list(run.serials) == [place]
         unasked = {"telemetry", "by_hand"}  # it sends; nobody has turned that one
         asked = set(run.manifest["instruments"]) - unasked
-        assert all(said["maker"] or said["serial"] for said in run.manifest["instruments"].values())
+        assert all(message["maker"] or message["serial"] for message in run.manifest["instruments"].values())
         named = {reading.from_: name for name, reading in run.bench.readings.items()}
         of_devices = {
             role: {named.get(f"{role}.{each}", f"{role}.{each}") for each in run.bench.devices[role].channels}

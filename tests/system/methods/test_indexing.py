@@ -36,13 +36,13 @@ SETTINGS = {"scale_tolerance": 1e-4, "k": 2.0, "output_limit_g": 9.6e-3, "outlie
             "platform_rad": None, "platform_u_rad": 0.0}  # fmt: skip
 
 
-def calibrated(folder, bench, settings=SHORT, edits=(), sequence="indexing_static", **wishes):
+def calibrated(folder, bench, settings=SHORT, edits=(), sequence="indexing_static", **options):
     path = full_bench(folder / "config", bench)
     for file, old, new in edits:
         text = (folder / "config" / file).read_text("utf-8")
         assert old in text, old
         (folder / "config" / file).write_text(text.replace(old, new), "utf-8")
-    return run_short(folder / "runs", bench=path, sequence=sequence, settings=settings, **wishes)
+    return run_short(folder / "runs", bench=path, sequence=sequence, settings=settings, **options)
 
 
 @pytest.fixture(scope="module")
@@ -247,10 +247,10 @@ def test_the_loop_of_a_unit_with_hysteresis_is_found_without_an_excursion_beyond
 
 def test_what_came_to_every_angle_from_below_is_not_called_hysteresis(tmp_path):
     path = both_passes_from_below(tmp_path)
-    wishes = {"settings": (*SHORT, "max_repeats=0"), "sequence": path}
+    options = {"settings": (*SHORT, "max_repeats=0"), "sequence": path}
     with pytest.raises(InputError, match=r"to 0\.0\d+ g, and its range is ±0\.01 g"):
-        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], no_report=False, **wishes)
-    run = calibrated(tmp_path, "indexing", edits=[HYSTERETIC, NO_RANGE], **wishes)
+        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], no_report=False, **options)
+    run = calibrated(tmp_path, "indexing", edits=[HYSTERETIC, NO_RANGE], **options)
     assert run.problems == []
     results = read_json(run, "results.json")
     assert "hysteresis" not in {finding["quantity"] for finding in results["findings"]}

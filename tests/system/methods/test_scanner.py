@@ -80,9 +80,9 @@ def temperatures_with_one_answer_altered(folder, monkeypatch):
     end_scan = SimulatedScanner.end_scan
 
     def altered(scanner):
-        if told := end_scan(scanner):  # nothing when the memory is asked once more
-            answers.append(told)
-        return told.replace("+1.9", "+1.6", 1) if told and len(answers) == 20 else told
+        if reported := end_scan(scanner):  # nothing when the memory is asked once more
+            answers.append(reported)
+        return reported.replace("+1.9", "+1.6", 1) if reported and len(answers) == 20 else reported
 
     monkeypatch.setattr(SimulatedScanner, "end_scan", altered)
     result = ran(folder)

@@ -43,11 +43,11 @@ def ran(tmp_path, bench, *lines):
     return run_plan(tmp_path / "run", plan, bench)
 
 
-def run_three(folder, fault="", sequence="smoke", **wishes):
+def run_three(folder, fault="", sequence="smoke", **options):
     copy_bench(folder / "config")
     path = folder / "config" / "three_units.yaml"
     path.write_text(path.read_text("utf-8") + (f"  faults: [{fault}]\n" if fault else ""), "utf-8")
-    return run_short(folder / "runs", bench=path, sequence=sequence, **wishes)
+    return run_short(folder / "runs", bench=path, sequence=sequence, **options)
 
 
 def events(result, *kinds):
@@ -121,12 +121,12 @@ def test_a_dropped_unit_is_the_first_thing_that_the_report_tells(one_failed):
 
 @pytest.mark.parametrize("kind", FAULTS)
 def test_a_unit_that_fails_is_switched_off_and_dropped_and_the_others_go_on(tmp_path, kind):
-    fault, told = FAULTS[kind]
+    fault, reported = FAULTS[kind]
     run = ran(tmp_path, broken(f"b {kind} 30 s"), "{soak: unit_temperature, at_least: 70 s}")
     assert run.outcome.how == "completed", run.outcome.problems
     (dropped,) = run.events_of("unit_dropped")
     assert (dropped.data["place"], dropped.data["fault"], dropped.data["bad"]) == ("b", fault, kind == "current")
-    assert told in dropped.data["text"]
+    assert reported in dropped.data["text"]
     assert any(dropped.data["text"] in notice for notice in run.notices)
     (off,) = run.events_of("unit_off")
     assert (off.data["device"], off.data["output"]) == ("supply_b", False)
@@ -155,7 +155,7 @@ def test_when_no_unit_is_left_the_run_ends(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("faults", "told"),
+    ("faults", "reported"),
     [
         (
             ("a silent 10 s", "b silent 10 s"),
@@ -165,10 +165,10 @@ def test_when_no_unit_is_left_the_run_ends(tmp_path):
         (("b dead 1 s", "supply_b stuck 9 s"), "supply_b cannot be switched off after the unit in place b was dropped"),
     ],
 )
-def test_what_is_the_bench_ends_the_run(tmp_path, faults, told):
+def test_what_is_the_bench_ends_the_run(tmp_path, faults, reported):
     run = ran(tmp_path, broken(*faults), "{soak: unit_temperature, at_least: 2 min}")
     assert run.outcome.how == "error"
-    assert told in run.outcome.problems[0]
+    assert reported in run.outcome.problems[0]
 
 
 def test_an_interlock_on_the_thermometer_of_a_dropped_unit_is_judged_no_more(tmp_path):
@@ -185,7 +185,7 @@ def test_an_interlock_on_the_thermometer_of_a_dropped_unit_is_judged_no_more(tmp
 
 
 @pytest.mark.parametrize(
-    ("wait", "told"),
+    ("wait", "reported"),
     [
         (
             "{soak: unit_temperature, at_least: 1 min, until_stable: {band: 0.3 °C, slope: 30 °C/h, hold: 1 min}, "
@@ -195,7 +195,7 @@ def test_an_interlock_on_the_thermometer_of_a_dropped_unit_is_judged_no_more(tmp
         ("{wait_until: unit_temperature, above: 22 °C, give_up_after: 15 min}", "temperature_b is 20."),
     ],
 )
-def test_a_unit_that_keeps_the_others_waiting_is_dropped_when_the_step_gives_up(tmp_path, wait, told):
+def test_a_unit_that_keeps_the_others_waiting_is_dropped_when_the_step_gives_up(tmp_path, wait, reported):
     """The thermometer of b hangs in the air, which swings, and is not warmed by the unit."""
     lost = THREE.readings["temperature_b"].model_copy(update={"from_": "chamber.process_value"})
     bench = THREE.model_copy(update={"readings": {**THREE.readings, "temperature_b": lost}})
@@ -203,7 +203,7 @@ def test_a_unit_that_keeps_the_others_waiting_is_dropped_when_the_step_gives_up(
     assert run.outcome.how == "completed", run.outcome.problems
     (dropped,) = run.events_of("unit_dropped")
     assert (dropped.data["place"], dropped.data["fault"]) == ("b", "not_settled")
-    assert told in dropped.data["text"]
+    assert reported in dropped.data["text"]
     assert 900 < dropped.at_s < 960
 
 

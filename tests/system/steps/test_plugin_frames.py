@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from bench.app.execute import RunResult
-from bench.app.new_driver import write_driver
+from bench.app.new_package import write_driver
 from bench.config.bench import load_bench
 from bench.errors import InputError
 from bench.reduce.reduced_again import reduced_again
@@ -70,7 +70,7 @@ def bench_with_the_plugin(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def run(plugin: None, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """The smoke test on the plug-in's counter, of whose frames one is lost."""
-    right = CanNode._carried
+    right = CanNode._with_bus_faults
 
     def one_lost(self: CanNode, frames: FrameBlock) -> FrameBlock:
         came = right(self, frames)
@@ -79,7 +79,7 @@ def run(plugin: None, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
 
     folder = tmp_path_factory.mktemp("run")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(CanNode, "_carried", one_lost)
+        monkeypatch.setattr(CanNode, "_with_bus_faults", one_lost)
         return run_short(folder / "runs", bench=bench_with_the_plugin(folder), sequence="smoke")
 
 

@@ -19,13 +19,13 @@ UP = "{move: head, to: 90°}"
 COUNT = "{measure: counter.x, for: 5 s, as: rate, limits: {max: 0 pulse/s}}"
 
 
-def ran(tmp_path, *lines, answers=None, **wishes):
+def ran(tmp_path, *lines, answers=None, **options):
     path = tmp_path / "s.yaml"
     path.write_text(steps(*lines) + OFF + TAIL, "utf-8")
     if answers is not None:
-        wishes["answers"] = tmp_path / "answers.yaml"
-        wishes["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
-    return run_short(tmp_path / "runs", sequence=str(path), **wishes)
+        options["answers"] = tmp_path / "answers.yaml"
+        options["answers"].write_text("schema: itb-answers/1\nanswers: " + json.dumps(answers) + "\n", "utf-8")
+    return run_short(tmp_path / "runs", sequence=str(path), **options)
 
 
 def ended(result):

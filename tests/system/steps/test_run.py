@@ -241,7 +241,7 @@ def test_a_mistake_in_a_reduction_ends_a_run_that_says_so(tmp_path, monkeypatch)
 
 
 def test_a_store_that_fails_is_told_once(tmp_path, monkeypatch):
-    append, commits, said = RunWriter._append, [], []
+    append, commits, message = RunWriter._append, [], []
 
     def full(self, group):
         commits.append(group)
@@ -251,12 +251,12 @@ def test_a_store_that_fails_is_told_once(tmp_path, monkeypatch):
 
     class Told(Quiet):
         def notice(self, text):
-            said.append(text)
+            message.append(text)
 
     monkeypatch.setattr(RunWriter, "_append", full)
     result = execute.execute(prepare(RunRequest("smoke", runs=tmp_path, no_report=True)), Told())
     assert [text for text in result.problems if "No space left" in text] == result.problems[:1]
-    assert [text for text in said if "No space left" in text] == result.problems[:1]
+    assert [text for text in message if "No space left" in text] == result.problems[:1]
 
 
 def test_results_that_cannot_be_written_are_no_pass(tmp_path, monkeypatch):

@@ -14,10 +14,10 @@ RAMP = "{ramp: chamber, to: 30 °C, at: 3 °C/min}"
 OFF = "teardown:\n  - {set: supply, output: off}\n"
 
 
-def ran(tmp_path, *lines, **wishes):
+def ran(tmp_path, *lines, **options):
     path = tmp_path / "s.yaml"
     path.write_text(steps(*lines) + OFF + TAIL, "utf-8")
-    return run_short(tmp_path / "runs", sequence=str(path), **wishes)
+    return run_short(tmp_path / "runs", sequence=str(path), **options)
 
 
 def ended(result):

@@ -40,8 +40,8 @@ def ran(folder, *lines, more="", tail=TAIL, bench=BENCH, script=None, faults="")
     return run
 
 
-def turned(folder, *lines, **wishes):
-    return ran(folder, *lines, tail=TABLE_TAIL, bench=TABLE, **wishes)
+def turned(folder, *lines, **options):
+    return ran(folder, *lines, tail=TABLE_TAIL, bench=TABLE, **options)
 
 
 def completed(run):
@@ -234,7 +234,7 @@ def when_asked(act):
     async def script(engine):
         while True:
             await asyncio.sleep(1)
-            for question in engine.desk.questions:
+            for question in engine.prompts.questions:
                 act(engine, question)
 
     return script
@@ -246,7 +246,7 @@ def when_asked(act):
 )
 def test_a_person_is_asked_what_happens_after_a_failure(tmp_path, answer, failed, ended):
     answers = iter([answer] * (failed - 1) + ["stop" if answer == "repeat" else answer])
-    script = when_asked(lambda engine, question: engine.desk.answer(next(answers), "operator", question.step))
+    script = when_asked(lambda engine, question: engine.prompts.answer(next(answers), "operator", question.step))
     run = ran(tmp_path, NEVER[:-1] + ", on_failure: ask}", "wait: 1 s", more=OFF, script=script)
     assert len(run.steps("step_failed")) == failed
     assert run.steps() == ended

@@ -36,8 +36,8 @@ def test_the_page_can_be_followed(tmp_path, bench_here):
 
 def test_the_page_tells_every_fault_once():
     _, *tables = PAGE.read_text("utf-8").split("| fault of a")
-    told = [re.findall(r"^\| `(\w+)`", table, re.MULTILINE) for table in tables]
-    wire, instrument, unit = told
+    reported = [re.findall(r"^\| `(\w+)`", table, re.MULTILINE) for table in tables]
+    wire, instrument, unit = reported
     assert wire == ["silent", "cut", *LINE_FAULTS]
     assert wire + instrument == list(get_args(DeviceFault))
     assert unit == list(get_args(UnitFault))

@@ -23,7 +23,7 @@ def ran(tmp_path, *lines, kind="", edits=(), faults=""):
 
 
 @pytest.mark.parametrize(
-    ("kind", "to_c", "within_s", "said"),
+    ("kind", "to_c", "within_s", "message"),
     [
         ("heater_dead", 35, 900, "the air has not come 1 °C closer to its set point within 10 min"),
         ("cooling_dead", 5, 900, "the air has not come 1 °C closer to its set point within 10 min"),
@@ -32,10 +32,10 @@ def ran(tmp_path, *lines, kind="", edits=(), faults=""):
         ("open_sensor", 35, 20, "the process value is far beyond the -50 to 100 °C of the bench"),
     ],
 )
-def test_a_chamber_that_breaks_in_a_soak_ends_the_run_safe_and_nothing_is_lost(tmp_path, kind, to_c, within_s, said):
+def test_a_chamber_that_breaks_in_a_soak_ends_the_run_safe_and_nothing_is_lost(tmp_path, kind, to_c, within_s, message):
     result = ran(tmp_path, f"{{ramp: chamber, to: {to_c} °C, at: 3 °C/min}}", "wait: 1 h", kind=kind)
     assert result.outcome.how == "error"
-    assert f"chamber: {said}" in result.problems[0]
+    assert f"chamber: {message}" in result.problems[0]
     assert "Look at the chamber itself: its heater" in result.problems[0]
     assert result.outcome.unsafe == {}
     with RunReader(result.path) as reader:

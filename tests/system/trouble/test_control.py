@@ -84,8 +84,8 @@ def started(tmp_path) -> Iterator[Callable[..., Running]]:
 
 def test_a_paused_run_holds_before_its_next_step_goes_on_and_stops_after_a_step(started):
     run = started(*PACED)
-    told = run.send_command("pause")
-    assert told.stdout == f"{run.path.name}: the run pauses before its next step\n"
+    reported = run.send_command("pause")
+    assert reported.stdout == f"{run.path.name}: the run pauses before its next step\n"
     run.wait_for(lambda: run.operator() == ["held"])
     held = run.steps("step_begins")
     time.sleep(1.0)  # twenty seconds of bench time
@@ -131,9 +131,9 @@ def test_a_paused_run_can_be_aborted(started):
 
 def test_at_full_speed_there_is_no_pause_but_a_stop(started):
     run = started("tumble_static")
-    told = run.send_command("pause")
-    assert told.returncode == 2
-    assert "a run at full speed cannot be paused; start it with --speed 60, for example" in told.stderr
+    reported = run.send_command("pause")
+    assert reported.returncode == 2
+    assert "a run at full speed cannot be paused; start it with --speed 60, for example" in reported.stderr
     assert run.send_command("stop").returncode == 0
     assert run.finish() == 4
 
@@ -147,18 +147,18 @@ def test_a_run_that_is_over_takes_no_commands_and_leaves_no_socket(started):
     assert run.finish() == 0
     assert names["socket"] not in Path("/proc/net/unix").read_text("utf-8")
     assert not (run.path / "runner.json").exists()
-    told = run.send_command("stop")
-    assert told.returncode == 2
-    assert told.stderr == f"{run.path.name}: this run is not running; its state is completed\n"
+    reported = run.send_command("stop")
+    assert reported.returncode == 2
+    assert reported.stderr == f"{run.path.name}: this run is not running; its state is completed\n"
 
 
 def test_a_killed_run_is_told_to_be_interrupted(started):
     run = started(*PACED)
     run.process.kill()
     run.process.communicate()
-    told = run.send_command("pause")
-    assert told.returncode == 2
-    assert told.stderr == f"{run.path.name}: this run is not running; its state is interrupted\n"
+    reported = run.send_command("pause")
+    assert reported.returncode == 2
+    assert reported.stderr == f"{run.path.name}: this run is not running; its state is interrupted\n"
 
 
 def test_nonsense_is_answered_with_what_is_known_and_the_silent_keep_nobody_waiting(started):
@@ -190,8 +190,8 @@ def test_a_step_is_skipped_or_begun_anew_and_the_run_goes_on(started):
     run.wait_for(lambda: soak in run.steps("step_begins"))
     assert run.send_command("repeat").stdout.endswith(f": repeated: {soak}\n")
     run.wait_for(lambda: f"{soak}~2" in run.steps("step_begins"))
-    told = run.send_command("skip")
-    assert told.stdout.endswith(f": skipped: {soak}~2\n")
+    reported = run.send_command("skip")
+    assert reported.stdout.endswith(f": skipped: {soak}~2\n")
     assert run.finish() == 7  # what was left out makes the run incomplete
     assert run.steps("left_out") == [f"{soak}~2"]
     assert "steps/temperature=20/position=270/acquire" in run.steps("step_ended")

@@ -6,9 +6,9 @@ from bench.store.reader import RunReader
 from tests.support.runs import copy_bench, read_json, run_short
 
 
-def broken(tmp_path, faults, **wishes):
+def broken(tmp_path, faults, **options):
     bench = copy_bench(tmp_path / "config", faults=faults)
-    return run_short(tmp_path / "runs", bench=bench, sequence="smoke", settings=("soak=60 min",), **wishes)
+    return run_short(tmp_path / "runs", bench=bench, sequence="smoke", settings=("soak=60 min",), **options)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from bench.store.reader import Event, RunReader
 from drivers.can import sequence_numbers
 from drivers.can.frame_block import FrameBlock
 from drivers.dialects.can_counter import wire
-from simulators.faults.frame_faults import Carried, carry
+from simulators.faults.frame_faults import FaultyFrames, apply_fault
 from simulators.instruments.can_nodes import can_node
 from tests.support.runs import ROOT, copy_bench, read_json, run_short
 
@@ -46,7 +46,7 @@ class Bus:
         for frame_id, at_s in zip(block.ids.tolist(), block.at_s.tolist(), strict=True):
             self.sent_at_s.setdefault(frame_id, []).append(at_s)
 
-    def drops(self, block: FrameBlock, carried: Carried) -> None:
+    def drops(self, block: FrameBlock, carried: FaultyFrames) -> None:
         for row in sorted(set(range(len(block))) - set(carried.rows.tolist())):
             frame_id = int(block.ids[row])
             place = self.sent_at_s[frame_id].index(float(block.at_s[row]))
@@ -69,19 +69,19 @@ class Bus:
 
 def watched_bus(monkeypatch: pytest.MonkeyPatch) -> Bus:
     """Every bus of the runs that follow."""
-    found, right = Bus(), can_node.CanNode._carried
+    found, right = Bus(), can_node.CanNode._with_bus_faults
 
     def sends(self: can_node.CanNode, frames: FrameBlock) -> FrameBlock:
         found.sends(frames)
         return right(self, frames)
 
-    def drops(fault: Any, block: FrameBlock, *others: Any) -> Carried:
-        carried = carry(fault, block, *others)
+    def drops(fault: Any, block: FrameBlock, *others: Any) -> FaultyFrames:
+        carried = apply_fault(fault, block, *others)
         found.drops(block, carried)
         return carried
 
-    monkeypatch.setattr(can_node.CanNode, "_carried", sends)
-    monkeypatch.setattr(can_node, "carry", drops)
+    monkeypatch.setattr(can_node.CanNode, "_with_bus_faults", sends)
+    monkeypatch.setattr(can_node, "apply_fault", drops)
     return found
 
 
@@ -234,10 +234,10 @@ def test_of_what_no_method_reduces_the_journal_tells(
 
 
 def test_the_technician_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    said: list[str] = []
-    monkeypatch.setattr(Quiet, "notice", lambda self, text: said.append(text))
+    message: list[str] = []
+    monkeypatch.setattr(Quiet, "notice", lambda self, text: message.append(text))
     result = bad(tmp_path, "lost_frames", "lost_bursts")
-    (text,) = (text for text in said if "frames are missing" in text)
+    (text,) = (text for text in message if "frames are missing" in text)
     first = events(result, "gaps")[0]
     assert text.startswith(f"{first.step}: counter: frames are missing: ")
     assert f"{first.data['lost']} of {first.data['expected']} latches of {first.data['channel']}" in text

@@ -12,26 +12,26 @@ OFF = "teardown:\n  - {set: supply, output: off}\n"
 RAMP = "{ramp: chamber, to: 26 °C, at: 2 °C/min}"
 
 
-def ran(tmp_path, interlocks, *lines, **wishes):
+def ran(tmp_path, interlocks, *lines, **options):
     path = tmp_path / "s.yaml"
     path.write_text(steps(*lines) + OFF + f"interlocks: {{{interlocks}}}\n" + TAIL, "utf-8")
-    return run_short(tmp_path / "runs", sequence=str(path), **wishes)
+    return run_short(tmp_path / "runs", sequence=str(path), **options)
 
 
-def told(result, *kinds):
+def reported(result, *kinds):
     with RunReader(result.path) as reader:
         return [(event.kind, event.step, event.data) for event in reader.events(*kinds)]
 
 
 def begun(result):
-    return [step for _, step, _ in told(result, "step_begins")]
+    return [step for _, step, _ in reported(result, "step_begins")]
 
 
 def test_a_pause_holds_the_next_step_back_until_it_has_been_good_for_the_time(tmp_path):
     warm = "behind: {difference: [chamber.set_point, chamber.process_value], above: 1 °C, then: pause, good_for: 1 min}"
     result = ran(tmp_path, warm, RAMP, "wait: 1 s", "wait: 10 min")
     assert result.outcome.how == "completed"
-    events = told(result, "interlock", "held", "released", "step_begins")
+    events = reported(result, "interlock", "held", "released", "step_begins")
     kinds = [kind for kind, _, _ in events]
     held = kinds.index("held")
     assert events[held][2] == {"by": "interlock behind"}
@@ -46,7 +46,7 @@ def test_a_hold_stops_the_chamber_where_it_is_and_the_ramp_is_done_again_afterwa
     result = ran(tmp_path, fast, RAMP, "wait: 1 s", bench=bench)
     assert result.outcome.how == "completed"
     assert begun(result)[:2] == ["steps/ramp", "steps/ramp~2"]
-    assert ("step_cut", "steps/ramp", {"wish": "hold", "unknown": ["chamber"]}) in told(result, "step_cut")
+    assert ("step_cut", "steps/ramp", {"wish": "hold", "unknown": ["chamber"]}) in reported(result, "step_cut")
     with RunReader(result.path) as reader:
         set_point = reader.series("chamber.set_point")
         (good_s,) = [event.at_s for event in reader.events("interlock") if not event.data["tripped"]][:1]
@@ -80,7 +80,7 @@ def test_an_abort_makes_everything_safe_without_the_teardown(tmp_path):
     result = ran(tmp_path, hot, RAMP, "wait: 1 h")
     assert result.outcome.how == "error"
     assert "teardown/set" not in begun(result)
-    assert told(result, "made_safe") == [("made_safe", "", {"unsafe": {}})]
+    assert reported(result, "made_safe") == [("made_safe", "", {"unsafe": {}})]
 
 
 def test_an_interlock_of_the_bench_file_is_in_force_in_every_run(tmp_path):
@@ -95,7 +95,7 @@ def test_what_never_trips_changes_nothing(tmp_path, action):
     never = f"never: {{reading: unit_temperature, above: 90 °C, then: {action}}}"
     result = ran(tmp_path, never, "{ramp: chamber, to: 21 °C, at: 1 °C/min}")
     assert result.outcome.how == "completed"
-    assert told(result, "interlock", "held", "step_cut") == []
+    assert reported(result, "interlock", "held", "step_cut") == []
 
 
 def test_what_fails_in_the_teardown_is_told_and_the_teardown_goes_on(tmp_path):

@@ -13,7 +13,7 @@ from bench.errors import StoreError
 from bench.loop import REAL_TIME
 from bench.loop import run as run_loop
 from bench.reduce.stored_run import open_run
-from bench.report.verify import examined, verify
+from bench.report.revision import examined, verify
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet
 from bench.store import database
@@ -215,17 +215,17 @@ def test_where_nothing_can_be_kept_the_run_ends_in_words(tmp_path, monkeypatch):
 @pytest.mark.integration
 def test_a_run_that_gives_nothing_is_told_when_its_directory_is_removed(tmp_path):
     """Nothing is given or committed meanwhile that could fail: the store tells it by itself."""
-    folder, told, failures = tmp_path / "run", threading.Event(), []
+    folder, reported, failures = tmp_path / "run", threading.Event(), []
     folder.mkdir()
     writer = RunWriter(folder)
 
     def failed(failure):
         failures.append(str(failure))
-        told.set()
+        reported.set()
 
     writer.on_failure = failed
     shutil.rmtree(folder)
-    assert told.wait(10.0)
+    assert reported.wait(10.0)
     assert "was removed during the run" in failures[0]
     with pytest.raises(StoreError, match="was removed"):
         writer.close()
@@ -252,8 +252,8 @@ def test_a_file_that_somebody_adds_while_the_run_goes_on_is_not_under_its_seal(t
 @pytest.mark.parametrize("edit", [written("manifest.json", "{}"), lambda folder: (folder / "manifest.json").unlink()])
 def test_a_manifest_that_is_edited_while_the_run_goes_on_is_on_record(tmp_path, edit):
     result = meddled(tmp_path / "runs", edit)
-    told = f"{result.path / 'manifest.json'}: another program wrote or removed this file during the run"
-    assert result.problems[0].startswith(told)
+    reported = f"{result.path / 'manifest.json'}: another program wrote or removed this file during the run"
+    assert result.problems[0].startswith(reported)
     manifest = read_json(result, "manifest.json")
     assert (manifest["problems"], manifest["verdict"]) == (result.problems, "PASS")
     assert examined(result.path).damage == ()

@@ -14,7 +14,7 @@ import pytest
 from bench.app.drawn_faults import with_drawn_faults
 from bench.app.execute import RunResult
 from bench.app.request import RunRequest, prepare
-from bench.app.resume import prepared_again, read_interrupted
+from bench.app.resume import prepare_again, read_interrupted
 from bench.cli.main import main
 from bench.engine.state import replayed
 from bench.errors import InputError
@@ -437,5 +437,5 @@ def test_drawn_faults_of_a_rehearsal_are_drawn_again(tmp_path):
     prepared = prepare(RunRequest("smoke", bench=str(BENCH), runs=tmp_path))
     twice = [with_drawn_faults(prepared, 5).loaded.bench.simulation.faults for _ in range(2)]
     found = interrupted(tmp_path / "runs", 8.0, "smoke", BENCH, rehearsed=5)
-    again = prepared_again(read_interrupted(found))
+    again = prepare_again(read_interrupted(found))
     assert [again.loaded.bench.simulation.faults] * 2 == twice

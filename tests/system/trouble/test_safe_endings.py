@@ -18,13 +18,13 @@ from bench.app.request import RunRequest, prepare
 from bench.cli.exits import of_run
 from bench.config.bench import load_bench
 from bench.engine import stepper
-from bench.report.verify import examined
+from bench.report.revision import examined
 from bench.rig import OPEN_S
 from bench.runner import run as runner
 from bench.runner.quiet import Quiet
 from bench.runner.signals import TEXTS
 from bench.store.reader import RunReader
-from bench.store.unsafe import kept_unsafe
+from bench.store.unsafe import read_unsafe
 from bench.store.user_state import state_folder
 from bench.store.writer import RunWriter
 from tests.support.engines import run_plan
@@ -284,7 +284,7 @@ def test_what_is_not_safe_is_recorded_elsewhere_where_the_directory_takes_nothin
     result = smoke(tmp_path, Quiet(), bench, settings=("soak=10 min",))
     assert of_run(result) == 6
     assert "manifest.json: cannot be written" in result.problems
-    assert "no answer" in kept_unsafe(result.path)["supply"]
+    assert "no answer" in read_unsafe(result.path)["supply"]
 
 
 def test_what_opened_is_made_safe_when_an_instrument_is_missing(tmp_path):

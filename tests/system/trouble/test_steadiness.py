@@ -110,12 +110,12 @@ def test_a_rule_that_an_output_cannot_be_held_against_is_refused(tmp_path, name,
     if nominal is not None:
         place = bench.places["a"].model_copy(update={"nominal": Nominal.model_validate(nominal)})
         bench = bench.model_copy(update={"places": {"a": place}})
-    (told,) = problems_of(tmp_path, steps(ON, TO_G.replace("10 µg", change)) + OFF, tail=OUTPUT, bench=bench)
-    assert problem in told
+    (reported,) = problems_of(tmp_path, steps(ON, TO_G.replace("10 µg", change)) + OFF, tail=OUTPUT, bench=bench)
+    assert problem in reported
 
 
 def test_an_inertial_unit_is_not_waited_for(tmp_path):
     body = steps(ON.replace("15 V", "28 V"), TO_G.replace("output,", "counter,")) + OFF
     tail = "schema: itb-sequence/1\ntitle: T\nneeds: {supply: power_supply, counter: pulse_counter}\n"
-    (told,) = problems_of(tmp_path, body, tail=tail, bench=bench_of("imu"))
-    assert "'steady' is for units with one channel; place 'a' is for an inertial unit" in told
+    (reported,) = problems_of(tmp_path, body, tail=tail, bench=bench_of("imu"))
+    assert "'steady' is for units with one channel; place 'a' is for an inertial unit" in reported

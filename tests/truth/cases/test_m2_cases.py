@@ -193,7 +193,7 @@ def test_a_reading_with_something_missing_keeps_its_place(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "spoil",
+    "damage",
     [
         lambda made, row: made.positions.remove(row),
         lambda made, row: row.update(Ny=None),
@@ -205,10 +205,10 @@ def test_a_reading_with_something_missing_keeps_its_place(tmp_path):
         lambda made, row: row.update(Ny=1e308, dwell_s=1e-9),
     ],
 )
-def test_a_missing_position_takes_its_axis_out_at_that_temperature(tmp_path, rng, spoil):
+def test_a_missing_position_takes_its_axis_out_at_that_temperature(tmp_path, rng, damage):
     unit = Unit()
     made = records(unit, FEW_C)
-    spoil(made, made.position(55, "Ay6"))
+    damage(made, made.position(55, "Ay6"))
     made.apply, values, _ = readings(unit, rng, count=2, low_c=10, high_c=29)
     result = reduced(tmp_path, made)
     assert result["flags"] == ["T=55:missing_position:Ay6"]
@@ -231,7 +231,7 @@ def test_least_squares_do_with_the_other_attitudes(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "spoil",
+    "damage",
     [
         lambda made, row: made.rates.remove(row),
         lambda made, row: row.update(Wz=None),
@@ -242,9 +242,9 @@ def test_least_squares_do_with_the_other_attitudes(tmp_path):
         lambda made, row: row.update(rate_true_dps=-3),  # turned the wrong way
     ],
 )
-def test_a_missing_rate_takes_its_axis_out_at_that_temperature(tmp_path, spoil):
+def test_a_missing_rate_takes_its_axis_out_at_that_temperature(tmp_path, damage):
     made = records(Unit(), FEW_C)
-    spoil(made, made.rate(0, "z", 3))
+    damage(made, made.rate(0, "z", 3))
     result = reduced(tmp_path, made)
     assert result["flags"] == ["T=0:missing_rate:z"]
     assert entry(result, 0)["z"] is None
@@ -567,7 +567,7 @@ def test_dead_and_absurd_channels_do_no_harm_to_others(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "message"),
+    ("damage", "message"),
     [
         ({"T_nominal_C": None}, "case.json: settings.T_nominal_C: is missing; the record 'apply' needs it"),
         ({"site": {}}, "case.json: site.lat_deg: is missing; ls24 needs the earth rate"),
@@ -576,16 +576,16 @@ def test_dead_and_absurd_channels_do_no_harm_to_others(tmp_path):
         ({"attitude_tol_g": 0}, "case.json: settings.attitude_tol_g: is 0, expected more than 0"),
     ],
 )
-def test_a_case_that_cannot_be_reduced_is_refused(tmp_path, spoil, message):
+def test_a_case_that_cannot_be_reduced_is_refused(tmp_path, damage, message):
     made = records(Unit(), FEW_C)
     made.apply = [{"channel": "acc_x", "T_C": 20, "raw_pps": 1}]
     with pytest.raises(InputError) as caught:
-        reduced(tmp_path, made, **spoil)
+        reduced(tmp_path, made, **damage)
     assert str(caught.value).startswith(message)
 
 
 @pytest.mark.parametrize(
-    ("spoil", "message"),
+    ("damage", "message"),
     [
         (lambda made: made.positions[2].update(Nz="12,5"), "positions.csv: line 4: 16 cells, but the header has 15"),
         (lambda made: made.rates[0].update(axis="w"), "rates.csv: line 2, column axis: 'w' is not x or y or z"),
@@ -594,10 +594,10 @@ def test_a_case_that_cannot_be_reduced_is_refused(tmp_path, spoil, message):
         (lambda made: made.positions[0].pop("Wx"), "positions.csv: line 1: there is no column 'Wx'"),
     ],
 )
-def test_a_bad_record_is_refused_where_it_is_bad(tmp_path, spoil, message):
+def test_a_bad_record_is_refused_where_it_is_bad(tmp_path, damage, message):
     made = records(Unit(), FEW_C)
     made.apply = [{"channel": "acc_x", "T_C": 20, "raw_pps": 1}]
-    spoil(made)
+    damage(made)
     with pytest.raises(InputError) as caught:
         reduced(tmp_path, made)
     assert str(caught.value).startswith(message)

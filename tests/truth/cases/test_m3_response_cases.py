@@ -79,14 +79,14 @@ def test_gyro_response_is_that_of_the_unit(tmp_path, rng):
 @pytest.mark.parametrize("first_deg", [0.0, -180.0])
 def test_an_encoder_may_begin_anew_within_the_swing(tmp_path, rng, first_deg):
     blocks = gyro_sweep(rng)
-    told = reduced(tmp_path, blocks)
+    reported = reduced(tmp_path, blocks)
     for block in blocks:  # the swing is about where the encoder begins anew
         block["enc_deg"] = (block["enc_deg"] - np.median(block["enc_deg"])) % 360 + first_deg
         assert np.ptp(block["enc_deg"]) > 359
     wrapped = reduced(tmp_path, [shuffled(block, rng) for block in blocks])
-    gains, expected = ([point["gain"] for point in each["points"]] for each in (wrapped, told))
+    gains, expected = ([point["gain"] for point in each["points"]] for each in (wrapped, reported))
     assert gains == pytest.approx(expected, rel=1e-6)
-    assert wrapped["bandwidth_Hz"] == pytest.approx(told["bandwidth_Hz"], rel=1e-6)
+    assert wrapped["bandwidth_Hz"] == pytest.approx(reported["bandwidth_Hz"], rel=1e-6)
     assert wrapped["flags"] == []
 
 

@@ -54,8 +54,8 @@ def counts(rates_pps, gate_s, rng, clock=0.0):
 @lru_cache
 def known_elevation_rad(angle_deg):
     """The angles are the same in every draw."""
-    lies = mock.Mock(angles_deg={"head": angle_deg}, mount=Mount())
-    return elevation_rad(lies, UNIT, BENCH)
+    orientation = mock.Mock(angles_deg={"head": angle_deg}, mount=Mount())
+    return elevation_rad(orientation, UNIT, BENCH)
 
 
 class Errors:

@@ -102,8 +102,16 @@ class Run:
     def _visit(self, group, set_c, axis):
         angles = angles_of_attitudes()
         for number in range(8 * axis, 8 * axis + 8):
-            lies = self.axes(angles[number])
-            self._count(f"{group}/{NAMES[number]}", group, set_c, angles[number], lies[:, 2], lies @ EARTH_DPS, DWELL_S)
+            orientation = self.axes(angles[number])
+            self._count(
+                f"{group}/{NAMES[number]}",
+                group,
+                set_c,
+                angles[number],
+                orientation[:, 2],
+                orientation @ EARTH_DPS,
+                DWELL_S,
+            )
         angles_deg = angles[8 * axis]  # the axis up, on the outer axis of the table
         for rate_dps in RATES_DPS:
             up = self.axes(angles_deg) @ self.base.apply(POINTS["outer"])
@@ -132,7 +140,7 @@ class Run:
         seen_g = unit["K0"] - K2 + MISALIGNMENT @ force_g + K2 * force_g**2 + noise_g
         seen_dps = unit["D0"] + GYRO_MISALIGNMENT @ rate_dps + G_SENSITIVITY @ force_g + noise_dps
         pulses = np.concatenate([unit["K1"] * seen_g, unit["KG"] * seen_dps]) * span_s
-        counted, told_s = np.floor(pulses + self._rng.uniform(size=6)), span_s * (1 + self.clock)
+        counted, reported_s = np.floor(pulses + self._rng.uniform(size=6)), span_s * (1 + self.clock)
         begin_s = 60.0 * len(self.acquisitions)
         from_deg = angles_deg["outer"]
         self.acquisitions.append(
@@ -144,7 +152,8 @@ class Run:
                     for name, (offset_c, gain) in self._thermometers.items()
                 },
                 windows={
-                    name: Window(net / told_s, told_s, span_s, ()) for name, net in zip(CHANNELS, counted, strict=True)
+                    name: Window(net / reported_s, reported_s, span_s, ())
+                    for name, net in zip(CHANNELS, counted, strict=True)
                 },
                 turned=None if turning_dps is None else Turned(
                     "outer", turning_dps, begin_s, from_deg, begin_s + span_s, from_deg + turning_dps * span_s

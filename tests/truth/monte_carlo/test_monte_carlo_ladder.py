@@ -76,13 +76,13 @@ def test_thresholds_are_as_far_from_the_truth_as_their_uncertainties_say(quantit
 
 @pytest.mark.parametrize("noise_g", [1e-6, 4e-6])
 def test_the_two_ends_hold_the_threshold_unless_a_step_that_decides_is_marginal(noise_g):
-    told = [
+    reported = [
         (each.at["above_g"] <= true_g <= (each.at["up_to_g"] or np.inf), "marginal" in each.flags)
         for result, true_g in ladders(noise_g)
         for each in result.findings
     ]
-    assert len(told) == TRIALS
-    certain = [held for held, is_marginal in told if not is_marginal]
+    assert len(reported) == TRIALS
+    certain = [held for held, is_marginal in reported if not is_marginal]
     assert len(certain) > TRIALS / 3
     assert np.mean(certain) >= HOLDS
 

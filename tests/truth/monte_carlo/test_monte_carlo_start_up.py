@@ -84,8 +84,8 @@ class Watch:
                 self._rest(down)
 
     def _rest(self, attitude):
-        lies = self.table.axes(angles_of_attitudes()[attitude])
-        self._read(attitude, lies[:, 2], self._misaligned @ lies @ EARTH_DPS, DWELL_S)
+        orientation = self.table.axes(angles_of_attitudes()[attitude])
+        self._read(attitude, orientation[:, 2], self._misaligned @ orientation @ EARTH_DPS, DWELL_S)
 
     def _turn(self, attitude, axis, rate_dps):
         up = self.table.base.apply(POINTS["outer"])
@@ -99,7 +99,7 @@ class Watch:
         seen_dps = rate_dps * (1 + left("KG", since_s)) + left("D0", since_s)
         noisy_g, noisy_dps = NOISE_G / np.sqrt(span_s) * draw(3), RANDOM_WALK / np.sqrt(span_s) * draw(3)
         pulses = np.concatenate([K1 * (seen_g + noisy_g), KG * (seen_dps + noisy_dps)]) * span_s
-        told_s = span_s * (1 + self.table.clock)
+        reported_s = span_s * (1 + self.table.clock)
         counted = np.floor(pulses + self._rng.uniform(size=6))
         turned = None if turning_dps is None else Turned(
             "outer", turning_dps, begin_s, 0.0, begin_s + span_s, turning_dps * span_s
@@ -111,7 +111,7 @@ class Watch:
                 on_since_s={"psu": POWER_ON_S}, temperatures_c={name: np.array([20.0]) for name in THERMOMETERS},
                 temperatures_at_s={name: np.zeros(1) for name in THERMOMETERS},
                 windows={
-                    name: Window(net / told_s, told_s, span_s, ())
+                    name: Window(net / reported_s, reported_s, span_s, ())
                     for name, net in zip(CHANNELS, counted, strict=True)
                 },
             )

@@ -20,8 +20,8 @@ from bench.loop import AS_FAST_AS_POSSIBLE, REAL_TIME, BenchLoop, run
 from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
 from drivers.errors import NoAnswer
-from drivers.timing.awake import SLICE_S, Deadline, awake_s, came_true, patience
-from drivers.transport.exchange import LineExchange, Pace, Proof
+from drivers.timing.awake import SLICE_S, Deadline, awake_s, fair_timeout, succeeded_within
+from drivers.transport.exchange import LineExchange, Pace, SyncQuery
 from tests.support.runs import ROOT
 
 STANDS_S = 0.8  # longer than an answer may take
@@ -31,7 +31,7 @@ ANSWER_S = 0.3
 def test_in_virtual_time_patience_ends_to_the_instant() -> None:
     async def main() -> float:
         with pytest.raises(TimeoutError):
-            async with patience(2.5):
+            async with fair_timeout(2.5):
                 await asyncio.sleep(60)
         return asyncio.get_running_loop().time()
 
@@ -40,9 +40,9 @@ def test_in_virtual_time_patience_ends_to_the_instant() -> None:
 
 def test_slices_count_as_what_was_asked_for() -> None:
     asked: list[float] = []
-    assert not came_true(lambda slice_s: asked.append(slice_s) is not None, 2.0)
+    assert not succeeded_within(lambda slice_s: asked.append(slice_s) is not None, 2.0)
     assert asked == [SLICE_S] * 8
-    assert came_true(lambda _slice_s: True, 1.0)
+    assert succeeded_within(lambda _slice_s: True, 1.0)
 
 
 class Peer:
@@ -74,12 +74,12 @@ def asked(peer: Peer, stands_after_s: float | None) -> bytes:
             time.sleep(STANDS_S)
             peer.awake.set()
 
-        line = LineExchange("echo", Proof(b"who?", bytes), pace=Pace(ANSWER_S))
+        line = LineExchange("echo", SyncQuery(b"who?", bytes), pace=Pace(ANSWER_S))
         await loop.create_connection(lambda: line, sock=peer.here)
         if stands_after_s is not None:
             loop.call_later(stands_after_s, stand_still)
         try:
-            return await line.ask(b"what?", bytes)
+            return await line.query(b"what?", bytes)
         finally:
             line.close()
 
@@ -132,7 +132,7 @@ def test_the_loop_knows_for_how_long_it_stood_still() -> None:
 STOPPED = """
 import sys, threading
 from bench.loop import run, REAL_TIME
-from drivers.timing.awake import Deadline, came_true
+from drivers.timing.awake import Deadline, succeeded_within
 import asyncio
 
 came = threading.Event()
@@ -149,7 +149,7 @@ async def until_it_came():
 
 threading.Thread(target=listen, daemon=True).start()
 print("waiting", flush=True)
-print(run(until_it_came(), REAL_TIME) if sys.argv[1] == "loop" else came_true(came.wait, 1.0), flush=True)
+print(run(until_it_came(), REAL_TIME) if sys.argv[1] == "loop" else succeeded_within(came.wait, 1.0), flush=True)
 """
 
 
@@ -177,11 +177,11 @@ def test_a_time_in_which_the_program_stood_still_is_in_the_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(clock_record, "LOOK_EVERY_S", 0.2)
-    said: list[str] = []
+    message: list[str] = []
 
     async def main() -> None:
         writer = RunWriter(tmp_path)
-        async with clock_record.ClockRecord(Journal(writer), said.append).watched():
+        async with clock_record.ClockRecord(Journal(writer), message.append).watched():
             await asyncio.sleep(0.05)
             time.sleep(1.2)  # noqa: ASYNC251  nothing of this program runs
             await asyncio.sleep(0.4)
@@ -191,4 +191,4 @@ def test_a_time_in_which_the_program_stood_still_is_in_the_record(
     with RunReader(tmp_path) as reader:
         (stalled,) = [event.data["for_s"] for event in reader.events("stalled")]
     assert 1.0 < stalled < 2.0
-    assert said[0].startswith("This program was suspended for 1.")
+    assert message[0].startswith("This program was suspended for 1.")

@@ -15,7 +15,7 @@ from bench.metrology.acquisition import Voltages
 from bench.reduce.corrections import corrections_of
 from bench.reduce.stored_run import open_run
 from bench.store.reader import Series
-from simulators.physics.corrections import lacking_deg, read_of
+from simulators.physics.corrections import correction_deg, read_of
 from tests.support.runs import ROOT, copy_bench, read_json, run_short
 
 HEAD_U = "U: {zero: 10 arcsec, harmonics: [2 arcsec, 2 arcsec, 2 arcsec, 2 arcsec], repeatability: 0.2 arcsec}"
@@ -62,7 +62,7 @@ def test_the_simulated_instruments_need_what_their_certificates_say(bench):
     assert known.temperatures(series(*read_c)).values == pytest.approx(true_c, abs=1e-9)
     assert not np.allclose(read_c, true_c, atol=0.1)
     read_deg = np.linspace(-400, 800, 97)
-    true_deg = read_deg + lacking_deg(read_deg, settings.axes["head"].table)
+    true_deg = read_deg + correction_deg(read_deg, settings.axes["head"].table)
     assert [known.angle_deg("head", each) for each in read_deg] == pytest.approx(true_deg.tolist(), abs=1e-12)
 
 

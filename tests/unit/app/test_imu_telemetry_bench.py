@@ -51,8 +51,8 @@ def test_values_that_are_decoded_are_in_units_of_their_own(tmp_path):
         )
     ).bench  # fmt: skip
     assert (bench.output_unit("a"), bench.gyro_output_unit("a")) == ("m/s²", "°/s")
-    (told,) = remarks_of(tmp_path, bench, "KG: {min: 1 code/(°/s)}")
-    assert "expected a quantity in °/s/(°/s)" in told
+    (reported,) = remarks_of(tmp_path, bench, "KG: {min: 1 code/(°/s)}")
+    assert "expected a quantity in °/s/(°/s)" in reported
 
 
 @pytest.mark.parametrize(
@@ -76,16 +76,16 @@ def test_a_voltmeter_reads_no_inertial_unit(tmp_path):
         f"{name}: dvm" for name in ("acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z")) + "}")  # fmt: skip
     with pytest.raises(InputError, match="'dvm' is a voltmeter, which reads one channel; those of an"):
         load_bench(edited(tmp_path, (old, new), bench="volts"))
-    (told,) = remarks_of(tmp_path, load_bench(ROOT / "config/volts.yaml").bench, "K1: {min: 1 V/g}")
-    assert "place 'a' is for units with one channel; a voltmeter reads one channel, not six simultaneously" in told
+    (reported,) = remarks_of(tmp_path, load_bench(ROOT / "config/volts.yaml").bench, "K1: {min: 1 V/g}")
+    assert "place 'a' is for units with one channel; a voltmeter reads one channel, not six simultaneously" in reported
 
 
 def test_rates_that_are_sent_need_a_clock_of_which_something_is_known(tmp_path):
     site = BENCH.site.model_copy(update={"host_clock": None})
-    (told,) = remarks_of(tmp_path, BENCH.model_copy(update={"site": site}))
-    assert "for place 'a' the bench file does not state the uncertainty of that clock. Add it under site" in told
+    (reported,) = remarks_of(tmp_path, BENCH.model_copy(update={"site": site}))
+    assert "for place 'a' the bench file does not state the uncertainty of that clock. Add it under site" in reported
 
 
 def test_limits_are_in_the_unit_that_is_sent(tmp_path):
-    (told,) = remarks_of(tmp_path, BENCH, "K1: {min: 1 pulse/s/g}")
-    assert "expected a quantity in code/g" in told
+    (reported,) = remarks_of(tmp_path, BENCH, "K1: {min: 1 pulse/s/g}")
+    assert "expected a quantity in code/g" in reported

@@ -37,12 +37,12 @@ AS_ANOTHER = """
 import os, sys
 from datetime import UTC, datetime
 from pathlib import Path
-from bench.app.register import Register
+from bench.app.beginning import Register
 from bench.config.bench import load_bench
 from bench.store.energised import energised, note_energised, note_safe, record_made_safe
 from bench.store.lockout import lift, lock_out, locked_out, lockouts
 from bench.store.machine_state import append_record, problem_to_read, problem_to_write
-from bench.store.unsafe import keep_unsafe, kept_unsafe
+from bench.store.unsafe import write_unsafe, read_unsafe
 loaded = load_bench(Path("config/simulated_wires.yaml"))
 AT, SUPPLY = datetime(2026, 1, 1, tzinfo=UTC), "tcp://10.0.0.1:5025"
 user, group = map(int, sys.argv[1:])
@@ -119,9 +119,9 @@ def test_a_lockout_of_one_user_holds_and_is_lifted_by_another(machine):
 @pytest.mark.lengthy
 @as_root
 def test_what_was_not_made_safe_and_how_benches_were_made_safe_is_of_all_users(machine):
-    by(ALICE, "keep_unsafe(Path('/runs/a'), AT, {'supply': 'no answer'}, {})")
-    by(BOB, "keep_unsafe(Path('/bob/a'), AT, {'source': 'no answer'}, {})")
-    assert by(BOB, "print(kept_unsafe(Path('/runs/a')))") == "{'supply': 'no answer'}"
+    by(ALICE, "write_unsafe(Path('/runs/a'), AT, {'supply': 'no answer'}, {})")
+    by(BOB, "write_unsafe(Path('/bob/a'), AT, {'source': 'no answer'}, {})")
+    assert by(BOB, "print(read_unsafe(Path('/runs/a')))") == "{'supply': 'no answer'}"
     by(ALICE, "record_made_safe(Path('/b.yaml'), AT, [])")
     by(BOB, "record_made_safe(Path('/b.yaml'), AT, [])")
     assert len((machine / "made_safe.jsonl").read_text("utf-8").splitlines()) == 2
@@ -145,10 +145,10 @@ def test_who_is_not_of_the_group_reads_that_and_does_not_pass_for_knowing(machin
     assert "join its group" in by(ALICE, "print(problem_to_write())", group=OTHERS)
     by(BOB, "lock_out(Path('/b.yaml'), AT, 'Bob', 'the coil', {'supply': SUPPLY})")
     assert "is not known" in by(ALICE, "print(locked_out([SUPPLY]))", group=OTHERS)
-    told = by(ALICE, "note_energised(Path('/runs/a'), Path('/b.yaml'), AT, {'supply': SUPPLY})\n"
+    reported = by(ALICE, "note_energised(Path('/runs/a'), Path('/b.yaml'), AT, {'supply': SUPPLY})\n"
                      "print([each.name for each in energised(print)])", group=OTHERS)  # fmt: skip
-    assert "what runs of other users have left on is not known" in told
-    assert told.endswith("['a']")  # its own folder has it
+    assert "what runs of other users have left on is not known" in reported
+    assert reported.endswith("['a']")  # its own folder has it
     assert left() == []
 
 
@@ -161,9 +161,9 @@ def test_who_may_only_read_is_held_back_by_a_lockout_and_told_that_its_own_recor
     assert by(ALICE, "print(problem_to_read())", group=OTHERS) == ""
     assert "may not write to" in by(ALICE, "print(problem_to_write())", group=OTHERS)
     assert by(ALICE, "print(locked_out([SUPPLY]))", group=OTHERS).startswith("locked out by Bob")
-    told = by(ALICE, "Register(loaded, Path('/runs/a'), print).begin(AT)", group=OTHERS)
-    assert "may not write to" in told
-    assert "'bench make-safe' of other users does not know of this run" in told
+    reported = by(ALICE, "Register(loaded, Path('/runs/a'), print).begin(AT)", group=OTHERS)
+    assert "may not write to" in reported
+    assert "'bench make-safe' of other users does not know of this run" in reported
 
 
 @as_root
@@ -277,10 +277,10 @@ def test_words_of_others_reach_no_terminal_as_commands(machine):
     (record := machine / "lockouts" / "0.json").touch()
     entry = {"schema": "itb-lockout/1", "bench": "/b", "since": "", "by": "\x1b[2J", "reason": "", "connections": {}}
     record.write_text(json.dumps(entry | {"connections": {"supply": SUPPLY}}), "utf-8")
-    said: list[str] = []
-    list(make_safe(None, said.append, lambda lane: said.append(lane.why)))
-    assert any("not known to be safe" in text for text in said)
-    assert all(text.isprintable() for text in [*said, locked_out([SUPPLY])])
+    message: list[str] = []
+    list(make_safe(None, message.append, lambda lane: message.append(lane.why)))
+    assert any("not known to be safe" in text for text in message)
+    assert all(text.isprintable() for text in [*message, locked_out([SUPPLY])])
 
 
 @as_root
@@ -318,10 +318,10 @@ def test_a_run_of_another_user_that_is_under_way_is_not_made_safe_by_the_service
     bench = on_real_wires(place)
     address = str(energising_addresses(load_bench(bench).bench)["supply"])
     note_energised(Path("/home/alice/no/right/a"), bench, AT, {"supply": address})
-    said: list[str] = []
+    message: list[str] = []
     with address_lock([Address.parse(address)], "a run of smoke"):
-        assert list(make_safe(None, said.append, lambda _: None, if_left_on=True)) == []
-    assert said == []
+        assert list(make_safe(None, message.append, lambda _: None, if_left_on=True)) == []
+    assert message == []
 
 
 def test_preflight_says_whose_register_it_is(machine, monkeypatch):

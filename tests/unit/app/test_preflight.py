@@ -14,7 +14,7 @@ from bench.app.preflight import preflight, rehearsal_key
 from bench.app.request import PreparedRun, RunRequest, prepare
 from bench.clock import wall_utc
 from bench.runner import alert as alert_module
-from bench.runner.alert import alert, route
+from bench.runner.alert import alert, program_id
 from bench.store.tried import TRIED, last_tried, note_tried
 from bench.store.user_state import state_folder
 from tests.support.runs import ROOT
@@ -98,13 +98,15 @@ def test_an_alert_counts_for_a_day_and_for_its_program(tmp_path):
     bench = wires_with(tmp_path, more="alert: {exec: [/bin/true]}\n")
     run = prepared(tmp_path, "{wait: 1 s}", bench=bench)
     assert "tried never" in module._alert(run).text
-    note_tried("alert", route(["/bin/true", "--other"]))
+    note_tried("alert", program_id(["/bin/true", "--other"]))
     assert module._alert(run).state == "NO"
-    note_tried("alert", route(["/bin/true"]))
+    note_tried("alert", program_id(["/bin/true"]))
     assert module._alert(run).state == "ok"
     path = state_folder() / TRIED
     old = (wall_utc() - dt.timedelta(hours=25)).isoformat(timespec="seconds")
-    path.write_text(json.dumps({"what": "alert", "key": route(["/bin/true"]), "at": old}) + "\nnonsense\n[]\n", "utf-8")
+    path.write_text(
+        json.dumps({"what": "alert", "key": program_id(["/bin/true"]), "at": old}) + "\nnonsense\n[]\n", "utf-8"
+    )
     assert "not within 24 h" in module._alert(run).text
     assert "names no program" in module._alert(prepared(tmp_path, "{wait: 1 s}")).text
 

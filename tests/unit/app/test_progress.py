@@ -57,10 +57,10 @@ def test_a_held_run_says_who_holds_it_until_it_goes_on(shown):
     assert "HELD" not in shown.line(80)
 
 
-@pytest.mark.parametrize(("later_s", "told"), [(600, "01:10"), (23.5 * 3600, "Sat 00:30")])
-def test_the_end_is_by_the_clock_of_the_bench_with_the_day_when_it_is_another(later_s, told):
+@pytest.mark.parametrize(("later_s", "reported"), [(600, "01:10"), (23.5 * 3600, "Sat 00:30")])
+def test_the_end_is_by_the_clock_of_the_bench_with_the_day_when_it_is_another(later_s, reported):
     now = datetime(2026, 1, 2, 0, 0, tzinfo=UTC)  # 01:00 on Friday in Berlin
-    assert _day_and_time(now, later_s, "Europe/Berlin") == told
+    assert _day_and_time(now, later_s, "Europe/Berlin") == reported
 
 
 def test_what_is_invalid_or_stale_is_shown_first_and_without_a_number(shown):

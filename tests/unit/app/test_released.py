@@ -23,9 +23,9 @@ def given(tmp_path):
     return calibration
 
 
-def request(*calibrations, sequence="imu_start_up", bench="imu", **wishes):
+def request(*calibrations, sequence="imu_start_up", bench="imu", **options):
     return RunRequest(
-        sequence, bench=str(ROOT / f"config/{bench}.yaml"), calibrations=calibrations, preset="quick", **wishes
+        sequence, bench=str(ROOT / f"config/{bench}.yaml"), calibrations=calibrations, preset="quick", **options
     )
 
 
@@ -62,9 +62,9 @@ def test_that_of_another_unit_is_refused(given):
 @pytest.mark.parametrize(("temperature", "warm"), [("-18 °C", "-13 °C"), ("52 °C", "57 °C")])
 def test_temperatures_that_it_is_not_known_at_are_refused_where_they_stand(temperature, warm):
     (problem,) = problems(request(str(SHIPPED), settings=(f"temperatures=[15 °C, {temperature}]",)))
-    place, _, told = problem.partition(": ")
+    place, _, reported = problem.partition(": ")
     assert place.rsplit(":", 2)[0].endswith("imu_start_up.yaml")
-    assert told == (
+    assert reported == (
         f"at {temperature} the unit in place 'a' goes from {temperature} to about {warm}, but its calibration "
         "imu_calibration.json is valid from -14.96 °C to 54.92 °C. Choose temperatures in this range, or calibrate "
         "the unit over a wider one"
@@ -83,15 +83,15 @@ def test_one_of_a_unit_that_did_not_pass_is_told(given):
 
 
 @pytest.mark.parametrize(
-    ("calibrations", "told"),
+    ("calibrations", "reported"),
     [
         (("none.json",), "none.json"),
         (("b=none.json",), "the bench has no place 'b'"),
         ((f"a={ROOT / 'config/imu.yaml'}",), "imu.yaml: line 1, column 1"),
     ],
 )
-def test_what_cannot_be_read_or_belongs_nowhere_is_told(calibrations, told):
-    assert any(told in problem for problem in problems(request(*calibrations)))
+def test_what_cannot_be_read_or_belongs_nowhere_is_told(calibrations, reported):
+    assert any(reported in problem for problem in problems(request(*calibrations)))
 
 
 def test_a_channel_that_it_lacks_is_told(given):

@@ -18,7 +18,7 @@ from bench.config.document import read_document
 from bench.config.schema import scenario_schema
 from bench.errors import InputError
 from drivers.description import known_drivers
-from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, mishaps_of
+from simulators.faults.instrument_faults import LINE_FAULTS, FaultKind, FaultPlan, fault_effects_of
 from simulators.faults.line_faults import LineFault
 from simulators.physics.thermal import DOOR_SHARE, ChamberPhysics, Thermal
 from tests.support.laboratory import Laboratory
@@ -29,11 +29,11 @@ SHIPPED = sorted((ROOT / "config/scenarios").glob("*.yaml"))
 HEAD = "schema: itb-scenario/1\ntitle: A test\nfaults:\n"
 
 
-def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **wishes: object) -> list[str]:
+def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **options: object) -> list[str]:
     path = tmp_path / "s.yaml"
     path.write_text(HEAD + "".join(f"  - {fault}\n" for fault in faults), "utf-8")
     with pytest.raises(InputError) as caught:
-        prepare(RunRequest("smoke", bench=bench, scenario=path, **wishes))  # type: ignore[arg-type]  # of a test
+        prepare(RunRequest("smoke", bench=bench, scenario=path, **options))  # type: ignore[arg-type]  # of a test
     return [problem.replace(f"{tmp_path}/", "") for problem in caught.value.problems]
 
 
@@ -61,8 +61,8 @@ def problems(tmp_path: Path, *faults: str, bench: str = BENCH, **wishes: object)
     ],
 )
 def test_what_is_wrong_is_told_at_its_place(tmp_path, fault, problem):
-    (told,) = problems(tmp_path, fault)
-    assert told.startswith(f"s.yaml:{problem}")
+    (reported,) = problems(tmp_path, fault)
+    assert reported.startswith(f"s.yaml:{problem}")
 
 
 def test_the_same_is_told_of_a_bench_file(tmp_path):
@@ -78,8 +78,8 @@ def test_the_same_is_told_of_a_bench_file(tmp_path):
 
 def test_on_real_connections_nothing_is_broken(tmp_path):
     wires = str(ROOT / "config/simulated_wires.yaml")
-    told = problems(tmp_path, "{at: 5 s, device: head, fault: stuck}", bench=wires, units=("Q",))
-    assert "this bench has real connections; faults can be injected only into simulators" in told[0]
+    reported = problems(tmp_path, "{at: 5 s, device: head, fault: stuck}", bench=wires, units=("Q",))
+    assert "this bench has real connections; faults can be injected only into simulators" in reported[0]
 
 
 def test_instruments_that_are_only_served_have_no_steps(tmp_path):
@@ -118,7 +118,7 @@ def test_documents_and_simulators_have_one_list_of_kinds():
 def test_every_simulator_says_what_can_happen_to_it():
     for driver in known_drivers().values():
         simulator = simulator_of(driver)
-        assert simulator is None or mishaps_of(simulator), driver.name
+        assert simulator is None or fault_effects_of(simulator), driver.name
 
 
 def test_a_fault_is_there_from_its_beginning_to_its_end_and_may_come_again():

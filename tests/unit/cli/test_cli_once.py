@@ -19,12 +19,12 @@ def given(argument: Argument) -> list[str]:
 
 
 def test_every_command_gives_its_function_what_that_takes():
-    wishes = set(RunRequest._fields)
+    options = set(RunRequest._fields)
     for command in ALL:
         takes = inspect.signature(command.do).parameters
         gives = {each.parameter for each in command.arguments}
         if "wishes" in takes:
-            gives -= wishes
+            gives -= options
         assert gives == set(takes) - {"wishes"}, command.words
     assert len(COMMANDS) == len(ALL) > 30
 
@@ -59,8 +59,8 @@ def test_every_command_has_help(command: Command):
 
 def test_flags_that_say_the_same_and_options_for_several_may_be_given_again():
     bench = str(ROOT / "config/indexing.yaml")
-    wishes = ("--set", "step=0.1°", "--set", "largest=0.4°")
-    assert invoked("check", "indexing_static", "--bench", bench, "--strict", "--strict", *wishes).returncode == 0
+    options = ("--set", "step=0.1°", "--set", "largest=0.4°")
+    assert invoked("check", "indexing_static", "--bench", bench, "--strict", "--strict", *options).returncode == 0
 
 
 @pytest.mark.parametrize(

@@ -668,7 +668,7 @@ def other_texts(draw):
     return SHIPPED[:at] + new + SHIPPED[after:]
 
 
-def told(read) -> list[str]:
+def reported(read) -> list[str]:
     """The problems that reading a bench raises, none where it is a bench."""
     try:
         assert isinstance(read(), BenchFile)
@@ -689,7 +689,7 @@ def test_a_bench_with_any_part_changed_is_a_bench_or_tells_its_problems(value):
             raise InputError(*found)
         return bench
 
-    found = told(read)
+    found = reported(read)
     assert all(problem.startswith(f"{document.path}:1:1: ") for problem in found)
     assert not any("Input should" in problem for problem in found)
 
@@ -698,6 +698,6 @@ def test_a_bench_with_any_part_changed_is_a_bench_or_tells_its_problems(value):
 @given(text=other_texts())
 def test_a_bench_with_any_piece_of_text_changed_is_a_bench_or_tells_its_problems(folder, text):
     (folder / "b.yaml").write_bytes(text.encode())
-    found = told(lambda: load_bench(folder / "b.yaml").bench)
+    found = reported(lambda: load_bench(folder / "b.yaml").bench)
     assert all(problem.startswith(f"{folder}/b.yaml:") for problem in found)
     assert not any("Input should" in problem for problem in found)

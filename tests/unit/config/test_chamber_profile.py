@@ -70,10 +70,12 @@ def test_what_is_wrong_is_told_at_its_place_in_the_profile(
     assert old in TEXT
     text = TEXT.replace(old, new, 1)
     bench = bench_with(tmp_path, text)
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reported:
         load_bench(bench)
     expected = f"{tmp_path / 'chambers/mine.yaml'}:{place_of(text, at)}: "
-    assert [line for line in told.value.problems if line.startswith(expected) and problem in line], told.value.problems
+    assert [line for line in reported.value.problems if line.startswith(expected) and problem in line], (
+        reported.value.problems
+    )
 
 
 @pytest.mark.parametrize("both", [True, False])

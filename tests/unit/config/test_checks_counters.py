@@ -12,7 +12,7 @@ from drivers.can.dbc_outline import frames_bits
 from tests.support.laboratory import ROOT
 
 
-def told(folder, *edits, dbc=(), name="response"):
+def reported(folder, *edits, dbc=(), name="response"):
     """What is wrong with a bench with a rate table, its text edited; without the file's name."""
     shutil.copytree(ROOT / "config", folder, dirs_exist_ok=True)
     for path, changes in ((folder / f"{name}.yaml", edits), (folder / f"{name}.dbc", dbc)):
@@ -36,7 +36,7 @@ def test_the_longest_frames_are_counted():
 @pytest.mark.parametrize(("bitrate", "period", "share"), [(1_000_000, "1 ms", ""), (500_000, "1 ms", "77 %"),
                                                           (1_000_000, "400 µs", "96 %")])  # fmt: skip
 def test_frames_that_fill_the_bus_are_refused(tmp_path, bitrate, period, share):
-    found = told(tmp_path, ("bitrate=1000000", f"bitrate={bitrate}"), ("period: 1 ms", f"period: {period}"))
+    found = reported(tmp_path, ("bitrate=1000000", f"bitrate={bitrate}"), ("period: 1 ms", f"period: {period}"))
     if share in ("", "77 %"):
         assert found == []
     else:
@@ -47,18 +47,18 @@ def test_frames_that_fill_the_bus_are_refused(tmp_path, bitrate, period, share):
 
 
 def test_a_bus_whose_bit_rate_is_not_told_is_not_judged(tmp_path):
-    assert told(tmp_path, ("?bitrate=1000000", ""), ("period: 1 ms", "period: 400 µs")) == []
+    assert reported(tmp_path, ("?bitrate=1000000", ""), ("period: 1 ms", "period: 400 µs")) == []
 
 
 def test_an_encoder_is_that_of_an_axis(tmp_path):
-    (problem,) = told(tmp_path, ("        table: {position", "        tabel: {position"))
+    (problem,) = reported(tmp_path, ("        table: {position", "        tabel: {position"))
     assert problem == "'tabel' drives no axis of the fixture; did you mean 'table'?"
 
 
 def test_an_encoder_must_not_come_half_round_between_two_latches(tmp_path):
     short = ("Position : 0|32@1+", "Position : 0|16@1+")
-    assert told(tmp_path / "short", dbc=(short,)) == []  # 2160 °/s are 21600 counts in 1 ms
-    (problem,) = told(tmp_path / "shorter", dbc=((short[0], short[1].replace("16@", "15@")),))
+    assert reported(tmp_path / "short", dbc=(short,)) == []  # 2160 °/s are 21600 counts in 1 ms
+    (problem,) = reported(tmp_path / "shorter", dbc=((short[0], short[1].replace("16@", "15@")),))
     assert problem == (
         "its signal has 15 bits; at 2160 °/s it counts 21600 in a period, half its range or more: shorten the "
         "period, or use a longer signal"
@@ -66,7 +66,7 @@ def test_an_encoder_must_not_come_half_round_between_two_latches(tmp_path):
 
 
 def test_a_signal_of_an_encoder_is_in_the_dbc(tmp_path):
-    (problem,) = told(tmp_path, ("position: Encoder.Position", "position: Encoder.Positoin"))
+    (problem,) = reported(tmp_path, ("position: Encoder.Position", "position: Encoder.Positoin"))
     assert problem == "position: response.dbc has no signal 'Encoder.Positoin'; did you mean 'Encoder.Position'?"
 
 
@@ -74,19 +74,21 @@ TELEMETRY = "table_telemetry"
 
 
 def test_the_encoder_is_on_the_bus_of_the_samples(tmp_path):
-    (problem,) = told(tmp_path, ("telemetry?bitrate=1000000", "telemetry?bitrate=250000"), name=TELEMETRY)
+    (problem,) = reported(tmp_path, ("telemetry?bitrate=1000000", "telemetry?bitrate=250000"), name=TELEMETRY)
     assert problem.startswith("its frames take up to 250000 bit/s, 100 % of the bus")
 
 
 def test_an_encoder_latched_with_samples_is_that_of_an_axis_and_of_a_channel(tmp_path):
-    (problem,) = told(tmp_path / "axis", ("        table: {position", "        tabel: {position"), name=TELEMETRY)
+    (problem,) = reported(tmp_path / "axis", ("        table: {position", "        tabel: {position"), name=TELEMETRY)
     assert problem == "'tabel' drives no axis of the fixture; did you mean 'table'?"
-    (problem,) = told(tmp_path / "channel", ("channel: x}", "channel: y}"), name=TELEMETRY)
+    (problem,) = reported(tmp_path / "channel", ("channel: x}", "channel: y}"), name=TELEMETRY)
     assert problem == "channel: there is no channel 'y'"
-    (problem,) = told(tmp_path / "signal", ("position: Encoder.Position", "position: Encoder.Positoin"), name=TELEMETRY)
+    (problem,) = reported(
+        tmp_path / "signal", ("position: Encoder.Position", "position: Encoder.Positoin"), name=TELEMETRY
+    )
     assert problem.endswith("has no signal 'Encoder.Positoin'; did you mean 'Encoder.Position'?")
     short = ("Position : 0|32@1+", "Position : 0|15@1+")
-    (problem,) = told(tmp_path / "short", dbc=(short,), name=TELEMETRY)
+    (problem,) = reported(tmp_path / "short", dbc=(short,), name=TELEMETRY)
     assert problem.startswith("its signal has 15 bits; at 2160 °/s it counts 21600 in a period, half its range")
 
 

@@ -14,9 +14,8 @@ from bench.config.document import parse_document
 from bench.config.interlocks import AgeInterlock, DifferenceInterlock, RateInterlock, ReadingInterlock
 from bench.config.schema import bench_schema
 from bench.errors import InputError
-from bench.sequence.load import load_plan
 from drivers.quantity.quantities import parse
-from tests.support.sequences import plan_of, problems_of, steps
+from tests.support.sequences import load_plan, plan_of, problems_of, steps
 
 CONFIG = Path(__file__).parents[3] / "config"
 SHIPPED = (CONFIG / "simulated.yaml").read_text(encoding="utf-8")

@@ -18,10 +18,10 @@ from bench.config.models import BenchFile
 from bench.config.schema import bench_schema
 from bench.errors import InputError
 from bench.sequence.document.schema import sequence_schema
-from bench.sequence.load import load_plan
 from bench.sequence.steps.verbs import BLOCKS
 from drivers.quantity.quantities import parse
 from drivers.schema.fields import UNIT_KEYWORD
+from tests.support.sequences import load_plan
 
 ROOT = Path(__file__).parents[3]
 BENCH = load_bench(ROOT / "config/simulated.yaml").bench

@@ -87,10 +87,12 @@ def test_what_is_wrong_is_told_at_its_place_in_the_profile(
     if not problem:
         load_file(path, FrameProfile)
         return
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reported:
         load_file(path, FrameProfile)
     expected = f"{path}:{place_of(text, at)}: " if at else f"{path}:"
-    assert [line for line in told.value.problems if line.startswith(expected) and problem in line], told.value.problems
+    assert [line for line in reported.value.problems if line.startswith(expected) and problem in line], (
+        reported.value.problems
+    )
 
 
 @pytest.mark.parametrize(

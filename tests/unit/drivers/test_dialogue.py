@@ -10,7 +10,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import BadAnswer, CannotConnect, LinkLost, NoAnswer
 from drivers.transport.address import Address
 from drivers.transport.dialogue import Dialogue, safe_in_time
-from drivers.transport.exchange import LineExchange, Proof
+from drivers.transport.exchange import LineExchange, SyncQuery
 from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, MemoryTransport, join
 
@@ -55,7 +55,7 @@ def check(line: bytes) -> None:
 
 
 def a_dialogue(wires: Echoes, address: str = "tcp://127.0.0.1:5025") -> Dialogue:
-    return Dialogue("echo", wires, Address.parse(address), Proof(b"who?", check))
+    return Dialogue("echo", wires, Address.parse(address), SyncQuery(b"who?", check))
 
 
 def now_s() -> float:
@@ -76,7 +76,7 @@ def test_opening_asks_for_the_proof() -> None:
         await dialogue.open()
         assert wires.opened[0].heard == [b"who?\n"]
         assert now_s() < 0.1
-        assert await dialogue.line.ask(b"what?", bytes) == b"what?"
+        assert await dialogue.line.query(b"what?", bytes) == b"what?"
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
@@ -88,7 +88,7 @@ def test_a_serial_line_is_drained_before_its_first_question() -> None:
         dialogue = a_dialogue(wires, "serial:///dev/ttyUSB0?baud=9600")
         await dialogue.open()
         assert now_s() > 1.5
-        assert await dialogue.line.ask(b"what?", bytes) == b"what?"
+        assert await dialogue.line.query(b"what?", bytes) == b"what?"
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
@@ -153,11 +153,11 @@ def test_a_question_connects_again_after_a_lost_wire_and_says_so() -> None:
 
     async def main() -> None:
         address = Address.parse("tcp://127.0.0.1:5025")
-        dialogue = Dialogue("echo", wires, address, Proof(b"who?", check), note=notes.append)
+        dialogue = Dialogue("echo", wires, address, SyncQuery(b"who?", check), note=notes.append)
         await dialogue.open()
         wires.opened[-1].transport.abort()
         await asyncio.sleep(1.0)
-        assert await dialogue.ask(b"what?", bytes) == b"what?"
+        assert await dialogue.query(b"what?", bytes) == b"what?"
         assert wires.opened[-1].heard == [b"who?\n", b"what?\n"]
         dialogue.close()
 
@@ -176,14 +176,14 @@ def test_a_command_does_not_connect_again() -> None:
         wires.opened[-1].transport.abort()
         await asyncio.sleep(1.0)
         with pytest.raises(LinkLost):
-            await dialogue.order(b"move!", bytes)
+            await dialogue.send_command(b"move!", bytes)
         assert len(wires.opened) == 1
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
 
 def test_attempts_to_connect_again_come_after_longer_and_longer_pauses() -> None:
-    wires, attempts_s, told = Moody(), list[float](), set[str]()
+    wires, attempts_s, reported = Moody(), list[float](), set[str]()
 
     async def main() -> None:
         dialogue = a_dialogue(wires)
@@ -193,22 +193,22 @@ def test_attempts_to_connect_again_come_after_longer_and_longer_pauses() -> None
         wires.refuses, began_s = True, now_s()
         for _ in range(2000):
             try:
-                await dialogue.ask(b"what?", bytes)
+                await dialogue.query(b"what?", bytes)
             except CannotConnect:
                 attempts_s.append(round(now_s() - began_s, 1))
             except LinkLost as problem:
-                told.add(str(problem).partition("is in")[0])
+                reported.add(str(problem).partition("is in")[0])
             await asyncio.sleep(0.1)
         wires.refuses = False
         await asyncio.sleep(30.0)
-        assert await dialogue.ask(b"what?", bytes) == b"what?"
+        assert await dialogue.query(b"what?", bytes) == b"what?"
         dialogue.close()
 
     run(main(), AS_FAST_AS_POSSIBLE)
     pauses_s = [after - before for before, after in pairwise(attempts_s)]
     assert pauses_s == pytest.approx([1, 2, 4, 8, 16, 30, 30, 30, 30, 30][: len(pauses_s)], abs=0.15)
     assert len(pauses_s) > 7
-    assert told == {"echo: is not connected; the next attempt "}
+    assert reported == {"echo: is not connected; the next attempt "}
 
 
 def test_a_connection_that_is_open_at_one_end_only_is_given_up_and_made_anew() -> None:
@@ -219,8 +219,8 @@ def test_a_connection_that_is_open_at_one_end_only_is_given_up_and_made_anew() -
         await dialogue.open()
         wires.opened[-1].transport.write = lambda _data: None
         with pytest.raises(NoAnswer, match=r"sent 'what\?'"):  # the question, then the proof on the same wire
-            await dialogue.ask(b"what?", bytes)
-        assert await dialogue.ask(b"what?", bytes) == b"what?"
+            await dialogue.query(b"what?", bytes)
+        assert await dialogue.query(b"what?", bytes) == b"what?"
         assert len(wires.opened) == 2
         dialogue.close()
 
@@ -236,7 +236,7 @@ def test_a_port_has_no_other_end_and_is_kept() -> None:
         wires.opened[-1].transport.write = lambda _data: None
         for _ in range(4):
             with pytest.raises(NoAnswer):
-                await dialogue.ask(b"what?", bytes)
+                await dialogue.query(b"what?", bytes)
         assert len(wires.opened) == 1
         dialogue.close()
 

@@ -6,7 +6,7 @@ import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import BadAnswer, DriverError, LinkLost, NoAnswer, Refused, WrongIdentity
-from drivers.transport.exchange import ANSWER_LIMIT_BYTES, LineExchange, Pace, Proof
+from drivers.transport.exchange import ANSWER_LIMIT_BYTES, LineExchange, Pace, SyncQuery
 from drivers.transport.memory import Line, join
 from tests.support.oracle import (
     LINE,
@@ -45,7 +45,7 @@ def test_an_answer_may_come_split_at_every_byte(end: bytes) -> None:
     async def main() -> None:
         answer = b"4007" + end
         for cut in range(len(answer) + 1):
-            line = LineExchange("oracle", Proof(WHO, check_name), end=end, pace=PACE)
+            line = LineExchange("oracle", SyncQuery(WHO, check_name), end=end, pace=PACE)
 
             class Slow(asyncio.Protocol):
                 def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -67,7 +67,7 @@ def test_an_answer_may_come_split_at_every_byte(end: bytes) -> None:
 @pytest.mark.parametrize("answer", [b"4007\n", b""], ids=["answers", "is silent"])
 def test_the_time_for_an_answer_runs_from_the_question_however_it_travels(line: Line, answer: bytes) -> None:
     async def main() -> None:
-        exchange = LineExchange("oracle", Proof(WHO, check_name), pace=Pace(answer_s=1.0))
+        exchange = LineExchange("oracle", SyncQuery(WHO, check_name), pace=Pace(answer_s=1.0))
         oracle = Oracle(lambda oracle, _question, _truth: oracle.transport.write(answer))
         join(exchange, oracle, line, "oracle")
         with pytest.raises(NoAnswer, match="no answer within 1 s"):
@@ -96,10 +96,10 @@ def test_an_answer_that_is_no_line_is_found_by_its_framing() -> None:
                 self.transport.write(part)
 
     async def main() -> None:
-        line = LineExchange("oracle", Proof(WHO, check_name), framing=counted, pace=PACE)
+        line = LineExchange("oracle", SyncQuery(WHO, check_name), framing=counted, pace=PACE)
         join(line, Counting(), LINE, "oracle")
-        assert await line.ask(b"4", bytes) == b"\x0540\n07"
-        assert await line.ask(b"4", bytes) == b"\x0540\n07"
+        assert await line.query(b"4", bytes) == b"\x0540\n07"
+        assert await line.query(b"4", bytes) == b"\x0540\n07"
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
@@ -115,13 +115,13 @@ def test_a_command_that_is_no_line_is_wrapped_and_told_as_it_was_given() -> None
             self.transport.write(b"oracle\n" if b"who" in data else b"forty\n")
 
     async def main() -> None:
-        proof = Proof(b"who?", lambda _: None)
+        proof = SyncQuery(b"who?", lambda _: None)
         line = LineExchange("oracle", proof, wrap=lambda command: b"\x02" + command + b"\x03", pace=PACE)
         join(line, Framed(), LINE, "oracle")
-        assert await line.ask(b"4", bytes) == b"forty"
+        assert await line.query(b"4", bytes) == b"forty"
         with pytest.raises(BadAnswer, match=r"sent '4'; received 'forty'"):
-            await line.ask(b"4", int)
-        assert await line.ask(b"4", bytes) == b"forty"
+            await line.query(b"4", int)
+        assert await line.query(b"4", bytes) == b"forty"
 
     run(main(), AS_FAST_AS_POSSIBLE)
 
@@ -145,7 +145,7 @@ def test_silence_is_an_error_at_the_deadline_and_tells_what_was_sent() -> None:
             await value(line, 5)
         assert now_s() == pytest.approx(PACE.answer_s)
         with pytest.raises(NoAnswer, match=r"within 0\.5 s"):
-            await line.ask(b"6", read_value, answer_s=0.5)
+            await line.query(b"6", read_value, answer_s=0.5)
 
     talk(use, lambda oracle, question, answer: oracle.say(answer) if question == WHO else None)
 
@@ -173,7 +173,7 @@ def test_an_answer_later_than_the_drain_is_not_taken_for_the_proof() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "error", "received"),
+    ("message", "error", "received"),
     [
         pytest.param(b"5007\n5007\n", BadAnswer, r"'5007' then '5007\n'", id="a duplicate at once"),
         pytest.param(b"5007\nready\n", BadAnswer, r"'5007' then 'ready\n'", id="an extra line"),
@@ -189,7 +189,7 @@ def test_an_answer_later_than_the_drain_is_not_taken_for_the_proof() -> None:
     ],
 )
 def test_what_is_not_one_whole_answer_is_an_error_and_the_next_value_is_right(
-    said: bytes, error: type[DriverError], received: str
+    message: bytes, error: type[DriverError], received: str
 ) -> None:
     async def use(line: LineExchange, oracle: Oracle) -> None:
         with pytest.raises(error, match="sent '5'") as caught:
@@ -198,7 +198,7 @@ def test_what_is_not_one_whole_answer_is_an_error_and_the_next_value_is_right(
         assert await value(line, 6) == 6007
         assert WHO in oracle.heard
 
-    talk(use, once(b"5", lambda oracle, _answer: oracle.say(said)))
+    talk(use, once(b"5", lambda oracle, _answer: oracle.say(message)))
 
 
 def test_a_duplicate_within_the_gap_is_an_error_before_anything_is_sent() -> None:
@@ -264,7 +264,7 @@ def test_a_lost_connection_ends_the_wait_at_once_and_for_good() -> None:
             with pytest.raises(LinkLost):
                 await value(line, 6)
         with pytest.raises(LinkLost):
-            line.cut_in(b"7")
+            line.preempt(b"7")
 
     talk(use, once(b"5", lambda oracle, _answer: oracle.transport.abort()))
 
@@ -281,7 +281,7 @@ def test_a_closed_line_says_who_closed_it() -> None:
 
 def test_before_it_has_a_transport_it_is_not_connected() -> None:
     async def main() -> None:
-        line = LineExchange("oracle", Proof(WHO, check_name))
+        line = LineExchange("oracle", SyncQuery(WHO, check_name))
         line.close()
         with pytest.raises(LinkLost, match="not connected"):
             await value(line, 6)
@@ -296,8 +296,8 @@ def test_before_it_has_a_transport_it_is_not_connected() -> None:
 
 def test_an_order_that_is_not_answered_is_sent_once_and_left_to_the_read_back() -> None:
     async def use(line: LineExchange, oracle: Oracle) -> None:
-        assert await line.order(b"4", read_value) == 4007
-        assert await line.order(b"5", read_value) is None
+        assert await line.send_command(b"4", read_value) == 4007
+        assert await line.send_command(b"5", read_value) is None
         assert await value(line, 6) == 6007
         assert oracle.heard == [b"4", b"5", WHO, b"6"]
 
@@ -309,7 +309,7 @@ def test_an_order_is_not_sent_on_a_line_that_says_something_unasked() -> None:
         oracle.say(b"hello\n")
         await asyncio.sleep(1)
         with pytest.raises(BadAnswer, match="Nothing was sent"):
-            await line.order(b"5", read_value)
+            await line.send_command(b"5", read_value)
         assert oracle.heard == []
 
     talk(use)
@@ -319,7 +319,7 @@ def test_what_cuts_in_goes_out_at_once_ends_the_exchange_under_way_and_fences_th
     async def use(line: LineExchange, oracle: Oracle) -> None:
         asked = asyncio.create_task(value(line, 5))
         await asyncio.sleep(0.1)
-        line.cut_in(b"stop")
+        line.preempt(b"stop")
         with pytest.raises(Refused, match="aborted, the instrument is being made safe"):
             await asked
         assert now_s() == pytest.approx(0.1)
@@ -331,10 +331,10 @@ def test_what_cuts_in_goes_out_at_once_ends_the_exchange_under_way_and_fences_th
 
 def test_what_cuts_in_ends_a_drain_under_way() -> None:
     async def use(line: LineExchange, oracle: Oracle) -> None:
-        line.distrust()
+        line.mark_out_of_sync()
         asked = asyncio.create_task(value(line, 5))
         await asyncio.sleep(0.1)
-        line.cut_in(b"stop")
+        line.preempt(b"stop")
         with pytest.raises(Refused, match="aborted, the instrument"):
             await asked
         assert await value(line, 6) == 6007
@@ -346,9 +346,9 @@ def test_what_cuts_in_ends_a_drain_under_way() -> None:
 def test_an_order_that_waits_while_something_cuts_in_is_not_sent() -> None:
     async def use(line: LineExchange, oracle: Oracle) -> None:
         asked = asyncio.create_task(value(line, 5))
-        ordered = asyncio.create_task(line.order(b"on", read_value))
+        ordered = asyncio.create_task(line.send_command(b"on", read_value))
         await asyncio.sleep(0.1)
-        line.cut_in(b"off")
+        line.preempt(b"off")
         with pytest.raises(Refused, match="aborted, the instrument"):
             await asked
         with pytest.raises(Refused, match="not sent, the instrument is being made safe; sent 'on'"):
@@ -364,7 +364,7 @@ def test_an_answer_that_comes_as_something_cuts_in_does_not_lift_the_fence() -> 
         asked = asyncio.create_task(value(line, 5))
         await asyncio.sleep(0.001)
         line.data_received(b"5007\n")
-        line.cut_in(b"stop")
+        line.preempt(b"stop")
         assert await asked == 5007
         assert await value(line, 6) == 6007
         assert oracle.heard == [b"4", b"5", b"stop", WHO, b"6"]

@@ -8,7 +8,7 @@ import pytest
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.errors import DriverError
 from drivers.transport.exchange import LineExchange
-from drivers.transport.memory import open_memory_stream
+from tests.support.memory_stream import open_memory_stream
 from tests.support.oracle import (
     LINE,
     PACE,

@@ -34,7 +34,7 @@ from drivers.schema.fields import (
     keys_of,
 )
 from drivers.schema.suggest import did_you_mean, nearest
-from drivers.schema.wording import in_words
+from drivers.schema.wording import value_text
 
 Tilt = Annotated[float, InUnit("°", at_least=-30, at_most=30)]
 Axis = Annotated[str, TextLike("[XYZ]", "the name of an axis such as X")]
@@ -278,9 +278,9 @@ def test_a_collection_that_needs_something_in_it_says_so():
 
 
 def test_a_long_text_is_shown_without_its_middle_and_a_control_character_as_an_escape():
-    assert in_words("a" * 200) == f"'{'a' * 27}...{'a' * 28}'"
-    assert in_words("a\n\x1b") == "'a\\n\\x1b'"
-    assert in_words(("a",)) == "a list"
+    assert value_text("a" * 200) == f"'{'a' * 27}...{'a' * 28}'"
+    assert value_text("a\n\x1b") == "'a\\n\\x1b'"
+    assert value_text(("a",)) == "a list"
 
 
 # Files

@@ -65,16 +65,16 @@ def check_alike(found: Counts, expected: Counts) -> None:
     warmest=st.integers(1, 5),
     head=st.integers(0, 6),
     tail=st.integers(0, 6),
-    spoilt=st.lists(st.tuples(st.integers(0, 60), st.sampled_from(SPOILT)), max_size=2),
+    damaged=st.lists(st.tuples(st.integers(0, 60), st.sampled_from(SPOILT)), max_size=2),
 )
-@example(latches=6, first=0, warmest=3, head=2, tail=3, spoilt=[])
-@example(latches=3, first=7, warmest=5, head=0, tail=1, spoilt=[(10, "short")])
+@example(latches=6, first=0, warmest=3, head=2, tail=3, damaged=[])
+@example(latches=3, first=7, warmest=5, head=0, tail=1, damaged=[(10, "short")])
 def test_counts_are_the_same(
-    latches: int, first: int, warmest: int, head: int, tail: int, spoilt: list[tuple[int, str]]
+    latches: int, first: int, warmest: int, head: int, tail: int, damaged: list[tuple[int, str]]
 ) -> None:
     rows = night(latches, first, warmest)
     rows = rows[head : len(rows) - tail]
-    for at, how in (each for each in spoilt if each[0] < len(rows)):
+    for at, how in (each for each in damaged if each[0] < len(rows)):
         if how == "drop":
             del rows[at]
         elif how == "short":

@@ -47,4 +47,4 @@ def test_every_visit_ends_from_the_stated_side(approach, start_deg, angles_deg) 
 def test_a_hold_begins_anew_whenever_the_axis_does_not_stand() -> None:
     hold = Hold(2.0)
     looks = [(0.0, True), (1.0, True), (1.5, False), (2.0, True), (3.9, True), (4.0, True)]
-    assert [hold.is_over(at_s, stands=stands) for at_s, stands in looks] == [False] * 5 + [True]
+    assert [hold.is_over(at_s, fulfilled=fulfilled) for at_s, fulfilled in looks] == [False] * 5 + [True]

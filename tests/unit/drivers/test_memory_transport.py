@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.transport.memory import Line, MemoryTransport, join, let_arrive, open_memory_stream
+from drivers.transport.memory import Line, MemoryTransport, join, let_arrive
+from tests.support.memory_stream import open_memory_stream
 
 
 class End(asyncio.Protocol):

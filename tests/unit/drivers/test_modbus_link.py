@@ -348,9 +348,9 @@ def test_nobody_at_the_address_is_told() -> None:
 
 def test_every_error_names_the_device() -> None:
     async def use(wired: Wired) -> None:
-        with pytest.raises(DriverError) as told:
+        with pytest.raises(DriverError) as reported:
             await wired.link.read(27586, 2)
-        assert told.value.device == "chamber"
+        assert reported.value.device == "chamber"
 
     for answer in (None, ANSWER_25_C[:-2], bytes.fromhex("00 01 00 00 00 03 01 83 02")):
         with_server(once(answer), use)

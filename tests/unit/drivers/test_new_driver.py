@@ -8,9 +8,10 @@ import sys
 
 import pytest
 
-from bench.app.new_driver import kinds, write_driver
+from bench.app.new_package import kinds, write_driver
 from bench.errors import InputError
-from drivers.capabilities import CAPABILITIES, THERMOMETER
+from drivers.capabilities import THERMOMETER
+from tests.support.capabilities import CAPABILITIES
 from tests.support.runs import ROOT
 
 LINES = {"wire.py": 120, "driver.py": 150, "simulator.py": 120}
@@ -47,7 +48,7 @@ def test_there_is_a_template_for_each_kind_and_it_is_a_capability():
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "told"),
+    ("name", "kind", "reported"),
     [
         ("My-Oven", "thermal_chamber", "NAME: is 'My-Oven', expected a name"),
         ("watlow_f4", "thermal_chamber", "NAME: there is a driver 'watlow_f4' already; choose another name"),
@@ -57,9 +58,9 @@ def test_there_is_a_template_for_each_kind_and_it_is_a_capability():
         ("there", "thermal_chamber", "there: is there already; choose another name, or remove it first"),
     ],
 )
-def test_what_cannot_be_written_is_told_in_words(tmp_path, name, kind, told):
+def test_what_cannot_be_written_is_told_in_words(tmp_path, name, kind, reported):
     (tmp_path / "there").mkdir()
     with pytest.raises(InputError) as caught:
         write_driver(name, kind, tmp_path)
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["there"]

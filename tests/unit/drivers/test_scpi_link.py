@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from drivers.description import IdentityPin, Nothing, Setup, unheard
+from drivers.description import IdentityPin, Nothing, Setup, ignore_note
 from drivers.errors import LinkLost, Refused, WrongIdentity
 from drivers.transport.address import Address
-from drivers.transport.scpi import ERRORS_AT_MOST, ScpiLink
+from drivers.transport.scpi import MAX_ERRORS, ScpiLink
 from drivers.values import Identity
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.scpi import OUT_OF_RANGE, Interpreter, LineSession, setting
@@ -39,7 +39,7 @@ class Stubborn:
 
 def with_link(
     use: Callable[[ScpiLink, TappedWire, Interpreter], Awaitable[None]], pin: IdentityPin | None = None,
-    note: Callable[[str], object] = unheard, **settings: Any,
+    note: Callable[[str], object] = ignore_note, **settings: Any,
 ) -> None:  # fmt: skip
     async def main() -> None:
         interpreter = an_interpreter(**settings)
@@ -51,7 +51,7 @@ def with_link(
 
 
 def a_link(
-    wire: TappedWire, pin: IdentityPin | None = None, note: Callable[[str], object] = unheard
+    wire: TappedWire, pin: IdentityPin | None = None, note: Callable[[str], object] = ignore_note
 ) -> ScpiLink:  # fmt: skip
     address = Address.parse("tcp://127.0.0.1:5025")
     return ScpiLink(Setup("supply", address, wire, Nothing(), Nothing(), Nothing(), pin or IdentityPin(), note=note))
@@ -81,14 +81,14 @@ def test_a_refused_write_names_every_error_and_leaves_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("known", "asked", "told"),
+    ("known", "asked", "reported"),
     [
         (("STATus:ERRor?",), b":STAT:ERR?", '-222,"Data out of range"'),
         ((), b"*ESR?", '-200,"Execution error, *ESR? is 16"'),
     ],
 )
 def test_an_instrument_that_does_not_know_the_usual_question_for_errors_is_asked_another(
-    known: tuple[str, ...], asked: bytes, told: str
+    known: tuple[str, ...], asked: bytes, reported: str
 ) -> None:
     notes: list[str] = []
 
@@ -97,7 +97,7 @@ def test_an_instrument_that_does_not_know_the_usual_question_for_errors_is_asked
         assert notes[-1] == f"it does not answer :SYST:ERR?; its errors are queried by {asked.decode()}"
         assert all(note.startswith("asked again: ") for note in notes[:-1])
         await link.write("VOLT 5")  # the questions that it did not know are forgotten
-        with pytest.raises(Refused, match=re.escape(f"received {told}.")):
+        with pytest.raises(Refused, match=re.escape(f"received {reported}.")):
             await link.write("VOLT 20")
         wire.drop()
         await asyncio.sleep(1.0)
@@ -137,7 +137,7 @@ def test_an_error_queue_without_end_is_refused() -> None:
         with pytest.raises(Refused, match="does not become empty"):
             await a_link(wire).open()
         await asyncio.sleep(0.1)
-        assert wire.count(b"ERR") == ERRORS_AT_MOST
+        assert wire.count(b"ERR") == MAX_ERRORS
         assert wire.connections[0].transport is not None
         assert wire.connections[0].transport.is_closing()
 

@@ -26,7 +26,7 @@ def test_no_other_user_can_open_a_port_that_is_in_use():
     path = os.ttyname(line)
     os.chmod(path, 0o666)
     with os.fdopen(other_end, "rb", buffering=0), os.fdopen(line, "r+b", buffering=0) as port:
-        if said := opened_by_another_user(path):
-            pytest.skip(f"another user cannot open pseudo-terminals here: {said}")
+        if message := opened_by_another_user(path):
+            pytest.skip(f"another user cannot open pseudo-terminals here: {message}")
         _keep_others_out(port, Address.parse("serial:///dev/ttyS0"))
         assert "busy" in opened_by_another_user(path)

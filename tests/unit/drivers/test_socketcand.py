@@ -157,7 +157,7 @@ def test_a_bus_is_opened_and_its_frames_come() -> None:
 
 
 @pytest.mark.parametrize(
-    ("server", "said"),
+    ("server", "message"),
     [
         (Server(greeting=b""), r"no < hi > within 3 s\. Check"),
         (Server(greeting=b"SSH-2.0-OpenSSH_9.2\r\n"), r"no < hi > within 3 s; received 'SSH-2.0"),
@@ -168,9 +168,9 @@ def test_a_bus_is_opened_and_its_frames_come() -> None:
         (Server(b"< ok >"), r"no < ok > within 3 s; sent '< rawmode >'\. Check"),
     ],
 )
-def test_a_server_that_does_not_open_the_bus_is_told_with_what_it_said(server: Server, said: str) -> None:
+def test_a_server_that_does_not_open_the_bus_is_told_with_what_it_said(server: Server, message: str) -> None:
     async def use() -> None:
-        with pytest.raises(CannotConnect, match=said):
+        with pytest.raises(CannotConnect, match=message):
             await opened(server)
         await asyncio.sleep(1)
         assert server.transport.is_closing()

@@ -1,6 +1,6 @@
 from collections.abc import Sequence
 
-from drivers.kinds.chamber.standstill import STANDSTILL_S, StandstillWatch
+from drivers.kinds.chamber.driver import STANDSTILL_S, StandstillWatch
 
 
 def frozen_after_s(looks: Sequence[tuple[float, float, float]]) -> float | None:

@@ -51,7 +51,7 @@ def channel(source: str = UNIT, bench: BenchFile = BENCH, unit: str = "°C") -> 
     return Channel("it", unit, rule_of(source, unit, bench))
 
 
-def believed(by: Channel, values: Sequence[float], every_s: float = 1.0) -> list[float]:
+def accepted(by: Channel, values: Sequence[float], every_s: float = 1.0) -> list[float]:
     readings = [Reading(every_s * number, value) for number, value in enumerate(values)]
     return [reading.value for reading in by.take(readings, math.inf)[0]]
 
@@ -109,21 +109,21 @@ def test_no_text_on_a_wire_is_read_as_what_is_not_finite(text: str) -> None:
 
 def test_one_bad_reading_is_passed_over_and_two_in_a_row_are_a_fault() -> None:
     by = channel()
-    assert believed(by, [20.0, 320.0, 20.1, math.nan, 20.2]) == [20.0, 20.1, 20.2]
+    assert accepted(by, [20.0, 320.0, 20.1, math.nan, 20.2]) == [20.0, 20.1, 20.2]
     assert by.problem == ""
     by = channel()
-    assert believed(by, [20.0, 320.0, 320.0, 20.1]) == [20.0, 20.1]
+    assert accepted(by, [20.0, 320.0, 320.0, 20.1]) == [20.0, 20.1]
     assert by.problem.startswith(
         "it was read as 320 °C, outside the possible range, and the reading before it was implausible too."
     )
     by = channel()
-    believed(by, [math.nan, math.nan])
+    accepted(by, [math.nan, math.nan])
     assert by.problem.startswith("it was read as not-a-number, and")
 
 
 def test_limits_of_the_bench_file_that_are_wider_make_more_possible(tmp_path: Path) -> None:
     bench = load_bench(copy_bench(tmp_path, ("max: 105 °C}\n    stale", "max: 330 °C}\n    stale"))).bench
-    assert believed(channel(bench=bench), [320.0, 320.1]) == [320.0, 320.1]
+    assert accepted(channel(bench=bench), [320.0, 320.1]) == [320.0, 320.1]
 
 
 # Jumps
@@ -132,33 +132,33 @@ def test_limits_of_the_bench_file_that_are_wider_make_more_possible(tmp_path: Pa
 @pytest.mark.parametrize(("jump_c", "is_believed"), [(5.9, True), (6.1, False), (-6.1, False)])
 def test_a_jump_is_what_the_sensor_cannot_follow(jump_c: float, is_believed: bool) -> None:
     by = channel()
-    assert (believed(by, [20.0, 20.0 + jump_c])[-1] != 20.0) == is_believed
-    (doubted,) = channel().take([Reading(0.0, 20.0), Reading(1.0, 60.0)], 1.0)[1]
-    assert doubted.why == "was read as 60 °C 1 s after 20 °C, faster than it can change"
+    assert (accepted(by, [20.0, 20.0 + jump_c])[-1] != 20.0) == is_believed
+    (rejected,) = channel().take([Reading(0.0, 20.0), Reading(1.0, 60.0)], 1.0)[1]
+    assert rejected.why == "was read as 60 °C 1 s after 20 °C, faster than it can change"
 
 
 def test_after_a_gap_it_may_have_changed_by_as_much_as_the_time_allows() -> None:
-    assert believed(channel(), [20.0, 84.0], every_s=60.0) == [20.0, 84.0]
-    assert believed(channel(), [20.0, 86.0], every_s=60.0) == [20.0]
+    assert accepted(channel(), [20.0, 84.0], every_s=60.0) == [20.0, 84.0]
+    assert accepted(channel(), [20.0, 86.0], every_s=60.0) == [20.0]
 
 
 def test_a_sensor_that_has_come_off_and_reads_the_room_is_a_fault_at_the_second_reading() -> None:
     by = channel(AIR)
-    assert believed(by, [60.0, 22.0, 22.1], every_s=10.0) == [60.0]
+    assert accepted(by, [60.0, 22.0, 22.1], every_s=10.0) == [60.0]
     assert "was read as 22.1 °C 20 s after 60 °C" in by.problem
 
 
 def test_the_bench_file_says_how_steep_it_may_be(tmp_path: Path) -> None:
     bench = with_keys(tmp_path, "steepest: 600 °C/min")
-    assert believed(channel(bench=bench), [20.0, 34.0]) == [20.0, 34.0]
-    assert believed(channel(bench=bench), [20.0, 36.0]) == [20.0]
+    assert accepted(channel(bench=bench), [20.0, 34.0]) == [20.0, 34.0]
+    assert accepted(channel(bench=bench), [20.0, 36.0]) == [20.0]
 
 
 def test_set_points_and_what_is_no_temperature_may_jump_and_stand(tmp_path: Path) -> None:
     for source, unit in ((SET_POINT, "°C"), ("supply.voltage", "V")):
         assert rule_of(source, unit, BENCH) == Rule(stale_after_s=stale_after_s(source, BENCH))
     by = Channel("it", "V", Rule())
-    assert believed(by, [15.0, 0.0, *[0.0] * 20_000]) == [15.0, 0.0, *[0.0] * 20_000]
+    assert accepted(by, [15.0, 0.0, *[0.0] * 20_000]) == [15.0, 0.0, *[0.0] * 20_000]
     assert by.problem == ""
 
 
@@ -167,7 +167,7 @@ def test_set_points_and_what_is_no_temperature_may_jump_and_stand(tmp_path: Path
 
 def standing(bench: BenchFile = BENCH, *, step_c: float = 0.01, hours: float = 1.1, source: str = UNIT) -> str:
     by = channel(source, bench)
-    believed(by, [20.0, 20.0 + step_c, *[20.0] * int(hours * 360)], every_s=10.0)
+    accepted(by, [20.0, 20.0 + step_c, *[20.0] * int(hours * 360)], every_s=10.0)
     return by.problem
 
 
@@ -184,7 +184,7 @@ def test_what_resolves_no_noise_may_stand_still() -> None:
 def test_the_bench_file_says_how_long_it_may_stand_still(tmp_path: Path) -> None:
     bench = with_keys(tmp_path, "changes_within: 2 min")
     by = channel(bench=bench)
-    assert believed(by, [20.0] * 121)
+    assert accepted(by, [20.0] * 121)
     assert by.problem == ""
     by.take([Reading(121.0, 20.0)], 121.0)
     assert "has been constant at 20 °C for 2 min" in by.problem
@@ -198,7 +198,7 @@ def test_a_simulated_thermometer_at_rest_never_stands_for_two_minutes(seed: int)
     random = np.random.default_rng(seed)
     values = np.round(20.0 + 0.005 * random.standard_normal(1000), 2)
     by = Channel("it", "°C", Rule(changes_within_s=120.0))
-    assert len(believed(by, values.tolist())) == 1000
+    assert len(accepted(by, values.tolist())) == 1000
     assert by.problem == ""
 
 
@@ -234,15 +234,15 @@ def watched(folder: Path, key: str, values: Sequence[float], role: str = "counte
 @pytest.mark.parametrize("bad", [math.nan, NAN_PAYLOAD, math.inf, -math.inf, 320.0, 1e300, -273.2, 60.0])
 def test_what_is_not_believed_is_in_the_journal_and_nowhere_else(tmp_path: Path, bad: float) -> None:
     values = [20.0, 20.01, bad, 20.02, bad, 20.0]
-    shown, fault, doubted, kept = watched(tmp_path, "Temperatures.Unit", values)
+    shown, fault, rejected, kept = watched(tmp_path, "Temperatures.Unit", values)
     assert fault is None
     assert (
         kept.tolist()
         == [reading.value for _, reading in shown if isinstance(reading, Valid)]
         == [20.0, 20.01, 20.02, 20.0]
     )
-    assert [event.data["reading"] for event in doubted] == ["unit_temperature"] * 2
-    json.dumps([event.data for event in doubted], allow_nan=False)
+    assert [event.data["reading"] for event in rejected] == ["unit_temperature"] * 2
+    json.dumps([event.data for event in rejected], allow_nan=False)
 
 
 @pytest.mark.parametrize("bad", [math.nan, 320.0, 60.0])
@@ -255,9 +255,9 @@ def test_twice_in_a_row_it_is_a_fault(tmp_path: Path, bad: float) -> None:
 
 
 def test_a_thermometer_that_nobody_has_named_may_be_connected_to_nothing(tmp_path: Path) -> None:
-    _, fault, doubted, _ = watched(tmp_path, "Temperatures.Converter", [320.0] * 50)
+    _, fault, rejected, _ = watched(tmp_path, "Temperatures.Converter", [320.0] * 50)
     assert fault is None
-    assert len(doubted) == 2, "told, and not for ever"
+    assert len(rejected) == 2, "told, and not for ever"
 
 
 @pytest.mark.parametrize("judged", [True, False])

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from bench.engine.journal import Journal
-from bench.engine.questions import Desk, Question
+from bench.engine.questions import PromptQueue, Question
 from bench.engine.state import replayed
 from bench.errors import InputError, StoreError
 from bench.runner.commands import commands_of
@@ -18,10 +18,10 @@ from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
 
 
-def commands(writer: RunWriter, said: list[str]):
+def commands(writer: RunWriter, message: list[str]):
     journal = Journal(writer)
-    engine = SimpleNamespace(journal=journal, desk=Desk(lambda _question: None), resume=lambda: None)
-    return engine, commands_of(engine, SimpleNamespace(newest=dict), said.append, can_pause=True)
+    engine = SimpleNamespace(journal=journal, prompts=PromptQueue(lambda _question: None), resume=lambda: None)
+    return engine, commands_of(engine, SimpleNamespace(newest=dict), message.append, can_pause=True)
 
 
 def test_the_status_has_only_what_is_on_the_disk(tmp_path: Path) -> None:
@@ -31,21 +31,21 @@ def test_the_status_has_only_what_is_on_the_disk(tmp_path: Path) -> None:
         for number in range(32):
             engine.journal.write("step_begins", f"steps/{number}")
             engine.journal.write("step_ended", f"steps/{number}")
-            told = json.loads(await handlers["status"]({}))
+            reported = json.loads(await handlers["status"]({}))
             with RunReader(tmp_path) as reader:
-                assert replayed(reader.events()).done == told["done"] == number + 1
+                assert replayed(reader.events()).done == reported["done"] == number + 1
         writer.close()
 
     asyncio.run(main())
 
 
 def test_what_was_commanded_and_answered_is_on_the_disk_with_who_did_it_and_is_told(tmp_path: Path) -> None:
-    said: list[str] = []
+    message: list[str] = []
 
     async def main() -> None:
         writer = RunWriter(tmp_path)
-        engine, handlers = commands(writer, said)
-        asked = asyncio.create_task(engine.desk.ask(Question("steps/1", "Ready?", ("yes", "no")), 10.0))
+        engine, handlers = commands(writer, message)
+        asked = asyncio.create_task(engine.prompts.ask(Question("steps/1", "Ready?", ("yes", "no")), 10.0))
         await asyncio.sleep(0)
         await handlers["answer"]({"answer": "yes", "by": "A. Person", "user": "anna"})
         await handlers["resume"]({"by": "anna", "user": "anna"})
@@ -58,7 +58,7 @@ def test_what_was_commanded_and_answered_is_on_the_disk_with_who_did_it_and_is_t
         writer.close()
 
     asyncio.run(main())
-    assert said == ["answer by A. Person: answered: Ready?", "resume by anna: the run continues"]
+    assert message == ["answer by A. Person: answered: Ready?", "resume by anna: the run continues"]
 
 
 def test_a_full_disk_is_told_in_place_of_a_status(tmp_path: Path) -> None:

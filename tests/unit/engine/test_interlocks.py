@@ -44,13 +44,13 @@ def changes(interlocks, readings, source=UNIT):
     found = []
     for at_s, value in readings:
         interlocks.take(source, [Valid(at_s, value, 1)])
-        found += [(at_s, change.name, change.tripped) for change in interlocks.look(at_s)]
+        found += [(at_s, change.name, change.tripped) for change in interlocks.evaluate(at_s)]
     return found
 
 
 def texts(interlocks, readings, source=UNIT):
     interlocks.take(source, [Valid(*reading, 1) for reading in readings])
-    return [change.text for change in interlocks.look(readings[-1][0])]
+    return [change.text for change in interlocks.evaluate(readings[-1][0])]
 
 
 def test_who_is_judged_by_age_is_asked_also_while_he_says_nothing():
@@ -109,17 +109,17 @@ def test_a_limit_may_be_below_alone():
 def test_time_alone_trips_nothing_and_lets_nothing_go():
     watch = made(hot=HOT)
     assert changes(watch, [(0, 86)]) == []
-    assert watch.look(1000.0) == (), "one reading does not show that it was hot all the time"
+    assert watch.evaluate(1000.0) == (), "one reading does not show that it was hot all the time"
     assert changes(watch, [(5, 86)]) == [(5, "hot", True)]
     assert changes(watch, [(6, 80)]) == []
-    assert watch.look(1000.0) == ()
+    assert watch.evaluate(1000.0) == ()
 
 
 def test_readings_that_come_together_are_judged_at_their_own_times():
     watch = made(hot=HOT)
     watch.take(UNIT, [Valid(at_s, 86 if 1 <= at_s <= 6 else 80, 1) for at_s in range(11)])
-    assert [(change.tripped, change.since_s) for change in watch.look(11.0)] == [(True, 1), (False, 7)]
-    assert watch.look(11.0) == ()
+    assert [(change.tripped, change.since_s) for change in watch.evaluate(11.0)] == [(True, 1), (False, 7)]
+    assert watch.evaluate(11.0) == ()
 
 
 def test_a_reading_is_the_same_by_its_name_and_by_its_channel():
@@ -170,8 +170,8 @@ def test_it_makes_no_difference_in_which_portions_readings_come(course, cuts):
         one.take(UNIT, [Valid(*reading, 1) for reading in course[begin:end]])
     for reading in course:
         other.take(UNIT, [Valid(*reading, 1)])
-    told, expected = (sorted(watch.look(1e6), key=str) for watch in (one, other))
-    assert told == expected
+    reported, expected = (sorted(watch.evaluate(1e6), key=str) for watch in (one, other))
+    assert reported == expected
 
 
 # A rate
@@ -208,7 +208,7 @@ def test_a_rate_is_in_the_unit_of_its_reading_over_time():
     assert changes(made(x=entry), turning, "head.angle") == []
     watch = made(x={**entry, "above": "0.5 rpm"})
     watch.take("head.angle", [Valid(*reading, 1) for reading in turning])
-    (change,) = watch.look(20.0)
+    (change,) = watch.evaluate(20.0)
     assert "head.angle changes by 35 °/s, allowed is ±3 °/s" in change.text
 
 
@@ -218,7 +218,7 @@ def test_a_rate_is_in_the_unit_of_its_reading_over_time():
 def both(watch, at_s, air_c, set_point_c):
     watch.take(AIR, [Valid(at_s, air_c, 1)])
     watch.take(SET_POINT, [Valid(at_s, set_point_c, 1)])
-    return [(at_s, change.tripped) for change in watch.look(at_s)]
+    return [(at_s, change.tripped) for change in watch.evaluate(at_s)]
 
 
 @pytest.mark.parametrize(("bad_c", "good_c"), [(25.1, 25.0), (14.9, 15.0)])
@@ -237,12 +237,12 @@ def test_a_difference_is_judged_when_both_have_come_not_between():
 def test_a_difference_waits_for_both_and_then_for_either():
     watch = made(astray=ASTRAY)
     watch.take(AIR, [Valid(0, 90.0, 1)])
-    assert watch.look(0.0) == ()
+    assert watch.evaluate(0.0) == ()
     watch.take(SET_POINT, [Valid(5, 20.0, 1)])
-    assert watch.look(5.0) == ()
-    assert watch.look(100.0) == (), "nothing new"
+    assert watch.evaluate(5.0) == ()
+    assert watch.evaluate(100.0) == (), "nothing new"
     watch.take(AIR, [Valid(15, 90.0, 1)])
-    assert [change.since_s for change in watch.look(15.0)] == [5]
+    assert [change.since_s for change in watch.evaluate(15.0)] == [5]
 
 
 def test_a_difference_may_wait_until_the_second_is_at_rest():
@@ -264,30 +264,30 @@ def test_a_difference_may_wait_until_the_second_is_at_rest():
 def test_an_age_trips_by_time_alone_and_is_good_with_the_next_reading():
     watch = made(silent=SILENT)
     watch.take(UNIT, [Valid(100.0, 20.0, 1)])
-    assert [bool(watch.look(now_s)) for now_s in (100.0, 130.0, 130.5, 131.0)] == [False, False, True, False]
+    assert [bool(watch.evaluate(now_s)) for now_s in (100.0, 130.0, 130.5, 131.0)] == [False, False, True, False]
     watch.take(UNIT, [Valid(131.0, 20.0, 1)])
-    (change,) = watch.look(131.5)
+    (change,) = watch.evaluate(131.5)
     assert (change.tripped, change.since_s) == (False, 131.5)
 
 
 def test_a_reading_that_never_came_is_as_old_as_the_watching():
     watch = made(silent={**SILENT, "for": "10 s"})
-    found = [(now_s, change.since_s) for now_s in range(1000, 1060) for change in watch.look(now_s)]
+    found = [(now_s, change.since_s) for now_s in range(1000, 1060) for change in watch.evaluate(now_s)]
     assert found == [(1041, 1031)]
 
 
 def test_a_reading_that_comes_late_is_as_old_as_it_is():
     watch = made(silent=SILENT)
-    watch.look(0.0)
+    watch.evaluate(0.0)
     watch.take(UNIT, [Valid(2.0, 20.0, 1)])
-    assert [change.tripped for change in watch.look(33.0)] == [True]
+    assert [change.tripped for change in watch.evaluate(33.0)] == [True]
 
 
 # What is said
 
 
 @pytest.mark.parametrize(
-    ("entry", "readings", "source", "said"),
+    ("entry", "readings", "source", "message"),
     [
         (
             {**HOT, "then": "stop", "good_for": None}, [(0, 85.5), (6, 86.25)], UNIT,
@@ -316,9 +316,9 @@ def test_a_reading_that_comes_late_is_as_old_as_it_is():
         ),
     ],
 )  # fmt: skip
-def test_it_is_told_what_was_found_what_is_allowed_what_happens_and_what_to_do(entry, readings, source, said):
+def test_it_is_told_what_was_found_what_is_allowed_what_happens_and_what_to_do(entry, readings, source, message):
     entry = {key: value for key, value in entry.items() if value is not None}
-    assert texts(made(x=entry), readings, source) == [said]
+    assert texts(made(x=entry), readings, source) == [message]
 
 
 def test_of_a_difference_both_readings_are_named():
@@ -326,7 +326,7 @@ def test_of_a_difference_both_readings_are_named():
     both(watch, 0, 26.0, 20.0)
     watch.take(AIR, [Valid(1800, 26.5, 2)])
     watch.take(SET_POINT, [Valid(1800, 20.0, 2)])
-    (change,) = watch.look(1800.0)
+    (change,) = watch.evaluate(1800.0)
     assert change.text == (
         "Interlock astray has tripped after 30 min: chamber.process_value and chamber.set_point differ by 6.5 °C, "
         "allowed is at most 5 °C. No further step begins until it has been in range for 5 min. "
@@ -336,8 +336,8 @@ def test_of_a_difference_both_readings_are_named():
 
 def test_of_an_age_the_device_is_named():
     watch = made(silent={**SILENT, "then": "abort"})
-    watch.look(0.0)
-    (change,) = watch.look(31.25)
+    watch.evaluate(0.0)
+    (change,) = watch.evaluate(31.25)
     assert change.text == (
         "Interlock silent has tripped: unit_temperature has had no new value for 31.25 s, allowed is at most 30 s. "
         "Everything is made safe now, without the teardown. Check the sensor, counter, and its cable."
@@ -366,12 +366,12 @@ class Scripted:
 
 def watched(folder, interlocks, duration_s, **devices):
     """What a monitor tells of its interlocks in so much virtual time, and the journal of it."""
-    told = []
+    reported = []
     writer = RunWriter(folder)
 
     async def main():
         monitor = Monitor(Rig(devices), BENCH, interlocks, Journal(writer), lambda name, reading: None)
-        monitor.on_interlock = lambda change: told.append((asyncio.get_running_loop().time(), change))
+        monitor.on_interlock = lambda change: reported.append((asyncio.get_running_loop().time(), change))
         monitor.start()
         await asyncio.sleep(duration_s)
         await monitor.stop()
@@ -382,16 +382,16 @@ def watched(folder, interlocks, duration_s, **devices):
     finally:
         writer.close()
     with RunReader(folder) as reader:
-        return told, [(event.at_s, event.data) for event in reader.events("interlock")]
+        return reported, [(event.at_s, event.data) for event in reader.events("interlock")]
 
 
 def test_a_monitor_gives_its_readings_to_the_interlocks_and_tells_and_records_what_changes(tmp_path):
     polls = [{"Temperatures.Unit": [Reading(at_s, 86.0 if 1 <= at_s <= 7 else 84.0)]} for at_s in range(12)]
-    told, journal = watched(tmp_path, made(hot=HOT), 11.5, counter=Scripted(*polls))
-    assert [(at_s, change.tripped) for at_s, change in told] == [(6.0, True), (11.0, False)]
+    reported, journal = watched(tmp_path, made(hot=HOT), 11.5, counter=Scripted(*polls))
+    assert [(at_s, change.tripped) for at_s, change in reported] == [(6.0, True), (11.0, False)]
     (tripped_s, tripped), (_, good) = journal
     assert (tripped_s, tripped["name"], tripped["action"], tripped["since_s"]) == (6.0, "hot", "pause", 1)
-    assert tripped["text"] == told[0][1].text
+    assert tripped["text"] == reported[0][1].text
     assert (tripped["tripped"], good["tripped"]) == (True, False)
 
 
@@ -403,17 +403,17 @@ def test_no_interlock_trips_on_a_reading_that_is_not_believed(tmp_path):
 
 
 def test_a_monitor_looks_at_ages_while_no_reading_comes(tmp_path):
-    told, _ = watched(tmp_path, made(silent=SILENT), 40.0, counter=Scripted())
-    assert [(at_s, change.name) for at_s, change in told] == [(31.0, "silent")]
+    reported, _ = watched(tmp_path, made(silent=SILENT), 40.0, counter=Scripted())
+    assert [(at_s, change.name) for at_s, change in reported] == [(31.0, "silent")]
 
 
 def test_the_poll_of_any_device_is_a_look(tmp_path):
-    told, _ = watched(tmp_path, made(silent=SILENT), 45.0, source=Scripted())
-    assert [at_s for at_s, _ in told] == [40.0], "the source is asked every 10 s"
+    reported, _ = watched(tmp_path, made(silent=SILENT), 45.0, source=Scripted())
+    assert [at_s for at_s, _ in reported] == [40.0], "the source is asked every 10 s"
 
 
 def test_a_reading_grows_no_older_while_nobody_could_look() -> None:
     watch = made(silent=SILENT)
     watch.take(UNIT, [Valid(0.0, 20.0, 1)])
-    assert watch.look(1000.0, lambda since_s: 1000.0 - since_s) == ()
-    assert [change.tripped for change in watch.look(1000.0)] == [True]
+    assert watch.evaluate(1000.0, lambda since_s: 1000.0 - since_s) == ()
+    assert [change.tripped for change in watch.evaluate(1000.0)] == [True]

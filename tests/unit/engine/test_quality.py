@@ -182,7 +182,7 @@ def test_what_has_tripped_recovers_by_valid_readings_without_a_gap_only() -> Non
 
     def judged(at_s: float, value: float) -> list[bool]:
         watch.take(source, [Valid(at_s, value, 1)])
-        return [change.tripped for change in watch.look(at_s)]
+        return [change.tripped for change in watch.evaluate(at_s)]
 
     assert judged(0, 90.0) == [True]
     assert judged(1, 80.0) == []
@@ -196,7 +196,7 @@ def test_a_rate_over_a_gap_trips_but_does_not_recover() -> None:
 
     def judged(at_s: float, value: float) -> list[bool]:
         watch.take(source, [Valid(at_s, value, 1)])
-        return [change.tripped for change in watch.look(at_s)]
+        return [change.tripped for change in watch.evaluate(at_s)]
 
     assert [found for at_s in range(0, 125, 4) if (found := judged(at_s, at_s / 5))] == [[True]]
     assert judged(1000, 24.2) == [], "the mean rate since 124 s is small, and over a gap"
@@ -211,20 +211,20 @@ def test_a_difference_to_what_is_not_known_is_not_judged(cause) -> None:
         watch = made(astray={"difference": [air, set_point], "above": "5 °C", "then": "pause"})
         watch.take(air, [Valid(0, first_c, 1)])
         watch.take(set_point, [Valid(0, 20.0, 1)])
-        assert [change.tripped for change in watch.look(0)] == now_tripped
+        assert [change.tripped for change in watch.evaluate(0)] == now_tripped
         if cause == "invalid":
-            watch.lapse(set_point)
+            watch.invalidate(set_point)
         at_s = 1.0 if cause == "invalid" else 1000.0
         watch.take(air, [Valid(at_s, then_c, 2)])
-        assert watch.look(at_s) == ()
+        assert watch.evaluate(at_s) == ()
         watch.take(set_point, [Valid(at_s + 1, 20.0, 2)])
-        assert [change.tripped for change in watch.look(at_s + 1)] == [not now_tripped]
+        assert [change.tripped for change in watch.evaluate(at_s + 1)] == [not now_tripped]
 
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_an_age_is_that_of_the_newest_valid_reading(tmp_path, wrong) -> None:
-    told = interlocked(tmp_path, {"silent": SILENT}, WRONG[wrong][0], UNNAMED)
-    assert told == [(40.0, "silent", True)]
+    reported = interlocked(tmp_path, {"silent": SILENT}, WRONG[wrong][0], UNNAMED)
+    assert reported == [(40.0, "silent", True)]
 
 
 @pytest.mark.parametrize("wrong", WRONG)
@@ -238,7 +238,7 @@ def test_no_interlock_trips_on_what_is_wrong(tmp_path, wrong) -> None:
 
 def interlocked(folder: Path, entries: Mapping[str, Any], course: Course, name: str) -> list[tuple[float, str, bool]]:
     """Which interlocks change, and when, while a sensor does as its course."""
-    told: list[tuple[float, str, bool]] = []
+    reported: list[tuple[float, str, bool]] = []
     entries = {key: {k: name if v == NAMED else v for k, v in entry.items()} for key, entry in entries.items()}
     writer = RunWriter(folder)
 
@@ -248,7 +248,7 @@ def interlocked(folder: Path, entries: Mapping[str, Any], course: Course, name: 
             Rig(cast("Any", {"counter": device})), BENCH, made(**entries), Journal(writer), lambda *_: None
         )
         loop = asyncio.get_running_loop()
-        monitor.on_interlock = lambda change: told.append((loop.time(), change.name, change.tripped))
+        monitor.on_interlock = lambda change: reported.append((loop.time(), change.name, change.tripped))
         monitor.start()
         await asyncio.sleep(60.5)
         await monitor.stop()
@@ -258,7 +258,7 @@ def interlocked(folder: Path, entries: Mapping[str, Any], course: Course, name: 
         run(main(), AS_FAST_AS_POSSIBLE)
     finally:
         writer.close()
-    return told
+    return reported
 
 
 # The window of a supply
@@ -441,9 +441,9 @@ def test_mypy_finds_every_use_of_what_is_not_known_to_be_valid(tmp_path) -> None
 
     (tmp_path / "misuse.py").write_text(MISUSE)
     options = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(tmp_path / "cache")]
-    found, said, _ = api.run([*options, str(tmp_path / "misuse.py")])
+    found, message, _ = api.run([*options, str(tmp_path / "misuse.py")])
     wrong = {int(line.split(":")[1]) for line in found.splitlines() if ": error: " in line and "misuse.py" in line}
-    assert wrong == set(range(10, 20)), found + said
+    assert wrong == set(range(10, 20)), found + message
 
 
 def test_the_age_of_a_named_reading_is_that_of_the_bench_file(tmp_path) -> None:

@@ -16,9 +16,9 @@ import bench.engine.crediting as crediting_module
 from bench.app.credited import credit_of
 from bench.app.resume import Resumption
 from bench.config.bench import load_bench
-from bench.engine.credit import Chamber, Held, Instant, Look, NoCredit, Soaked, credit_s, held
-from bench.engine.crediting import Proved, SoakCredit
-from bench.engine.past import past_of, under_way_of
+from bench.engine.credit import Chamber, ChamberReading, GuardedPeriod, Instant, NoCredit, Soaked, credit_s, held
+from bench.engine.crediting import SoakCredit, SoakEvidence
+from bench.engine.past import interrupted_steps, past_of
 from bench.engine.soaked import Record, soaked
 from bench.figures.after_run import last_states
 from bench.quality import Invalid, Stale, Window
@@ -48,8 +48,10 @@ def instant(at_s: float) -> Instant:
     return Instant(BOOT, UP_S + at_s - BEGAN_S, UTC_S + at_s - BEGAN_S)
 
 
-def look(at_s: float = NOW_S, air_c: float = 60.2, set_point_c: float = AT_C, from_safe_c: float = 35.0) -> Look:
-    return Look(instant(at_s), air_c, set_point_c, from_safe_c)
+def look(
+    at_s: float = NOW_S, air_c: float = 60.2, set_point_c: float = AT_C, from_safe_c: float = 35.0
+) -> ChamberReading:
+    return ChamberReading(instant(at_s), air_c, set_point_c, from_safe_c)
 
 
 # The record of the run ------------------------------------------------------------------------------------------------
@@ -244,7 +246,7 @@ def text_of(entries: list[dict[str, Any]]) -> str:
     return "".join(json.dumps(each) + "\n" for each in entries)
 
 
-def credited(folder: Path, text: str | None, now: Look | None = None) -> float:
+def credited(folder: Path, text: str | None, now: ChamberReading | None = None) -> float:
     if text is not None:
         (folder / FOLLOWED).write_text(text, "utf-8")
     before = proved()
@@ -281,7 +283,7 @@ def inserted(index: int, *entries: dict[str, Any]) -> str:
 
 def test_a_chamber_that_was_held_until_the_first_look_gives_all_the_time_since_the_soak_began(tmp_path):
     assert credited(tmp_path, text_of(lines())) == pytest.approx(EXPECTED_S)
-    assert held(lines(), RUN, CHAMBER, proved()) == Held(4, 30.0, look(LOOKS_S[-1]))
+    assert held(lines(), RUN, CHAMBER, proved()) == GuardedPeriod(4, 30.0, look(LOOKS_S[-1]))
 
 
 def test_an_earlier_course_that_was_handed_over_too_takes_nothing_away(tmp_path):
@@ -355,7 +357,7 @@ def test_what_the_guardian_does_not_prove_gives_no_credit(tmp_path, case):
         credited(tmp_path, text)
 
 
-NOWS: dict[str, tuple[Look, str]] = {
+NOWS: dict[str, tuple[ChamberReading, str]] = {
     "resumed late": (look(LOOKS_S[-1] + 61), "nobody read the chamber for 61 s"),
     "resumed before the last look": (look(LOOKS_S[-1] - 1), "contradict"),
     "another boot": (look()._replace(at=instant(NOW_S)._replace(boot="other")), "started again"),
@@ -428,7 +430,7 @@ def given(
     now = SimpleNamespace(timestamp=lambda: instant(NOW_S).utc_s)
     monkeypatch.setattr(crediting_module, "wall_utc", lambda: now)
     before = proved()
-    credit = SoakCredit("steps/soak", claim or Proved(CHAMBER, before, held(lines(), RUN, CHAMBER, before)))
+    credit = SoakCredit("steps/soak", claim or SoakEvidence(CHAMBER, before, held(lines(), RUN, CHAMBER, before)))
     written = Written(window)
 
     async def resumed() -> tuple[float, str]:
@@ -531,7 +533,7 @@ def test_a_soak_under_way_is_found_in_branches_and_passes():
             ("step_ended", "steps/while/pass=1/soak", {}), ("decided", "steps/while/pass=2", {"taken": True}),
             ("step_begins", "steps/while/pass=2/soak", {})]  # fmt: skip
     past = past_of(Event(seq, float(seq), *row) for seq, row in enumerate(rows))
-    assert [each.id for each in under_way_of((branches,), past)] == ["steps/while/pass=2/soak"]
+    assert [each.id for each in interrupted_steps((branches,), past)] == ["steps/while/pass=2/soak"]
 
 
 class Planned(tuple[PlannedStep, ...]):

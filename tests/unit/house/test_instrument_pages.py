@@ -1,6 +1,8 @@
-"""The examples on the pages about instruments are entries of a bench file that can be used as they stand."""
+"""Pages about instruments: one structure, examples that can be used as they stand, errors that the program has."""
 
+import ast
 import re
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,8 @@ PROFILES = {  # each stands for the one that a page names
     ChamberProfile: ROOT / "config/chambers/fictional.yaml", FrameProfile: ROOT / "config/tables/fictional.yaml",
 }  # fmt: skip
 PAGES = sorted(page for page in FOLDER.glob("*.md") if page.stem in known_drivers())
+SECTIONS = ["Wiring and settings", "Bench file", "What the driver does", "Limits", "Errors", "Verification"]
+ERRORS = re.compile(r"^## Errors\n(.*?)(?:^## Verification|\Z)", re.MULTILINE | re.DOTALL)
 EXAMPLE = re.compile(r"^```yaml\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -36,3 +40,31 @@ def test_every_example_is_a_device_of_this_driver(page: Path) -> None:
     for example in examples:
         for device in parse_document(example, page).value.values():
             assert DeviceEntry.model_validate(device, context=context).driver == page.stem
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_page_has_the_same_sections(page: Path) -> None:
+    assert re.findall(r"^## (.*)$", page.read_text("utf-8"), re.MULTILINE) == SECTIONS
+
+
+@lru_cache(maxsize=1)
+def messages() -> str:
+    """Text constants of the drivers, one on each line; a value within an f-string is NUL."""
+    found = []
+    for path in sorted((ROOT / "drivers").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                parts = (part.value if isinstance(part, ast.Constant) else "\0" for part in node.values)
+                found.append("".join(map(str, parts)))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found.append(node.value)
+    return "\n".join(found)
+
+
+@pytest.mark.parametrize("page", [FOLDER / "README.md", *PAGES], ids=lambda page: page.stem)
+def test_every_quoted_error_is_one_of_the_drivers(page: Path) -> None:
+    (section,) = ERRORS.findall(page.read_text("utf-8"))
+    quoted = [each for row in re.findall(r"^\| (.*?) \|", section, re.MULTILINE) for each in re.findall("`(.+?)`", row)]
+    parts = [part.strip(" '°,:") for each in quoted for part in re.split(r"…|\d+ ", each)]
+    assert parts
+    assert [part for part in parts if len(part) > 3 and part not in messages()] == []

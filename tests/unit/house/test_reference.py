@@ -21,13 +21,13 @@ from bench.cli.table import ALL
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.sequence.language import expressions
-from bench.sequence.load import load_plan
 from bench.sequence.steps.custom import StepDescription
 from bench.sequence.steps.verbs import BLOCKS
 from drivers.description import DriverDescription, known_drivers
 from drivers.quantity import units
 from drivers.schema.fields import Celsius, Flag, InUnit, Name, Seconds, StrictModel, WholeNumber
 from tests.support.runs import ROOT
+from tests.support.sequences import load_plan
 
 FOLDER = ROOT / "docs/reference"
 page_text = partial(reference.page_text, commands=ALL)

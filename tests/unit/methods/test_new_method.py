@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from bench.app.new_method import write_method
+from bench.app.new_package import write_method
 from bench.errors import InputError
 
 LINES = {"method.py": 60, "reduction.py": 130, "rules.py": 70, "shown.py": 80, "offline.py": 80, "truth.py": 50}
@@ -41,7 +41,7 @@ def test_what_is_written_is_of_our_standard_under_any_name(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "reported"),
     [
         ("My-Test", "NAME: is 'My-Test', expected a name"),
         ("threshold", "NAME: there is a method 'threshold' already; choose another name"),
@@ -49,9 +49,9 @@ def test_what_is_written_is_of_our_standard_under_any_name(tmp_path, name):
         ("there", "there: is there already; choose another name, or remove it first"),
     ],
 )
-def test_what_cannot_be_written_is_told_in_words(tmp_path, name, told):
+def test_what_cannot_be_written_is_told_in_words(tmp_path, name, reported):
     (tmp_path / "there").mkdir()
     with pytest.raises(InputError) as caught:
         write_method(name, tmp_path)
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["there"]

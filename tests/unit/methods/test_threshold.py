@@ -244,10 +244,12 @@ def test_the_uncertainty_of_a_ratio_is_that_of_repeated_ladders(repeats):
 def test_repeats_that_scatter_more_than_told_raise_the_uncertainty():
     rng = np.random.default_rng(5)
     found = find_threshold(noisy(rng, 1e-6, 12))  # told are 0.2 µg
-    told = find_threshold(noisy(rng, 2e-7, 12))
+    reported = find_threshold(noisy(rng, 2e-7, 12))
     assert found.excess == pytest.approx(5.0, rel=0.25)
     assert found.dof == 44
-    assert found.steps[0].u_ratio == pytest.approx(found.excess * told.steps[0].u_ratio / max(told.excess, 1), rel=1e-2)
+    assert found.steps[0].u_ratio == pytest.approx(
+        found.excess * reported.steps[0].u_ratio / max(reported.excess, 1), rel=1e-2
+    )
 
 
 def test_the_scatter_expected_knows_that_neighbours_share_a_reading():

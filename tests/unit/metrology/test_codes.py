@@ -7,7 +7,7 @@ from bench.metrology.acquisition import Acquisition, Codes, Turned
 from bench.metrology.outputs import NO_CODES, mean_output, outputs_between, steadiness, windows_of
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import (
-    begins_anew,
+    has_restarted,
     hidden_by_steps,
     hidden_from_a_swing,
     mean_code,
@@ -92,9 +92,9 @@ def test_samples_are_as_old_as_the_clock_of_the_unit_says():
 
 def test_without_a_clock_that_can_be_trusted_arrivals_are_all_there_is():
     found = codes(noise(6), ticks=[0, 2000, 4000, 0, 2000, 4000])
-    assert begins_anew(found)
+    assert has_restarted(found)
     assert sampled_at_s(found).tolist() == found.host_s.tolist()
-    assert not begins_anew(codes([1]))
+    assert not has_restarted(codes([1]))
     assert len(sampled_at_s(NO_CODES)) == 0
 
 
@@ -256,8 +256,8 @@ def test_steps_change_a_swing_by_what_is_told(size, sd):
         errors.append(2 * np.mean(samples * np.cos(phase)) - amplitude)
         scatters.append(np.std(samples - exact))
     by_noise = np.sqrt(2 / len(phase)) * np.mean(scatters)
-    (told,) = hidden_from_a_swing(np.array([size]), float(np.mean(scatters)), 1.0)
-    assert 0.6 < np.std(errors) / np.hypot(told, by_noise) < 1.5
+    (reported,) = hidden_from_a_swing(np.array([size]), float(np.mean(scatters)), 1.0)
+    assert 0.6 < np.std(errors) / np.hypot(reported, by_noise) < 1.5
 
 
 def test_thirty_codes_are_enough_and_noise_hides_the_steps():

@@ -99,13 +99,13 @@ def test_the_journal_gives_it_back() -> None:
     assert Missed.of_json(json.loads(json.dumps(asdict(found)))) == found
 
 
-def told(*acquired: Counts) -> list[MissedIn]:
+def reported(*acquired: Counts) -> list[MissedIn]:
     found = [(number, missed_in(each)) for number, each in enumerate(acquired)]
     return [MissedIn(f"steps/{number}", "counter", "x", missed) for number, missed in found if missed is not None]
 
 
 def test_acquisitions_that_are_not_used_are_named() -> None:
-    found = told(counts(0, 1, 3), counts(0, 5))
+    found = reported(counts(0, 1, 3), counts(0, 5))
     with language("en"):
         (line,) = lines(found)
         table, gaps = sheets(found, 0.0)
@@ -119,8 +119,8 @@ def test_acquisitions_that_are_not_used_are_named() -> None:
 
 def test_tables_stay_short() -> None:
     with language("en"):
-        assert len(list(sheets(told(counts(*range(0, 101, 4))), 0.0))) == 1, "not all of its gaps are listed"
-        (table,) = sheets(told(*[counts(0, 2)] * 50), 0.0)
+        assert len(list(sheets(reported(counts(*range(0, 101, 4))), 0.0))) == 1, "not all of its gaps are listed"
+        (table,) = sheets(reported(*[counts(0, 2)] * 50), 0.0)
         assert list(sheets([], 0.0)) == []
     assert len(table.rows) == 40
     assert "10 more are not shown; 'bench export' writes all of them." in table.caption

@@ -10,7 +10,8 @@ from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
 from bench.metrology.orientation import elevation_rad, specific_force_g, unit_axes
 from bench.metrology.run_data import UnitUnderTest
 from simulators.physics import attitude
-from simulators.physics.attitude import EAST, NORTH, SOUTH, UP, Fixture, planar, to_unit
+from simulators.physics.attitude import EAST, NORTH, SOUTH, UP, Fixture, to_unit
+from tests.support.planar import planar
 
 THREE_AXES = {"outer": UP, "middle": NORTH, "inner": EAST}
 

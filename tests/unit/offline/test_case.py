@@ -407,7 +407,7 @@ def test_a_file_that_is_too_large_is_refused(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("csv", "told"),
+    ("csv", "reported"),
     [
         ("\n \n", "data.csv: is empty"),
         ("20,0.1\n21,0.2\n", "line 1: has only numbers; put a line with the names of the columns above it: T_C, U_V"),
@@ -424,8 +424,8 @@ def test_a_file_that_is_too_large_is_refused(tmp_path, monkeypatch):
         ("T_C,U_V\n20,.nan\n", "column U_V: '.nan' is not a number; correct it, or leave the cell blank"),
     ],
 )  # fmt: skip
-def test_what_to_do_about_a_table_is_told(tmp_path, csv, told):
-    assert told in refusal(case(tmp_path, csv=csv))
+def test_what_to_do_about_a_table_is_told(tmp_path, csv, reported):
+    assert reported in refusal(case(tmp_path, csv=csv))
 
 
 def test_an_optional_column_in_other_capitals_is_not_passed_over(tmp_path):

@@ -130,8 +130,8 @@ def test_equal_rows_of_an_inertial_unit_are_told(tmp_path):
     once, twice = pasted_twice(tmp_path, "M2", "")
     assert not any("pasted twice" in note for note in once["notes"])
     rows = len(good_case("M2").records["positions"]["pos"])
-    told = f"positions.csv: rows that are equal to an earlier one in every cell, {rows}; they were not left out"
-    assert any(note.startswith(told) for note in twice["notes"])
+    reported = f"positions.csv: rows that are equal to an earlier one in every cell, {rows}; they were not left out"
+    assert any(note.startswith(reported) for note in twice["notes"])
 
 
 def test_equal_rows_of_two_samples_stay_in_their_places_and_are_told(tmp_path):

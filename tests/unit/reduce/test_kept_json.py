@@ -9,8 +9,8 @@ import pytest
 from bench.errors import BenchError, InputError
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
+from bench.report.revision import examined
 from bench.report.status_text import runs_table, status_lines
-from bench.report.verify import examined
 from bench.report.write import write_report
 from bench.runner.tell import send_command
 from bench.store.manifest_form import WHOLE_MANIFEST

@@ -95,21 +95,21 @@ def test_it_is_told_on_the_command_line(folder, bench_here):
     done = bench_here("reduce", folder)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines()[-1] == f"{folder.name}: 1 of 5 findings changed, PASS"
-    told = json.loads(bench_here("reduce", folder.name, "--runs", folder.parent, "--json").stdout)
-    assert told["verdict"] == {"before": "PASS", "now": "PASS"}
-    assert [(change["id"], change["before"]["value"]) for change in told["changes"]] == [(K0, 0.0)]
+    reported = json.loads(bench_here("reduce", folder.name, "--runs", folder.parent, "--json").stdout)
+    assert reported["verdict"] == {"before": "PASS", "now": "PASS"}
+    assert [(change["id"], change["before"]["value"]) for change in reported["changes"]] == [(K0, 0.0)]
     assert {name: (folder / name).stat().st_mtime_ns for name in before} == before
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (("case.json",), "give --out DIR to write result.json, or --json to print it"),
         (("last", "--out", "there"), "'bench report last --format json' writes the results of a run"),
         (("last",), "there is no run yet"),
     ],
 )
-def test_what_is_missing_is_told(tmp_path, bench_here, arguments, told):
+def test_what_is_missing_is_told(tmp_path, bench_here, arguments, reported):
     done = bench_here("reduce", *arguments, cwd=tmp_path)
     assert done.returncode == 2
-    assert told in done.stderr
+    assert reported in done.stderr

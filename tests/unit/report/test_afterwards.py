@@ -58,9 +58,9 @@ LATE = {"event": "not_arrived", "why": "the air does not approach", "air_c": 60.
 
 def test_a_look_that_failed_is_no_end_of_a_hold(run):
     unseen = {"event": "not_seen", "why": "it does not answer"}
-    told = after(written(run, {"event": "held", "set_point_c": 60.0, "air_c": 59.8}, unseen, COMMANDED))
-    assert "was held until" not in told
-    assert "the safe set point was commanded" in told
+    reported = after(written(run, {"event": "held", "set_point_c": 60.0, "air_c": 59.8}, unseen, COMMANDED))
+    assert "was held until" not in reported
+    assert "the safe set point was commanded" in reported
 
 
 def test_without_a_record_nothing_is_said(run):

@@ -154,9 +154,9 @@ def test_packed_formats_are_a_fraction_of_the_csv(run, tmp_path):
 @pytest.mark.parametrize(("form", "library"), [("parquet", "pyarrow"), ("hdf5", "h5py")])
 def test_a_library_that_is_missing_is_named_with_what_installs_it(run, tmp_path, monkeypatch, form, library):
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reported:
         exported(run, form, tmp_path)
-    assert str(told.value) == (
+    assert str(reported.value) == (
         f"--format {form}: {library} is not installed; install it with: pip install 'inertial-test-bench[{form}]'"
     )
     assert not list(tmp_path.iterdir())

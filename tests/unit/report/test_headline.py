@@ -27,7 +27,7 @@ def results(*values_g):
 
 
 @pytest.mark.parametrize(
-    ("values_g", "said"),
+    ("values_g", "message"),
     [
         ((5e-3,), "Verdict: PASS"),
         ((5e-3, 8.5e-3), "Verdict: PASS, 1 value within U of the limit"),
@@ -35,8 +35,8 @@ def results(*values_g):
         ((13e-3,), "Verdict: FAIL"),
     ],
 )
-def test_the_last_line_says_how_many_values_could_be_on_the_other_side(values_g, said):
-    assert results_text(results(*values_g)).strip().splitlines()[-1] == said
+def test_the_last_line_says_how_many_values_could_be_on_the_other_side(values_g, message):
+    assert results_text(results(*values_g)).strip().splitlines()[-1] == message
 
 
 def test_a_headline_in_chinese_says_it_in_chinese():

@@ -186,9 +186,9 @@ def test_every_source_of_uncertainty_is_told_in_chinese(missing):
     sources = set(sources_of_uncertainty())
     assert len(sources) > 30
     with language("zh"):
-        told = {source: words.source_in_words(source) for source in sources}
+        reported = {source: words.source_in_words(source) for source in sources}
     assert sorted(missing) == []
-    assert [source for source, shown in told.items() if re.search("[a-z]{3}", shown.replace("alias", ""))] == []
+    assert [source for source, shown in reported.items() if re.search("[a-z]{3}", shown.replace("alias", ""))] == []
 
 
 def test_what_a_source_is_of_and_the_signs_between_are_in_the_language_of_the_report():
@@ -235,8 +235,8 @@ def test_every_sentence_that_a_reduction_gives_as_a_flag_is_translated():
 
 def test_what_people_type_stays_as_they_typed_it_and_what_the_program_says_is_told_in_the_language():
     with language("zh"):
-        said = [words.said_in_words(text) for text in ("done", "scripted technician", "air", "93 °", HOSTILE)]
-    assert said == ["已完成", "脚本模拟的操作员", "air", "93 °", HOSTILE]
+        message = [words.answer_text(text) for text in ("done", "scripted technician", "air", "93 °", HOSTILE)]
+    assert message == ["已完成", "脚本模拟的操作员", "air", "93 °", HOSTILE]
 
 
 def test_an_equation_keeps_its_symbols_and_tells_what_they_are():

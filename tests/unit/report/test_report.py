@@ -246,9 +246,11 @@ def test_limits_stand_in_the_report_as_they_are_declared_and_why_a_value_was_not
     assert re.search(r"µrad at most 320 guard band 2 u FAIL marginal dwell 0.* inside its limits, but within", text)
     assert "misalignment: inside its limits, but within their guard band" in page.parts["unit-a-0"]
     assert "JCGM 106" in page.parts["meaning"]
-    told = results_text(run.results)
-    assert re.search(r"K1 per local g +\d+\.\d+ ± \d\.\d+ +pulse/s/g +PASS +11300 ± 56.5; guard band 2 u, marg", told)
-    assert re.search(r"misalignment .* FAIL marginal +at most 320; guard band 2 u; inside its limits, but", told)
+    reported = results_text(run.results)
+    assert re.search(
+        r"K1 per local g +\d+\.\d+ ± \d\.\d+ +pulse/s/g +PASS +11300 ± 56.5; guard band 2 u, marg", reported
+    )
+    assert re.search(r"misalignment .* FAIL marginal +at most 320; guard band 2 u; inside its limits, but", reported)
     (found,) = [found for found in read_json(run, "results.json")["findings"] if found["quantity"] == "misalignment"]
     assert (found["limits"], found["guard"], found["verdict"]) == ({"max": 320e-6}, 2, "FAIL")
     assert found["flags"] == ["guard_band"]

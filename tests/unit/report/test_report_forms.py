@@ -17,8 +17,7 @@ from bench.errors import InputError, StoreError
 from bench.reduce.stored_run import open_run
 from bench.report.export.csv_cells import harmless
 from bench.report.export.export import FORMATS
-from bench.report.pdf import pdf
-from bench.report.write import FORMS, write_report
+from bench.report.write import FORMS, pdf, write_report
 from tests.support.runs import copy_bench, read_json, run_short, sealed_anew
 
 HOSTILE = '"}</style><script>alert(1)</script>'

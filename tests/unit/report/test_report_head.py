@@ -26,8 +26,8 @@ AMBIENT = (
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("head")
     bench = copy_bench(folder / "config", *AMBIENT)
-    wishes = {"operator": "A. Technician", "order": "2026-117", "procedure": "TP-017 rev. C"}
-    return run_short(folder, bench=bench, sequence="smoke", no_report=False, **wishes)
+    options = {"operator": "A. Technician", "order": "2026-117", "procedure": "TP-017 rev. C"}
+    return run_short(folder, bench=bench, sequence="smoke", no_report=False, **options)
 
 
 @pytest.fixture

@@ -15,8 +15,7 @@ from bench.report.plan_view.content import planned
 from bench.report.plan_view.picture import write_picture
 from bench.report.plan_view.timeline import plan_table, safe_states, timeline_json
 from bench.sequence.estimate.estimate import estimate
-from bench.sequence.load import load_plan
-from tests.support.sequences import BENCH, ROOT, plan_of, steps
+from tests.support.sequences import BENCH, ROOT, load_plan, plan_of, steps
 
 TABLE = load_bench(ROOT / "config/rate_table.yaml").bench
 TREE = """\

@@ -66,8 +66,8 @@ class Run:
             over.set()
             thread.join()
 
-    async def abort(self, said: Arguments) -> str:
-        self.commands.append(("abort", said["by"]))
+    async def abort(self, message: Arguments) -> str:
+        self.commands.append(("abort", message["by"]))
         return "aborted"
 
     async def status(self, _: Arguments) -> str:
@@ -208,8 +208,8 @@ def test_another_user_is_refused(run: Run) -> None:
     names = json.loads((run.folder / "runner.json").read_text("utf-8"))
     for key in ("socket", "stop"):
         asked = [sys.executable, "-c", ASK_AS_ANOTHER, names[key]]
-        told = subprocess.run(asked, capture_output=True, check=True, cwd=ROOT).stdout
-        assert json.loads(told) == {"refused": "this run belongs to another user"}
+        reported = subprocess.run(asked, capture_output=True, check=True, cwd=ROOT).stdout
+        assert json.loads(reported) == {"refused": "this run belongs to another user"}
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only the administrator gives files away")

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
-from bench.runner.guard import UNREAD_BYTES, Guard, _beat
+from bench.runner.guard import UNREAD_BYTES, Guard, _send_heartbeats
 from bench.runner.signals import Signals
 
 
@@ -49,7 +49,7 @@ def test_a_guardian_that_takes_no_beats_is_told_to_go_on_and_then_ends_the_run(l
     signals, took = Signals(), []
 
     async def main():
-        await _beat(link[0], stopped.pid, signals, Guard(), Writer())
+        await _send_heartbeats(link[0], stopped.pid, signals, Guard(), Writer())
         took.append(asyncio.get_running_loop().time())
 
     run(main(), AS_FAST_AS_POSSIBLE)
@@ -78,7 +78,7 @@ def test_a_guardian_that_takes_them_late_does_not(link, stopped):
                     break
 
     async def main():
-        beating = asyncio.create_task(_beat(link[0], stopped.pid, signals, Guard(), Writer()))
+        beating = asyncio.create_task(_send_heartbeats(link[0], stopped.pid, signals, Guard(), Writer()))
         await late()
         beating.cancel()
 

@@ -16,8 +16,7 @@ from pathlib import Path
 import pytest
 
 from bench.errors import InUseError
-from bench.runner.held import Kind, address_lock, owners
-from bench.runner.whereabouts import marks
+from bench.runner.held import Kind, address_lock, marks, owners
 from drivers.transport.address import Address
 from tests.support.guardians import stop
 from tests.support.runs import ROOT

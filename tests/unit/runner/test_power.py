@@ -164,13 +164,13 @@ def test_a_run_that_goes_on_is_not_held() -> None:
 
 
 def test_who_listens_late_is_told_that_the_run_is_to_be_held() -> None:
-    hold, told = Hold(), list[bool]()
+    hold, reported = Hold(), list[bool]()
     hold.want(True)
-    with hold.calling(told.append):
+    with hold.calling(reported.append):
         hold.want(True)
         hold.want(False)
     hold.want(True)
-    assert told == [True, False]
+    assert reported == [True, False]
 
 
 def test_a_low_battery_ends_a_run_whatever_was_chosen() -> None:

@@ -31,11 +31,11 @@ def test_every_signal_that_ends_a_process_is_taken_but_those_of_its_own_faults()
 
 @pytest.mark.parametrize("number", ENDING)
 def test_a_signal_is_told_with_its_name(number):
-    told = []
+    reported = []
 
     async def wait_for_it():
         came = asyncio.Event()
-        with signals.calling(lambda sent: (told.append(sent), came.set())):
+        with signals.calling(lambda sent: (reported.append(sent), came.set())):
             os.kill(os.getpid(), number)
             await came.wait()
 
@@ -43,9 +43,9 @@ def test_a_signal_is_told_with_its_name(number):
     with Signals() as signals:
         run(wait_for_it())
     signal.signal(number, before)
-    assert told[0].name.startswith("SIG")
-    assert told[0].name in told[0].request.text or number in (signal.SIGINT, signal.SIGQUIT)
-    assert told[0].gentle is (number == signal.SIGINT)
+    assert reported[0].name.startswith("SIG")
+    assert reported[0].name in reported[0].request.text or number in (signal.SIGINT, signal.SIGQUIT)
+    assert reported[0].gentle is (number == signal.SIGINT)
 
 
 def test_a_signal_that_is_blocked_when_the_process_begins_comes_all_the_same():

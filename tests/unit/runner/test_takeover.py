@@ -16,9 +16,9 @@ AT = [Address.parse(HOST)]
 
 
 def taken_over(end_within_s: float = 5.0) -> list[str]:
-    told: list[str] = []
-    take_over(AT, told.append, end_within_s)
-    return told
+    reported: list[str] = []
+    take_over(AT, reported.append, end_within_s)
+    return reported
 
 
 def test_nobody_is_ended_where_nobody_holds_it():
@@ -27,8 +27,8 @@ def test_nobody_is_ended_where_nobody_holds_it():
 
 def test_a_program_that_holds_it_is_told_to_end():
     with another(HOST) as process:
-        (told,) = taken_over()
-        assert told == f"Ending a run of smoke, process {process}, which has instruments of this bench."
+        (reported,) = taken_over()
+        assert reported == f"Ending a run of smoke, process {process}, which has instruments of this bench."
         with hold(HOST):
             pass
 
@@ -37,8 +37,8 @@ def test_a_program_that_stands_still_is_killed():
     with another(HOST) as process:
         stop(process)
         begun_s = time.monotonic()
-        _, told = taken_over(0.5)
-        assert told.endswith("did not release them within 0.5 s and is killed.")
+        _, reported = taken_over(0.5)
+        assert reported.endswith("did not release them within 0.5 s and is killed.")
         assert time.monotonic() - begun_s < 10
         with hold(HOST):
             pass
@@ -46,8 +46,8 @@ def test_a_program_that_stands_still_is_killed():
 
 def test_this_program_does_not_end_itself():
     with hold(HOST):
-        (told,) = taken_over()
-        assert "cannot be ended" in told
+        (reported,) = taken_over()
+        assert "cannot be ended" in reported
         assert [owner.process for owner in owners(AT)] == [os.getpid()]
 
 
@@ -57,7 +57,7 @@ def test_a_program_of_another_user_is_named_where_it_may_not_be_ended(monkeypatc
 
     monkeypatch.setattr(signal, "pidfd_send_signal", refused)  # as for everybody but root
     with another(HOST, NOBODY):
-        told = taken_over()
-        assert "user nobody" in told[-1]
-        assert "may not end it" in told[-1]
+        reported = taken_over()
+        assert "user nobody" in reported[-1]
+        assert "may not end it" in reported[-1]
         assert owners(AT)

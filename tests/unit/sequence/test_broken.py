@@ -49,15 +49,15 @@ def expected_of(path):
     return [line[2:] for line in lines[: next(n for n, line in enumerate(lines) if not line.startswith("# "))]]
 
 
-def found_in(path, bench=BENCH, **wishes):
+def found_in(path, bench=BENCH, **request):
     """What is said of a file, each line without the file's name; other files by their names alone."""
     try:
-        plan, warnings = load_judged_plan(path, bench, **wishes)
+        plan, warnings = load_judged_plan(path, bench, **request)
     except InputError as error:
-        told = error.problems
+        reported = error.problems
     else:
-        told = [warning_line(warning, plan.document) for warning in warnings]
-    return [line.removeprefix(f"{path}:").replace(f"{path.parent}/", "") for line in told]
+        reported = [warning_line(warning, plan.document) for warning in warnings]
+    return [line.removeprefix(f"{path}:").replace(f"{path.parent}/", "") for line in reported]
 
 
 def bench_of(path):
@@ -76,11 +76,11 @@ def test_a_good_sequence_is_told_nothing(path):
 
 
 def test_there_are_sequences_for_every_rule():
-    told = [expected for path in BROKEN for expected in expected_of(path)]
-    assert len(told) >= 80
+    reported = [expected for path in BROKEN for expected in expected_of(path)]
+    assert len(reported) >= 80
     assert len(GOOD) >= 10
     for rule in every_rule():
-        ours = [expected for expected in told if expected.endswith(f" [{rule.name}]")]
+        ours = [expected for expected in reported if expected.endswith(f" [{rule.name}]")]
         assert ours, rule.name
         assert all((" warning: " in expected) == (rule.severity == "warning") for expected in ours)
 

@@ -6,9 +6,8 @@ import pytest
 
 from bench.config.bench import load_bench
 from bench.methods.tumble.method import TEMPERATURE_TUMBLE
-from bench.sequence.load import load_plan
 from bench.sequence.method import known_methods
-from tests.support.sequences import BENCH, ELSEWHERE, ROOT, plan_of, problems_of, steps
+from tests.support.sequences import BENCH, ELSEWHERE, ROOT, load_plan, plan_of, problems_of, steps
 
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
 METHODS = " or ".join(", ".join(sorted(known_methods())).rsplit(", ", 1))

@@ -9,10 +9,9 @@ from pydantic import BaseModel
 
 from bench.config.bench import load_bench
 from bench.sequence.estimate.estimate import ANSWER_S, COMMAND_S, estimate
-from bench.sequence.load import load_plan
 from bench.sequence.plan.motion import REST_S, SEEN_AFTER_S, travel_s
 from bench.sequence.steps.custom import StepDescription
-from tests.support.sequences import BENCH, ROOT, plan_of, steps
+from tests.support.sequences import BENCH, ROOT, load_plan, plan_of, steps
 
 RAMP_S = 20 / 40  # the head's 20 °/s at 40 °/s²
 HOLD_S = 1.0  # its settle.hold

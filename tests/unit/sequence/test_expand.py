@@ -5,12 +5,11 @@ from __future__ import annotations
 import pytest
 
 from bench.sequence.language.values import in_words
-from bench.sequence.load import load_plan
 from bench.sequence.plan import expand
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Move, Ramp
 from bench.sequence.steps.waits import Soak, Wait
-from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
+from tests.support.sequences import BENCH, ROOT, load_plan, plan_of, problems_of, steps
 
 
 def loop(variable: str, values: str, *inside: str) -> str:

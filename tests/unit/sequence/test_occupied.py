@@ -63,7 +63,7 @@ MISPLACED = "place '{}' is for {}, the sequence measures {}; name one with --uut
 
 
 @pytest.mark.parametrize(
-    ("sequence", "units", "told"),
+    ("sequence", "units", "reported"),
     [
         ("imu_24_position", ("a=QF-7",), MISPLACED.format("a", "units with one channel", "inertial units", "b")),
         ("channel_full", ("a=QF-7", "b=IMU-7"), MISPLACED.format("b", "inertial units", "units with one channel", "a")),
@@ -71,10 +71,10 @@ MISPLACED = "place '{}' is for {}, the sequence measures {}; name one with --uut
         ("channel_full", ("QF-7",), "--uut QF-7: the bench has places a, b; write --uut PLACE=SERIAL"),
     ],
 )
-def test_a_unit_where_it_cannot_be_measured_is_refused(sequence: str, units: tuple[str, ...], told: str) -> None:
+def test_a_unit_where_it_cannot_be_measured_is_refused(sequence: str, units: tuple[str, ...], reported: str) -> None:
     with pytest.raises(InputError) as refused:
         load_checked(wish(sequence, *units))
-    assert told in str(refused.value)
+    assert reported in str(refused.value)
 
 
 def test_no_place_is_left_out_where_all_are_alike_or_none_is_suited() -> None:

@@ -20,7 +20,7 @@ def attitude(raw):
     return Orient(orient=raw).attitude
 
 
-def lies(bench, targets, mount=Mount()):  # noqa: B008  frozen
+def orientation(bench, targets, mount=Mount()):  # noqa: B008  frozen
     """Where the unit's axes then point, by the arithmetic of the reduction."""
     turns = [(bench.axes[role], angle_deg) for role, angle_deg in targets.items()]
     return turned_axes(turns, bench.fixture.x, bench.fixture.z, mount, 0.0)
@@ -28,7 +28,7 @@ def lies(bench, targets, mount=Mount()):  # noqa: B008  frozen
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_table_goes_where_the_reduction_finds_the_attitude(name):
-    found = lies(THREE, targets_deg(attitude(name), THREE, Pose()))
+    found = orientation(THREE, targets_deg(attitude(name), THREE, Pose()))
     assert found == pytest.approx(BODY_AXES[NAMES.index(name)], abs=1e-12)
 
 
@@ -42,7 +42,7 @@ def test_a_table_of_two_axes_reaches_16_attitudes_in_one_mounting_and_the_others
             except Unreachable:
                 continue
             reached[mount].append(name)
-            assert lies(TWO, targets, MOUNTS[mount]) == pytest.approx(BODY_AXES[NAMES.index(name)], abs=1e-12)
+            assert orientation(TWO, targets, MOUNTS[mount]) == pytest.approx(BODY_AXES[NAMES.index(name)], abs=1e-12)
     assert {mount: len(names) for mount, names in reached.items()} == {"along": 16, "across": 16}
     assert set(reached["along"]) | set(reached["across"]) == set(NAMES)
     assert not any(name.startswith("Ay") for name in reached["along"])
@@ -67,7 +67,7 @@ def test_the_way_is_the_shortest_from_where_the_axes_stand():
         others = [
             sum(min(abs((q * 90 - a + 180) % 360 - 180), 360) for q, a in zip(quarters, start, strict=True))
             for quarters in itertools.product(range(4), repeat=3)
-            if np.allclose(lies(THREE, dict(zip(THREE.axes, [q * 90.0 for q in quarters], strict=True))),
+            if np.allclose(orientation(THREE, dict(zip(THREE.axes, [q * 90.0 for q in quarters], strict=True))),
                            BODY_AXES[NAMES.index(name)], atol=1e-9)
         ]  # fmt: skip
         assert way == pytest.approx(min(others))
@@ -80,7 +80,7 @@ def test_an_axis_with_ends_is_sent_within_them():
     for name in NAMES:
         targets = targets_deg(attitude(name), bench, Pose({"inner": 90.0}))
         assert -100 <= targets["inner"] <= 100
-        assert lies(bench, targets) == pytest.approx(BODY_AXES[NAMES.index(name)], abs=1e-12)
+        assert orientation(bench, targets) == pytest.approx(BODY_AXES[NAMES.index(name)], abs=1e-12)
 
 
 def test_a_skew_mount_is_told():

@@ -186,9 +186,9 @@ def test_a_counter_that_may_come_round_between_two_latches_is_refused(tmp_path, 
     if problem:
         with pytest.raises(InputError) as caught:
             load_bench(path)
-        told = caught.value.problems
-        assert len(told) == 2, "both counts of the axis"
-        assert told[1].endswith(f": negative: {problem}")
+        reported = caught.value.problems
+        assert len(reported) == 2, "both counts of the axis"
+        assert reported[1].endswith(f": negative: {problem}")
     else:
         load_bench(path)
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from bench.errors import InputError
 from bench.sequence.language.values import in_words
-from bench.sequence.load import load_plan, load_sequence
+from bench.sequence.load import load_sequence
 from bench.sequence.method import known_methods
 from bench.sequence.plan import expand
 from bench.sequence.plan.plan import Plan
 from drivers.schema.suggest import did_you_mean
-from tests.support.sequences import BENCH, ROOT, TAIL, plan_of, problems_of, steps
+from tests.support.sequences import BENCH, ROOT, TAIL, load_plan, plan_of, problems_of, steps
 
 NAME = "expected a name: at most 32 lower-case letters, digits and _, a letter first"
 KINDS = (
@@ -277,7 +277,7 @@ WARM = {"temperatures": "40 °C, 50 °C, 55 °C, 60 °C", "n": "3"}
 
 
 @pytest.mark.parametrize(
-    ("preset", "wishes", "changed"),
+    ("preset", "options", "changed"),
     [
         (None, (), {}),
         ("warm", (), WARM),
@@ -293,8 +293,8 @@ WARM = {"temperatures": "40 °C, 50 °C, 55 °C, 60 °C", "n": "3"}
         (None, ("angle=${'1 rad' * 0}",), {"angle": "0 °"}),
     ],
 )  # fmt: skip
-def test_a_run_has_the_defaults_then_the_preset_then_what_is_set(tmp_path, preset, wishes, changed):
-    assert chosen(plan_of(tmp_path, CHOICES, preset=preset, settings=wishes)) == DEFAULTS | changed
+def test_a_run_has_the_defaults_then_the_preset_then_what_is_set(tmp_path, preset, options, changed):
+    assert chosen(plan_of(tmp_path, CHOICES, preset=preset, settings=options)) == DEFAULTS | changed
 
 
 @pytest.mark.parametrize(
@@ -513,17 +513,17 @@ presets:
 """
 
 
-def with_file(folder, text, **wishes):
+def with_file(folder, text, **options):
     path = folder / "p.yaml"
     path.write_text(text, "utf-8")
-    return {"tail": PARAMETERS + TAIL, "parameters": path, **wishes}
+    return {"tail": PARAMETERS + TAIL, "parameters": path, **options}
 
 
 def test_a_file_of_parameters_stands_between_the_preset_and_the_single_wishes(tmp_path):
-    wishes = with_file(
+    options = with_file(
         tmp_path, "angle: 45°\ntimes: {from: 1 s, to: 3 s, step: 1 s}\n", preset="far", settings=["angle=60°"]
     )
-    assert chosen(plan_of(tmp_path, WAIT, **wishes)) == {"angle": "60 °", "times": "1 s, 2 s, 3 s", "count": "4"}
+    assert chosen(plan_of(tmp_path, WAIT, **options)) == {"angle": "60 °", "times": "1 s, 2 s, 3 s", "count": "4"}
     assert chosen(plan_of(tmp_path, WAIT, **with_file(tmp_path, "angle: 45°\n")))["angle"] == "45 °"
 
 
@@ -545,8 +545,8 @@ def test_what_is_wrong_with_a_file_of_parameters_is_told_at_its_place(tmp_path, 
 
 
 def test_a_file_of_parameters_that_is_not_there_is_told_among_the_rest(tmp_path):
-    wishes = {"tail": PARAMETERS + TAIL, "parameters": tmp_path / "none.yaml", "settings": ["count=1 s"]}
-    assert problems_of(tmp_path, WAIT, **wishes) == [
+    options = {"tail": PARAMETERS + TAIL, "parameters": tmp_path / "none.yaml", "settings": ["count=1 s"]}
+    assert problems_of(tmp_path, WAIT, **options) == [
         f"{tmp_path}/none.yaml: there is no such file",
         "--set count=1 s: 'count' is 1 s, expected a number without a unit",
     ]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import pytest
 
 from bench.config.bench import load_bench
-from bench.sequence.load import load_plan
 from bench.sequence.plan.poses import PASSES_LOOKED_AT, angles_before, poses_before
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Move
-from tests.support.sequences import BENCH, ROOT, plan_of, problems_of, steps
+from tests.support.sequences import BENCH, ROOT, load_plan, plan_of, problems_of, steps
 
 TABLE = load_bench(ROOT / "config/rate_table.yaml").bench
 TABLE_TAIL = """\
@@ -33,9 +32,9 @@ FREE = BENCH.model_copy(
 )  # fmt: skip
 
 
-def angles(folder, *lines, bench=FREE, **wishes):
+def angles(folder, *lines, bench=FREE, **options):
     """The angle before each step, and at the end."""
-    plan = plan_of(folder, steps(*lines, "{move: head, by: 0°}"), bench=bench, **wishes)
+    plan = plan_of(folder, steps(*lines, "{move: head, by: 0°}"), bench=bench, **options)
     return [
         round(from_deg, 9) for planned, from_deg in angles_before(plan) if planned.id.rpartition("/")[2] != "measure"
     ]
@@ -107,8 +106,8 @@ def test_a_measured_loop_is_followed_as_often_as_it_may_be_gone_through(tmp_path
 def test_a_measured_loop_that_comes_back_is_followed_until_it_does(tmp_path):
     loop = f"{{while: {WARM}, at_most: 900, steps: [{{move: head, to: 90°}}, {{move: head, to: 0°}}]}}"
     assert angles(tmp_path, "{move: head, to: 0°}", MEASURE, loop) == [0, 0, 90, 0]
-    once_more = loop.replace("{move: head, to: 0°}", "wait: 1 s")
-    assert angles(tmp_path, MEASURE, once_more) == [0, 0, 90, 0, 90]
+    retry_once = loop.replace("{move: head, to: 0°}", "wait: 1 s")
+    assert angles(tmp_path, MEASURE, retry_once) == [0, 0, 90, 0, 90]
 
 
 def test_a_measured_loop_is_followed_in_bounded_time(tmp_path):

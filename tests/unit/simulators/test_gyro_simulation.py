@@ -15,7 +15,7 @@ from simulators.instruments.can_nodes.can_counter import CounterSettings, Simula
 from simulators.physics.attitude import EAST, UP, Fixture
 from simulators.physics.motion import Axis, AxisErrors
 from simulators.physics.profiles import Slew
-from simulators.physics.table_kinematics import EARTH_DPS, Carried, Level, TableErrors
+from simulators.physics.table_kinematics import EARTH_DPS, Level, TableErrors, TableKinematics
 from simulators.units.gyro import GyroModel, draw_gyro, noise_of_gyro
 from simulators.units.gyro_file import GyroFile
 from tests.support.laboratory import LATCH, ROOT, Laboratory, place
@@ -39,7 +39,7 @@ def file(**changes):
 def carried(axis=None, **settings):
     axis = axis or Axis(AxisErrors(), 100.0, np.random.default_rng(1))
     defaults = {"level": Level(), "table": TableErrors(), "gravity_mps2": 9.8, "latitude_deg": 30.0}
-    return axis, Carried(TABLE, {"table": axis}, **(defaults | settings))
+    return axis, TableKinematics(TABLE, {"table": axis}, **(defaults | settings))
 
 
 # The gyro

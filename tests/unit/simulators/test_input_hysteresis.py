@@ -5,7 +5,7 @@ from pydantic import ValidationError
 from simulators.instruments.meters.meter_inputs import VoltsOnLoad
 from simulators.physics.input_hysteresis import Play
 from simulators.physics.voltmeter import VoltmeterSettings
-from simulators.truth.constants import DwellAsMeasured, Lies, truth_record
+from simulators.truth.constants import DwellAsMeasured, Orientation, truth_record
 from simulators.units.imu_file import ImuAccelerometer
 from tests.support.laboratory import Laboratory, place, unit
 
@@ -80,7 +80,9 @@ def test_the_truth_of_a_dwell_has_the_history_of_each_of_its_readings() -> None:
         each_s.append(lab.host_s)
         lab.wait(60.0)
         counter.take()
-    dwell = DwellAsMeasured("d", "a", float(np.mean(each_s)), 20.0, tuple(Lies((a,)) for a in angles), tuple(each_s))
+    dwell = DwellAsMeasured(
+        "d", "a", float(np.mean(each_s)), 20.0, tuple(Orientation((a,)) for a in angles), tuple(each_s)
+    )
     found = truth_record(lab.world, [dwell])["dwells"]["d"]
     assert found["by_input_g"] == pytest.approx([30e-6, 30e-6, -30e-6, -30e-6], abs=1e-9)
     assert (found["K0"], found["misalignment"]) == (pytest.approx(0, abs=1e-9), pytest.approx(30e-6, rel=1e-3))

@@ -104,18 +104,18 @@ def test_bytes_that_are_no_request_are_dropped_with_what_is_behind_them(
 )
 def test_a_refusal_carries_its_code(session: ModbusTcpSession, request_: str, answer: str) -> None:
     pdu = bytes.fromhex(request_)
-    said = session.feed(b"\x12\x34\x00\x00" + len(pdu).to_bytes(2, "big") + pdu)
-    assert said.hex(" ") == f"12 34 00 00 00 03 {answer}"
+    message = session.feed(b"\x12\x34\x00\x00" + len(pdu).to_bytes(2, "big") + pdu)
+    assert message.hex(" ") == f"12 34 00 00 00 03 {answer}"
 
 
 @pytest.mark.parametrize(("count", "answered"), [(125, True), (126, False)])
 def test_at_most_125_registers_are_read_at_once(session: ModbusTcpSession, count: int, answered: bool) -> None:
-    said = session.feed(READ[:-2] + count.to_bytes(2, "big"))
-    assert (len(said) == 9 + 2 * count) is answered
+    message = session.feed(READ[:-2] + count.to_bytes(2, "big"))
+    assert (len(message) == 9 + 2 * count) is answered
 
 
 def test_the_longest_write_fits(session: ModbusTcpSession, memory: Memory) -> None:
     words = bytes(2 * 123)
-    said = session.feed(bytes.fromhex("00 01 00 00 00 fd 11 10 00 01 00 7b f6") + words)
-    assert said.hex(" ") == "00 01 00 00 00 06 11 10 00 01 00 7b"
+    message = session.feed(bytes.fromhex("00 01 00 00 00 fd 11 10 00 01 00 7b f6") + words)
+    assert message.hex(" ") == "00 01 00 00 00 06 11 10 00 01 00 7b"
     assert memory.written == [(1, (0,) * 123)]

@@ -12,12 +12,12 @@ from bench.methods.tumble.reduction.solution import Tumble, solve_tumble
 from bench.metrology.acquisition import Counts
 from bench.metrology.pulse_counts import mean_rate
 from drivers.dialects.can_counter.wire import decode_counts
-from simulators.physics.attitude import planar
 from simulators.physics.motion import AxisErrors
-from simulators.truth.constants import DwellAsMeasured, Lies, channel_constants, truth_record
+from simulators.truth.constants import DwellAsMeasured, Orientation, channel_constants, truth_record
 from simulators.units.accelerometer import draw_unit
 from simulators.units.unit_file import UnitFile
 from tests.support.laboratory import ARCSEC_DEG, Laboratory, counter_form, place, unit
+from tests.support.planar import planar
 
 FOUR_DEG = (0.0, 90.0, 180.0, 270.0)
 TILTED_DEG = (1.0, 91.0, 181.0, 271.0)
@@ -186,7 +186,11 @@ def test_a_dwell_has_the_hysteresis_drift_and_warm_up_of_its_middle_though_the_u
     lab.wait(5000)
     counter.take()
     dwell = DwellAsMeasured(
-        "tumble/a@temperature=60", "a", 8600.0, 60.25, tuple(Lies((angle,)) for angle in (1.0, 91.0, 181.0, 271.0))
+        "tumble/a@temperature=60",
+        "a",
+        8600.0,
+        60.25,
+        tuple(Orientation((angle,)) for angle in (1.0, 91.0, 181.0, 271.0)),
     )
     record = json.loads(json.dumps(truth_record(lab.world, [dwell])))
     found = record["dwells"]["tumble/a@temperature=60"]

@@ -14,10 +14,10 @@ from drivers.can.frame_block import FrameBlock
 from drivers.dialects.can_counter.wire import decode_counts, latches, temperatures
 from drivers.errors import LinkLost
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.physics.attitude import planar
 from simulators.physics.motion import AxisErrors
 from simulators.units.accelerometer import UnitTruth
 from tests.support.laboratory import ARCSEC_DEG, ROOT, Laboratory, counter_form, place, unit
+from tests.support.planar import planar
 
 FORM = counter_form()
 HALF_G = {"K0": {"at_reference": "0.5 g"}}  # 5000 pulse/s at any attitude that leaves the input axis level

@@ -17,9 +17,9 @@ from bench.quality import Valid
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
 from bench.report import write
-from bench.report.verify import examined
+from bench.report.revision import examined
 from bench.report.write import write_report
-from bench.store.ledger import LEDGER, noted
+from bench.store.ledger import LEDGER, entries_of
 from bench.store.reader import RunReader
 from bench.store.runs import summary
 from bench.store.user_state import state_folder
@@ -163,7 +163,7 @@ def test_damage_is_told_by_its_rows_and_what_is_before_and_after_it_is_not(inter
 
 
 def test_rows_cut_off_the_end_with_their_links_are_missed_by_the_ledger(interrupted):
-    (first,) = noted(interrupted.name)
+    (first,) = entries_of(interrupted.name)
     assert (first.number, first.rows) == (1, 6)
     cut = ["DELETE FROM chain WHERE number > 0"] + [f"DELETE FROM {table}" for table in ("journal", "block", "sample")]
     alter(interrupted, *cut, "DELETE FROM reading", "DELETE FROM channel")
@@ -222,7 +222,7 @@ def folder_of_the_name(path):
 
 
 @pytest.mark.parametrize(
-    ("change", "name", "told"),
+    ("change", "name", "reported"),
     [
         (Path.unlink, "run.db", "run.db: there is no such file"),
         (Path.unlink, "manifest.json", "manifest.json: there is no such file"),
@@ -233,12 +233,12 @@ def folder_of_the_name(path):
         (folder_of_the_name, "manifest.json", "manifest.json: is a folder"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_said_as_it_is(sealed, change, name, told):
+def test_what_is_wrong_with_a_file_is_said_as_it_is(sealed, change, name, reported):
     change(sealed / name)
-    said = "\n".join(examined(sealed).damage)
-    assert told in said
+    message = "\n".join(examined(sealed).damage)
+    assert reported in message
     for untrue in ("is missing", "is not the one with which the run started", "did not get as far", "before it began"):
-        assert untrue not in said
+        assert untrue not in message
     assert summary(sealed).state == "damaged"
     with pytest.raises(StoreError, match=name), open_run(sealed):
         pass
@@ -265,19 +265,19 @@ def test_a_report_whose_writing_is_cut_off_is_not_called_altered(sealed, monkeyp
     if is_first:
         (sealed / "report.html").unlink()
         (sealed / "report_revisions.json").unlink()
-    really = write.write_whole
+    really = write.write_atomically
 
     def cut(path, content):
         if after_write:
             really(path, content)
         raise PowerCut
 
-    monkeypatch.setattr(write, "write_whole", cut)
+    monkeypatch.setattr(write, "write_atomically", cut)
     monkeypatch.setattr(write, "FORMS", {"html": lambda _: b"another report"})
     with pytest.raises(PowerCut), open_run(sealed) as run:
         write.write_report(run)
     assert examined(sealed).damage == ()
-    monkeypatch.setattr(write, "write_whole", really)
+    monkeypatch.setattr(write, "write_atomically", really)
     with open_run(sealed) as run:
         report = write.write_report(run)
     assert examined(sealed).damage == ()
@@ -293,7 +293,7 @@ def test_a_report_that_was_being_written_is_held_against_what_it_should_become(s
         path.write_bytes(content.replace(b"PASS", b"FAIL"))
         raise PowerCut
 
-    monkeypatch.setattr(write, "write_whole", cut)
+    monkeypatch.setattr(write, "write_atomically", cut)
     with pytest.raises(PowerCut), open_run(sealed) as run:
         write.write_report(run)
     assert "report.html: is not in report_revisions.json" in examined(sealed).damage[0]

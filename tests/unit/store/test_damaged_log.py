@@ -119,24 +119,24 @@ def damage_first_commit(folder):
 
 
 @pytest.mark.parametrize(
-    ("damage", "told"),
+    ("damage", "reported"),
     [
         (delete_log, "there is no log run.db-wal beside it"),
         (damage_first_commit, "run.db-wal: its last 14 commits cannot be read"),
     ],
 )
-def test_a_database_without_its_log_is_no_unknown_format(interrupted, damage, told):
+def test_a_database_without_its_log_is_no_unknown_format(interrupted, damage, reported):
     damage(interrupted)
-    said = "; ".join(examine(interrupted).damage)
-    assert told in said
-    assert "the ledger has commit 1 with" in said
-    assert "has format 0" not in said
+    message = "; ".join(examine(interrupted).damage)
+    assert reported in message
+    assert "the ledger has commit 1 with" in message
+    assert "has format 0" not in message
 
 
-@pytest.mark.parametrize(("make", "told"), [(Path.mkdir, "is a folder"), (os.mkfifo, "is not a regular file")])
+@pytest.mark.parametrize(("make", "reported"), [(Path.mkdir, "is a folder"), (os.mkfifo, "is not a regular file")])
 @pytest.mark.parametrize("name", ["run.db", "run.db-wal", "run.db-shm", "run.db-journal"])
-def test_what_is_no_file_in_place_of_one_is_said_and_not_waited_for(interrupted, name, make, told):
+def test_what_is_no_file_in_place_of_one_is_said_and_not_waited_for(interrupted, name, make, reported):
     path = interrupted / name
     path.unlink(missing_ok=True)
     make(path)
-    assert f"{path}: {told}" in examine(interrupted).damage
+    assert f"{path}: {reported}" in examine(interrupted).damage

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bench.errors import InputError, StoreError
-from bench.files import folder_made_whole, make_folder, write_whole, written_new, written_whole
+from bench.files import atomic_file, atomic_folder, make_folder, write_atomically, written_new
 
 
 @pytest.fixture
@@ -26,15 +26,15 @@ def synced(monkeypatch):
 
 def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
     target = tmp_path / "results.json"
-    write_whole(target, b"old")
+    write_atomically(target, b"old")
 
     def fail(*_):
         raise OSError(5, "Input/output error")
 
     monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(StoreError, match="Input/output error"):
-        write_whole(target, b"new")
-    with pytest.raises(InputError, match="cannot be written"), written_whole(target) as draft:
+        write_atomically(target, b"new")
+    with pytest.raises(InputError, match="cannot be written"), atomic_file(target) as draft:
         draft.write_bytes(b"new")
     assert target.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [target]
@@ -47,8 +47,8 @@ def _write_and_fail(path):
 
 def test_what_fails_while_it_writes_leaves_what_was_there(tmp_path):
     target = tmp_path / "readings.csv"
-    write_whole(target, b"old")
-    with pytest.raises(ZeroDivisionError), written_whole(target) as draft:
+    write_atomically(target, b"old")
+    with pytest.raises(ZeroDivisionError), atomic_file(target) as draft:
         _write_and_fail(draft)
     assert target.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [target]
@@ -56,7 +56,7 @@ def test_what_fails_while_it_writes_leaves_what_was_there(tmp_path):
 
 def test_file_and_name_and_new_folders_are_durable(tmp_path, synced):
     target = tmp_path / "a" / "b" / "c.txt"
-    with written_whole(target) as draft:
+    with atomic_file(target) as draft:
         draft.write_text("x")
     assert target.stat().st_ino in synced
     assert "c.txt" in synced[target.parent.stat().st_ino]
@@ -69,7 +69,7 @@ def test_a_file_is_replaced_with_its_mode_and_through_a_link(tmp_path):
     path.write_text("a:    1\n")
     path.chmod(0o640)
     link.symlink_to(path)
-    write_whole(link, b"a: 1\n")
+    write_atomically(link, b"a: 1\n")
     assert link.is_symlink()
     assert path.read_text() == "a: 1\n"
     assert path.stat().st_mode & 0o777 == 0o640
@@ -80,7 +80,7 @@ def test_a_folder_or_a_device_is_not_replaced(tmp_path):
     (tmp_path / "a.yaml").mkdir()
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "a.yaml", tmp_path / "pipe", Path("/dev/null")):
-        with pytest.raises(InputError, match=r"cannot be written .*not a regular file"), written_whole(path) as draft:
+        with pytest.raises(InputError, match=r"cannot be written .*not a regular file"), atomic_file(path) as draft:
             draft.write_text("x")
     assert len(list(tmp_path.iterdir())) == 2
     assert Path("/dev/null").is_char_device()
@@ -99,16 +99,16 @@ def test_a_new_file_never_takes_the_place_of_another(tmp_path, synced):
 
 def test_a_folder_is_filled_before_it_has_its_name(tmp_path, synced):
     target = tmp_path / "driver"
-    with pytest.raises(ZeroDivisionError), folder_made_whole(target) as draft:
+    with pytest.raises(ZeroDivisionError), atomic_folder(target) as draft:
         _write_and_fail(draft / "one.py")
     assert list(tmp_path.iterdir()) == []
-    with folder_made_whole(target) as draft:
+    with atomic_folder(target) as draft:
         (draft / "below").mkdir()
         (draft / "below" / "one.py").write_text("1")
         assert not target.exists()
     assert (target / "below" / "one.py").stat().st_ino in synced
     assert "driver" in synced[tmp_path.stat().st_ino]
-    with pytest.raises(FileExistsError), folder_made_whole(target):
+    with pytest.raises(FileExistsError), atomic_folder(target):
         pass
 
 

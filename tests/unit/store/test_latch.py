@@ -14,7 +14,7 @@ from bench.guardian.notes import Notes
 from bench.store.energised import note_energised, note_safe
 from bench.store.latch import ACKNOWLEDGED, INCIDENT, acknowledge, latch
 from bench.store.runs import MANIFEST, RunDirectory, summary
-from bench.store.unsafe import keep_unsafe
+from bench.store.unsafe import write_unsafe
 from tests.support.runs import run_short, sealed_anew
 
 
@@ -163,7 +163,7 @@ def test_an_alert_that_fails_later_is_no_other_incident(run):
 
 
 def test_what_is_on_record_outside_of_the_run_latches_too(run, tmp_path):
-    keep_unsafe(run, wall_utc(), {"supply": "no answer"}, {"supply": "tcp://127.0.0.1:5025"})
+    write_unsafe(run, wall_utc(), {"supply": "no answer"}, {"supply": "tcp://127.0.0.1:5025"})
     assert why(run) == "supply could not be made safe: no answer"
     assert why(run_short(tmp_path / "others", sequence="smoke").path) == ""
     acknowledge(run, "A. Person", "switched off by hand")
@@ -171,7 +171,7 @@ def test_what_is_on_record_outside_of_the_run_latches_too(run, tmp_path):
 
 
 def test_a_record_outside_of_the_run_that_cannot_be_read_latches(run, tmp_path):
-    keep_unsafe(run, wall_utc(), {"supply": "no answer"}, {}).write_text("[]", "utf-8")
+    write_unsafe(run, wall_utc(), {"supply": "no answer"}, {}).write_text("[]", "utf-8")
     assert "could not be made safe" in why(run)
 
 

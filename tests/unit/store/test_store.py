@@ -400,9 +400,9 @@ def test_a_database_that_is_refused_is_not_left_open(tmp_path):
     bad = tmp_path / "run.db"
     bad.write_bytes(b"this is no database at all" * 100)
     for refuse in (database.create, database.open_to_read):
-        with pytest.raises(StoreError) as told:
+        with pytest.raises(StoreError) as reported:
             refuse(bad)
-        assert told.tb is not None  # whoever keeps the error keeps its frames, and with them what is open in them
+        assert reported.tb is not None  # whoever keeps the error keeps its frames, and with them what is open in them
         assert bad not in [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
 
 

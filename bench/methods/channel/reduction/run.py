@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.channel.reduction.accelerometer import own_drift, with_own_drift
 from bench.methods.channel.reduction.across_levels import ChannelConclusions
 from bench.methods.channel.reduction.compared_levels import (
     GRAVITY_REFERENCE,
+    OWN_TEMPERATURE,
+    SOURCE_REFERENCE,
     Compared,
     Level,
     compared_levels,
@@ -37,6 +38,8 @@ LEFT_OUT = (
     "accelerometer_temperature", "too_few_voltages", "too_few_codes", "irregular_clock",
 )  # fmt: skip
 ZERO_SHARE = 0.01  # of the rate at 1 g: maximum rate of a channel with zero input
+# maximum difference by chance, in standard uncertainties of the stated and the determined value together
+CONTRADICTS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,3 +170,56 @@ def _flags_of_zero(of_levels: ChannelFindings) -> Iterator[Flag]:
         yield from (Flag(problem, at=point.step) for problem in point.problems)
         if per_g and abs(point.rate) > ZERO_SHARE * min(per_g):
             yield Flag("not_zero", at=point.step)
+
+
+@dataclass(frozen=True, slots=True)
+class OwnDrift:
+    """Relative change per °C of an accelerometer's output with its own temperature, with its standard uncertainty."""
+
+    per_c: float
+    u_per_c: float
+
+    def beyond(self, stated_u: float) -> bool:
+        """True if it exceeds the stated standard uncertainty combined with its own."""
+        return abs(self.per_c) > CONTRADICTS * float(np.hypot(stated_u, self.u_per_c))
+
+
+def own_drift(levels: Mapping[str, Level]) -> OwnDrift | None:
+    """Drift from levels at 1 g of gravity and of the source; None without both, or if its temperature is constant."""
+    up, source = levels.get(GRAVITY_REFERENCE), levels.get(SOURCE_REFERENCE)
+    if up is None or source is None or not up.scatter.accelerometer_per_c:
+        return None
+    apart = up.run.relative_slope_per_c - source.run.relative_slope_per_c
+    drifted = _by_thermometer(up) - _by_thermometer(source)
+    u = float(np.linalg.norm([_u_without(up), _u_without(source), drifted]))
+    follows = abs(up.scatter.accelerometer_per_c)
+    return OwnDrift(apart / follows, u / follows) if np.isfinite([apart, u]).all() else None
+
+
+def _by_thermometer(level: Level) -> float:
+    """Signed effect of one standard uncertainty of the thermometer drift on a relative slope."""
+    return level.run.relative_slope_per_c * level.drifted_share
+
+
+def _u_without(level: Level) -> float:
+    """Standard uncertainty of a relative slope without the contribution of the accelerometer's own temperature."""
+    parts = [line.u for line in level.slope_lines if line.kind != OWN_TEMPERATURE]
+    return float(np.linalg.norm(parts) / abs(level.run.rate))
+
+
+def with_own_drift(levels: Mapping[str, Level], stated_u: float) -> dict[str, Level]:
+    """Levels with the uncertainty of gravity levels increased if the unit contradicts the stated drift.
+
+    A drift above the stated standard uncertainty is no contradiction: every third conforming unit has one. Replacing
+    the statement in these cases would overstate their uncertainty without improving any other.
+    """
+    found = own_drift(levels)
+    if found is None or not found.beyond(stated_u):
+        return dict(levels)
+    return {name: level if level.is_source else _widened(level, abs(found.per_c)) for name, level in levels.items()}
+
+
+def _widened(level: Level, per_c: float) -> Level:
+    u = abs(level.run.rate * level.scatter.accelerometer_per_c) * per_c
+    lines = [replace(line, u=u) if line.kind == OWN_TEMPERATURE else line for line in level.slope_lines]
+    return replace(level, slope_lines=tuple(lines))

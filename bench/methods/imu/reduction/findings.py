@@ -232,7 +232,6 @@ class AxisAtVisit:
         return OwnErrors(self.unit, self.bench, f"{sensor}_{AXES[self.axis]}")
 
     def _windows(self, attitudes: Iterable[int]) -> list[Acquisition]:
-        """Windows of the attitudes that were measured."""
         return [window for index in attitudes if (window := self.visit.window_of(index)) is not None]
 
     @property

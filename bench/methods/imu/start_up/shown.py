@@ -19,6 +19,7 @@ from bench.methods.imu.shown import AXES, STYLES
 from bench.methods.imu.start_up.run import NOT_DETERMINED, StartUpDetail, Watched
 from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import Finding, UnitResult
+from bench.sequence.method import stated
 
 TITLES = {
     "K0": "Accelerometers: zero",
@@ -121,7 +122,7 @@ def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:
 
 
 def _panel(axes: Axes, quantity: str, watched: Sequence[Watched]) -> None:
-    factor, symbol = scale_shown(f"{quantity}/warm", CHANGES[quantity])
+    factor, symbol = scale_shown(f"{quantity}/warm", stated(CHANGES)[quantity])
     limit = watched[0].limit * factor
     axes.axhspan(-limit, limit, color="#e7f0e4", linewidth=0)
     for edge in (-limit, limit):

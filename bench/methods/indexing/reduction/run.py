@@ -95,7 +95,6 @@ def _settings(
 
 
 def _limit(unit: UnitUnderTest, settings: Mapping[str, Any]) -> float:
-    """Output limit of the fit."""
     limit_g, per_g = settings["output_limit_g"], unit.nominal_per_g
     return np.inf if limit_g is None or per_g is None else float(limit_g * abs(per_g))
 

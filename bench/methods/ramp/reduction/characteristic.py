@@ -136,7 +136,8 @@ def reduce_ramp(record: RampRecord, limits: RampLimits, *, turns: bool = False) 
     loops, changes = _loops(at_degrees), _changes(at_degrees)
     jumps = tuple(_jumps(legs, residuals_ug, limits))
     lag, loops_left = _lag_model(legs)
-    lost, judged = not all(leg.complete for leg in legs), _long_enough(legs, limits.jump_window)
+    lost = not all(leg.complete for leg in legs)
+    judged = any(len(leg.time_s) >= 2 * limits.jump_window for leg in legs)  # a jump could be detected
     flags = {
         "ill_conditioned": lag is None,
         INVALID: lost or not judged,
@@ -168,11 +169,6 @@ def _missing(loops: Sequence[Differences], changes: Sequence[Differences], limit
         yield "hysteresis: no temperature was passed rising and falling in one cycle"
     if limits.repeatability_ug is not None and not changes:
         yield "repeatability: no temperature was passed the same way in a second cycle"
-
-
-def _long_enough(legs: Sequence[Leg], jump_window: int) -> bool:
-    """True if a jump could be detected in any leg."""
-    return any(len(leg.time_s) >= 2 * jump_window for leg in legs)
 
 
 def _joined(parts: Iterable[Array]) -> Array:

@@ -110,7 +110,6 @@ def _at_first_angle(legs: Sequence[RampLeg]) -> list[RampLeg]:
 
 
 def _curves(found: DynamicCharacteristic) -> Iterator[LegCurve]:
-    """Curves for the report."""
     for leg, residuals_ug in zip(found.legs, found.residuals_ug, strict=True):
         jumps_c = [jump.temperature_c for jump in found.jumps if (jump.cycle, jump.leg) == (leg.cycle, leg.name)]
         yield LegCurve(

@@ -155,7 +155,6 @@ def _turned_deg(encoder: Positions, rows: Integers | slice = slice(None)) -> Arr
 
 
 def _interval_s(time_s: Array, latch: Integers) -> float:
-    """Time between latches."""
     return float(np.median(np.diff(time_s) / np.diff(latch))) if len(latch) > 1 else np.nan
 
 

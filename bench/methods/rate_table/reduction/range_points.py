@@ -11,7 +11,6 @@ from bench.methods.rate_table.reduction.bias_at_rest import Rest, RestReading, f
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.samples import Steady, harmonics_u_dps, steady
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c
-from bench.metrology.acquisition import Counts
 from bench.metrology.pooled_scatter import Scatter, alike
 from bench.metrology.pulse_counts import mean_rate
 from bench.metrology.results.flag import Flag
@@ -90,7 +89,8 @@ def range_blocks(
     for acquisition in data.acquisitions:
         samples, motion = table_samples(acquisition, unit), acquisition.motion
         problems = list(samples.problems)
-        if motion is None and feels_gravity and unit.is_counted and _is_silent(acquisition.counts[unit.channel]):
+        counted = motion is None and feels_gravity and unit.is_counted
+        if counted and "dead_band" in mean_rate(acquisition.counts[unit.channel]).problems:
             problems.append("dead_band")
         if problems:
             found.leave_out(acquisition.step, problems)
@@ -116,10 +116,6 @@ def range_blocks(
         found.flags.append(Flag("rest_missing"))
         found.left_out += [each.step.partition("/")[2] for _, each in turning]
     return found
-
-
-def _is_silent(counts: Counts) -> bool:
-    return "dead_band" in mean_rate(counts).problems
 
 
 def _without_drift(at_s: float, turning: Turning, rest: Rest | None) -> Turning:

@@ -8,12 +8,11 @@ latches. A sample is a mean over its period: its delay of half a period is corre
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from bench.methods.rate_table.reduction.converter_hysteresis import without_hysteresis
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.lever_arm import (
     SHORT_ARM_M,
@@ -35,8 +34,10 @@ from bench.methods.rate_table.reduction.response_points import (
 from bench.methods.rate_table.reduction.samples import TableSamples, mean_c
 from bench.methods.rate_table.reduction.sampling import instantaneous
 from bench.methods.rate_table.reduction.second_order import response_model
+from bench.methods.rate_table.reduction.sine_fit import find_frequency, resolved
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, stated_scale
 from bench.metrology.calibration.response import ResponseCompensation
+from bench.metrology.least_squares import Array, NotDetermined, least_squares
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import UnitResult
@@ -45,6 +46,10 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 ARM_U = 3.0  # maximum difference of an arm from the bench file, in standard uncertainties
 PointOf = Callable[[TableSamples, float, Remarks], SweepPoint | None]
+MOST_TURNS = 100  # iterations: the removed play depends on the remaining sine
+SETTLED = 1e-3  # convergence, of a pulse
+PHASES = 4096
+HARMONICS = 2
 
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -211,3 +216,56 @@ class _Sweep:
         channel = f"{self.unit.measured_by}@response"
         found_at_c = mean_c([samples.temperature_c for samples in self.swings.values()])
         return (ResponseCompensation.of_model(model, channel, (self.unit.output_unit, symbol), scale, found_at_c),)
+
+
+def without_hysteresis(samples: TableSamples, nominal_hz: float, play_pulses: float) -> TableSamples:
+    """Samples of an oscillation with the counts of a converter without hysteresis.
+
+    Unchanged if there is no play, if the pulses are of one sign only, or if they do not reverse twice in a period, as
+    for an oscillation smaller than the play.
+    """
+    if not play_pulses or samples.problems:
+        return samples
+    try:
+        frequency_hz = find_frequency(samples.time_s, samples.angle_deg, nominal_hz)
+        behind = _settled(samples, frequency_hz, play_pulses / 2)
+    except NotDetermined:
+        return samples
+    return replace(samples, total=samples.total - behind, behind=behind)
+
+
+def _settled(samples: TableSamples, frequency_hz: float, half: float) -> Array:
+    """Lag of the counts (n,), iterated with the remaining sine until it does not change.
+
+    One or two iterations suffice for many pulses, tens if the play is a large part of few pulses.
+    """
+    behind = np.zeros_like(samples.total)
+    for _ in range(MOST_TURNS):
+        before, behind = behind, _behind(samples.time_s, samples.total - behind, frequency_hz, half)
+        if float(np.max(np.abs(behind - before))) < SETTLED:
+            break
+    return behind
+
+
+def _behind(time_s: Array, pulses: Array, frequency_hz: float, half: float) -> Array:
+    """Difference of the counts (n,) from the charge, with the present counts taken as the charge."""
+    turn = 2 * np.pi * frequency_hz
+    harmonics = [k for k in range(1, HARMONICS + 1) if resolved(time_s, k * frequency_hz)]
+
+    def design(at_s: Array) -> Array:
+        waves = [wave(k * turn * at_s) for k in harmonics for wave in (np.cos, np.sin)]
+        return np.column_stack([np.ones_like(at_s), at_s, *waves])
+
+    coefficients = least_squares(design(time_s), pulses).coefficients
+    phase = np.arange(PHASES) / PHASES / frequency_hz
+    charge = design(np.append(phase, 1 / frequency_hz)) @ coefficients
+    rising = np.diff(charge) > 0
+    turns = np.flatnonzero(rising != np.roll(rising, 1))
+    if len(turns) != 2 or np.ptp(charge) <= 2 * half:
+        return np.zeros_like(pulses)
+    at_s = np.mod(time_s, 1 / frequency_hz)
+    goes_up = rising[np.minimum((at_s * frequency_hz * PHASES).astype(np.int64), PHASES - 1)]
+    low, high = (phase[turns[rising[turns] == up][0]] for up in (True, False))
+    since_s = np.mod(at_s - np.where(goes_up, low, high), 1 / frequency_hz)
+    charge, began = design(time_s) @ coefficients, design(time_s - since_s) @ coefficients
+    return np.where(goes_up, np.maximum(began + half, charge - half), np.minimum(began - half, charge + half)) - charge

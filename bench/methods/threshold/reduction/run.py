@@ -98,7 +98,6 @@ def _ladder(
     unit: UnitUnderTest,
     biased_above_g: float,
 ) -> Ladder:
-    """Ladder about one position."""
     scale = unit.nominal_per_g or np.nan
     angle_rad = np.array([elevation_rad(each, unit, data.bench) for each in used])
     offset = np.array([each.loops.get("offset", 0.0) for each in used])

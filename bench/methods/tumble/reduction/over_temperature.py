@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 
-from bench.methods.tumble.reduction.coefficient_findings import CONTAINED, Origin, coefficient_findings
 from bench.methods.tumble.reduction.dwells import Dwell
 from bench.methods.tumble.reduction.temperature_models import TemperatureModels
 from bench.methods.tumble.reduction.unit import TumbleUnit
-from bench.metrology.acquisition import Array
 from bench.metrology.extremes import interval_of_largest
-from bench.metrology.least_squares import PolynomialFit, fit_polynomial
+from bench.metrology.least_squares import Array, PolynomialFit, fit_polynomial
 from bench.metrology.results.budget import BudgetLine
-from bench.metrology.results.finding import Finding, Interval
+from bench.metrology.results.finding import Finding, Interval, Subject
 from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
+
+TERMS = ("linear", "quadratic")
+CONTAINED = "residuals of the model: contained"
+HIGHEST = 2  # power of T - Tref that has a coefficient
+Pair = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,3 +140,101 @@ class TumbleOverTemperature:
         }
         unit, steps = "g" if quantity.startswith("K0") else "1", tuple(dwell.group for dwell in dwells)
         return self.of.subject.finding(quantity, name, value * relative, unit, lines, at, steps, interval=interval)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Source of a model: the unit, and the steps of the run.
+
+    `budget` returns the lines of a result with sensitivities (n,) to the fitted values.
+    """
+
+    subject: Subject
+    steps: tuple[str, ...]
+    budget: Callable[[Array], Sequence[BudgetLine]]
+
+
+def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float, origin: Origin) -> Iterator[Finding]:
+    """T1 and T2 of K0 in g, or of K1 relative to it, about a reference temperature; a straight line has no T2.
+
+    They describe the unit at these dwells, so that residuals of the model, such as hysteresis, are contained in the
+    values and contribute no uncertainty: a second run of the same profile would give the same. Errors that are common
+    to all dwells, of the head and of the time base, cancel.
+    """
+    of_bias = quantity == "K0"
+    found = (bias_coefficients if of_bias else scale_coefficients)(model, reference_c)
+    for index, value in enumerate((found.t1, found.t2)[: model.degree]):
+        lines = [*origin.budget(found.gain[index]), BudgetLine(CONTAINED, "alias", 0)]
+        name = f"{TERMS[index]} temperature coefficient of the {'bias' if of_bias else 'scale factor'}"
+        unit = ("g/°C" if of_bias else "1/°C") + "²" * index
+        yield origin.subject.finding(
+            f"{quantity}T{index + 1}", name, value, unit, lines, {"at_c": reference_c}, origin.steps,
+            flags=("extrapolated",) if found.extrapolated else (),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class TemperatureCoefficients:
+    """T1 and T2 of a quantity: per °C and per °C², in the unit of the quantity or relative to it.
+
+    `gain` (2, n) is the sensitivity of T1 and T2 to each fitted value. `covariance` (2, 2) is type A, from the
+    residuals of the fit, NaN without degrees of freedom. T2 of a straight line is NaN. `extrapolated` is true if the
+    reference temperature is outside the fitted range.
+    """
+
+    t1: float
+    t2: float
+    gain: Array
+    covariance: Array
+    extrapolated: bool
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties of T1 and T2, type A: (2,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of T1 and T2; it follows from the temperatures, and needs no residuals."""
+        (t1, both), (_, t2) = self.gain @ self.gain.T
+        return float(both / np.sqrt(t1 * t2))
+
+
+def bias_coefficients(bias: PolynomialFit, reference_c: float) -> TemperatureCoefficients:
+    """K0T1 and K0T2, in the unit of the bias per °C and per °C². `bias` is at least a straight line."""
+    series = _series(bias, reference_c)
+    _, t1, t2 = series @ bias.coefficients
+    return _coefficients(bias, reference_c, (t1, t2), series[1:])
+
+
+def scale_coefficients(scale: PolynomialFit, reference_c: float) -> TemperatureCoefficients:
+    """K1T1 and K1T2, relative to K1 at the reference temperature. `scale` is at least a straight line, and not 0."""
+    series = _series(scale, reference_c)
+    k1, *slopes = series @ scale.coefficients
+    t1, t2 = np.array(slopes) / k1
+    jacobian = (series[1:] - np.outer((t1, t2), series[0])) / k1
+    return _coefficients(scale, reference_c, (t1, t2), jacobian)
+
+
+def _series(model: PolynomialFit, reference_c: float) -> Array:
+    """Matrix (3, p) from the coefficients (p,) of a model to those of the powers 0 to 2 of T - reference."""
+    z = (reference_c - model.centre) / model.scale
+    series = np.zeros((HIGHEST + 1, model.degree + 1))
+    for power in range(min(HIGHEST, model.degree) + 1):
+        shifted = [comb(k, power) * z ** max(k - power, 0) for k in range(model.degree + 1)]  # of (z + d)^k, at d^power
+        series[power] = np.array(shifted) / model.scale**power
+    return series
+
+
+def _coefficients(model: PolynomialFit, reference_c: float, values: Pair, jacobian: Array) -> TemperatureCoefficients:
+    """T1 and T2 (2,), with their derivatives with respect to the coefficients of the model, (2, p)."""
+    low_c, high_c = model.valid
+    known = np.array([1.0, 1.0 if model.degree >= HIGHEST else np.nan])
+    jacobian = jacobian * known[:, np.newaxis]
+    return TemperatureCoefficients(
+        t1=float(values[0]),
+        t2=float(values[1] * known[1]),
+        gain=jacobian @ model.fit.gain,
+        covariance=jacobian @ model.covariance @ jacobian.T,
+        extrapolated=not low_c <= reference_c <= high_c,
+    )

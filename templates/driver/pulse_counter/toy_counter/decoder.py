@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from drivers.can.dbc import Field
 from drivers.can.decoded import Counts, FrameDecoder
 from drivers.can.frame_block import FrameBlock
-from drivers.can.gap_detection import Unbroken
+from drivers.can.gap_detection import GapDetector
 
 from toy_counter import wire
 from toy_counter.description import ToyCounterOptions
@@ -23,8 +23,9 @@ class ToyCounterDecoder(FrameDecoder):
         """Decode the counts of every channel."""
         return {channel: wire.counts_in(message, block) for channel, message in self._messages.items()}
 
-    def watches(self) -> Sequence[Unbroken]:
+    def watches(self) -> Sequence[GapDetector]:
         """Gap detectors, one for each input."""
         return [
-            Unbroken.of(Field(message, wire.NUMBER), Field(message, wire.TICK)) for message in self._messages.values()
+            GapDetector.of(Field(message, wire.NUMBER), Field(message, wire.TICK))
+            for message in self._messages.values()
         ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated
 
 from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty
-from drivers.can.sent_frames import Counted, OnTheWire, SentFrames
+from drivers.can.sent_frames import BusLoad, Counted, SentFrames
 from drivers.certificates.corrections import ClockCorrections
 from drivers.description import DriverDescription
 from drivers.safe_state import NOTHING
@@ -32,8 +32,8 @@ def _outputs(options: ToyCounterOptions) -> Mapping[str, Counted]:
     return dict.fromkeys(options.inputs, Counted(options.period, TICK_S, options.max_rate))
 
 
-def _on_the_wire(options: ToyCounterOptions) -> OnTheWire:
-    return OnTheWire(bits_per_s=BITS_OF_A_FRAME * len(options.inputs) / options.period)
+def _bus_load(options: ToyCounterOptions) -> BusLoad:
+    return BusLoad(bits_per_s=BITS_OF_A_FRAME * len(options.inputs) / options.period)
 
 
 DESCRIPTION = DriverDescription(
@@ -49,5 +49,5 @@ DESCRIPTION = DriverDescription(
     corrections=ClockCorrections,
     reports_every_s=IDLE_BLOCK_S,
     channels={TEMPERATURE: "°C"},
-    frames=SentFrames(outputs=_outputs, on_the_wire=_on_the_wire, decoder="toy_counter.decoder:ToyCounterDecoder"),
+    frames=SentFrames(outputs=_outputs, bus_load=_bus_load, decoder="toy_counter.decoder:ToyCounterDecoder"),
 )

@@ -11,7 +11,7 @@ import numpy as np
 from drivers.can.dbc import Field, Message, Signal
 from drivers.can.decoded import Counts
 from drivers.can.frame_block import FrameBlock
-from drivers.can.sequence_numbers import Integers, ascending, begun_anew, gaps_in, unwrapped_by_clock
+from drivers.can.sequence_numbers import Integers, ascending, count_restarts, gaps_in, unwrapped_by_clock
 from numpy.typing import NDArray
 
 FIRST_ID = 0x300
@@ -52,7 +52,7 @@ def counts_in(message: Message, block: FrameBlock) -> Counts:
         gaps=gaps_in(came, first, last),
         lost=last - first + 1 - len(came),
         dropped=len(rows) - len(came),
-        restarts=begun_anew(numbers, ticks, TICK.length),
+        restarts=count_restarts(numbers, ticks, TICK.length),
     )
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from drivers.description import DriverDescription
-from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, StairOptions
+from drivers.kinds.chamber.description import CHANNELS, ChamberLimits, ChamberSafe, SteppedRampOptions
 
 
-class ToyChamberOptions(StairOptions):
+class ToyChamberOptions(SteppedRampOptions):
     """Protocol settings of the controller, and its ramp by a series of set points."""
 
 

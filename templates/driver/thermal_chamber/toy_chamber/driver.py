@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from drivers.description import Setup
 from drivers.errors import Refused
-from drivers.kinds.chamber.controller import Control, Look
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.transport.scpi import ScpiLink
@@ -17,7 +17,7 @@ from toy_chamber.description import ToyChamberOptions
 from toy_chamber.wire import Mode, State
 
 _CONTROL: Mapping[Mode, Control] = {
-    Mode.ON: Control.SET_POINT, Mode.OFF: Control.NOBODY, Mode.PROGRAM: Control.OTHER,
+    Mode.ON: Control.SET_POINT, Mode.OFF: Control.IDLE, Mode.PROGRAM: Control.FOREIGN,
 }  # fmt: skip
 
 
@@ -34,7 +34,7 @@ class ToyChamberController:
     async def connect(self) -> None:
         """Reconnect, identify, and query the limits of the set point."""
         await self._link.open()
-        self.limits_c = await self._link.ask(wire.LIMITS_QUERY, wire.read_limits)
+        self.limits_c = await self._link.query(wire.LIMITS_QUERY, wire.read_limits)
 
     def close(self) -> None:
         """Close the connection; the next exchange would reopen it."""
@@ -44,27 +44,27 @@ class ToyChamberController:
         """Query the identity by *IDN?."""
         return await self._link.identify()
 
-    async def look(self, commanded_c: float | None) -> Look:
+    async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read air, set point and mode in one answer."""
         state = await self._state(commanded_c)
         why = f"the chamber is in mode {state.mode.value}"
-        return Look(state.air_c, state.set_point_c, state.set_point_c, _CONTROL[state.mode], why)
+        return ControllerState(state.air_c, state.set_point_c, state.set_point_c, _CONTROL[state.mode], why)
 
     async def command(self, temperature_c: float) -> None:
         """Send the set point once and read it back."""
-        command, kept_c = wire.set_point(temperature_c), wire.kept(temperature_c)
+        command, stored_c = wire.set_point(temperature_c), wire.as_stored(temperature_c)
         await self._link.write(command)
-        state = await self._state(kept_c)
-        if state.set_point_c != kept_c:
+        state = await self._state(stored_c)
+        if state.set_point_c != stored_c:
             raise Refused(
                 self._device, "the controller did not take a new set point", sent=command,
                 received=f"set point {state.set_point_c:g} °C",
                 remedy="Look at the controller for a running program or protected settings.",
             )  # fmt: skip
 
-    def kept(self, temperature_c: float) -> float:
+    def as_stored(self, temperature_c: float) -> float:
         """Set point as stored: rounded to a tenth of a degree."""
-        return wire.kept(temperature_c)
+        return wire.as_stored(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
         """Do nothing: it has no ramp; `drivers.kinds.chamber` sends a series of set points."""
@@ -82,10 +82,10 @@ class ToyChamberController:
 
     async def _state(self, set_point_c: float | None) -> State:
         """Query the state, twice if the set point is unexpected, because the line has no checksum."""
-        state = await self._link.ask(wire.STATE_QUERY, wire.read_state)
+        state = await self._link.query(wire.STATE_QUERY, wire.read_state)
         if set_point_c in (None, state.set_point_c):
             return state
-        return await self._link.ask(wire.STATE_QUERY, wire.read_state)
+        return await self._link.query(wire.STATE_QUERY, wire.read_state)
 
 
 class ToyChamber(Chamber):

@@ -9,8 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
-from simulators.faults.instrument_faults import FaultKind, FaultPlan, Mishap
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS, SimulatedChamber
+from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.scpi import ILLEGAL_VALUE, Interpreter, LineSession, Refusal, setting
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -29,7 +29,7 @@ class SimulatedToyChamber(SimulatedChamber):
     def __init__(self, world: World, faults: FaultPlan, *, serial: str = "0001") -> None:
         super().__init__(world, faults)
         self.mode = Mode.ON
-        self.set_point_c = wire.kept(world.thermal.set_point_c)
+        self.set_point_c = wire.as_stored(world.thermal.set_point_c)
         self._interpreter = Interpreter(
             f"MAKER,TC-100,{serial},1.0",
             {
@@ -72,7 +72,7 @@ class SimulatedToyChamber(SimulatedChamber):
         self.switch_on()
 
     def _set(self, argument: str) -> None:
-        set_point_c = wire.kept(setting(argument, *LIMITS_C))
+        set_point_c = wire.as_stored(setting(argument, *LIMITS_C))
         if not self.faults.active("stuck"):
             self.set_point_c = set_point_c
             self._follow()
@@ -92,9 +92,9 @@ class SimulatedToyChamber(SimulatedChamber):
         self._world.look()
         return self.measured_c()
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        **CHAMBER_MISHAPS,
-        "restart": Mishap(restart),
-        "program": Mishap(start_program, switch_on),
-        "front_panel": Mishap(switch_off, switch_on),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        **CHAMBER_FAULT_EFFECTS,
+        "restart": FaultEffect(restart),
+        "program": FaultEffect(start_program, switch_on),
+        "front_panel": FaultEffect(switch_off, switch_on),
     }

@@ -48,14 +48,14 @@ def read_limits(line: bytes) -> tuple[float, float]:
     return scpi.number(low), scpi.number(high)
 
 
-def kept(temperature_c: float) -> float:
+def as_stored(temperature_c: float) -> float:
     """Set point as stored by the chamber, rounded to a tenth of a degree."""
     return round(temperature_c * TENTHS) / TENTHS
 
 
 def set_point(temperature_c: float) -> str:
     """Command: set point."""
-    return f"SETP {kept(temperature_c):.1f}"
+    return f"SETP {as_stored(temperature_c):.1f}"
 
 
 def mode(mode: Mode) -> str:

@@ -39,7 +39,7 @@ class ToyThermometer:
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Read the temperature (°C); no reading from an open sensor, so that the last one becomes stale."""
-        found_c = await self._link.ask(wire.TEMPERATURE_QUERY, wire.read_temperature)
+        found_c = await self._link.query(wire.TEMPERATURE_QUERY, wire.read_temperature)
         if found_c is None:
             return {TEMPERATURE: []}
         return {TEMPERATURE: [Reading(asyncio.get_running_loop().time(), found_c)]}

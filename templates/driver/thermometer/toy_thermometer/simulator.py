@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
-from simulators.faults.instrument_faults import LOOKED_FOR, FaultKind, FaultPlan, Mishap
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.scpi import Interpreter, LineSession
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -48,7 +48,7 @@ class SimulatedToyThermometer:
             self._read_c = self._world.thermal.air_c
         return None if self.is_open else self._read_c
 
-    MISHAPS: ClassVar[Mapping[FaultKind, Mishap]] = {
-        "frozen": LOOKED_FOR,
-        "open_sensor": Mishap(open_sensor, close_sensor),
+    FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
+        "frozen": PASSIVE_FAULT,
+        "open_sensor": FaultEffect(open_sensor, close_sensor),
     }

@@ -456,16 +456,16 @@ def gates_of(rng, scatter_pps=0.0, count=600, seconds=10.0, cycle_pps=0.0):
 def test_the_uncertainty_of_a_line_is_what_lines_scatter_by(count, scatter_pps, cycle_pps, least, most):
     """Where nothing but counts scatters, looking for more finds next to nothing."""
     rng = np.random.default_rng(1)
-    slopes, rates, told = [], [], []
+    slopes, rates, reported = [], [], []
     for _ in range(150):
         gates = gates_of(rng, scatter_pps, count, cycle_pps=cycle_pps)
         slope, offset = np.polyfit(gates.converter_c - 25, gates.rate, 1)
         slopes.append(slope)
         rates.append(offset)
         scatter = line_scatter(gates, 25.0)
-        told.append((np.hypot(scatter.counting_slope, scatter.scatter_slope),
+        reported.append((np.hypot(scatter.counting_slope, scatter.scatter_slope),
                      np.hypot(scatter.counting_rate, scatter.scatter_rate)))  # fmt: skip
-    u_slope, u_rate = np.sqrt(np.mean(np.square(told), axis=0))
+    u_slope, u_rate = np.sqrt(np.mean(np.square(reported), axis=0))
     assert least < np.std(slopes) / u_slope < most
     assert least < np.std(rates) / u_rate < most
 
@@ -593,10 +593,10 @@ def test_an_ammeter_that_is_not_believed_changes_no_result_and_is_told_beside():
     assert beside["current/deviation@src_1g"].value == pytest.approx(5e-6, abs=1e-7)
 
 
-@pytest.mark.parametrize(("wrong", "told"), [(50e-6, False), (80e-6, True), (-80e-6, True)])
-def test_source_and_ammeter_that_contradict_their_certificates_are_told(wrong, told):
+@pytest.mark.parametrize(("wrong", "reported"), [(50e-6, False), (80e-6, True), (-80e-6, True)])
+def test_source_and_ammeter_that_contradict_their_certificates_are_told(wrong, reported):
     result = reduced(with_ammeter(two_levels(), wrong), BOTH, METERED)
-    assert ("src_12g:source_and_ammeter_differ" in texts(result.flags)) is told
+    assert ("src_12g:source_and_ammeter_differ" in texts(result.flags)) is reported
 
 
 def test_a_level_that_a_believed_ammeter_has_not_read_has_no_result():

@@ -35,10 +35,12 @@ def looked(
     found = []
     for name in attitudes:
         window = acquired(f"{group}/{name}/acquire", group, bench, mount, name, np.zeros(6))
-        lies = unit_axes(window, UNIT, record(bench))
-        assert lies[:, 2] == pytest.approx(SPECIFIC_FORCE_G[NAMES.index(name)], abs=1e-9)
-        misaligned = 1e-3 * np.array([lies[1, 2], -lies[2, 2], lies[0, 2]])
-        force_g = lies[:, 2] + lies[:, :2] @ tilt_rad + misaligned + np.array([2e-3, -1e-3, 0.5e-3]) + bias_g
+        orientation = unit_axes(window, UNIT, record(bench))
+        assert orientation[:, 2] == pytest.approx(SPECIFIC_FORCE_G[NAMES.index(name)], abs=1e-9)
+        misaligned = 1e-3 * np.array([orientation[1, 2], -orientation[2, 2], orientation[0, 2]])
+        force_g = (
+            orientation[:, 2] + orientation[:, :2] @ tilt_rad + misaligned + np.array([2e-3, -1e-3, 0.5e-3]) + bias_g
+        )
         windows = {
             channel: dataclasses.replace(each, mean=float(K1 * value))
             for (channel, each), value in zip(window.windows.items(), [*force_g, 0, 0, 0], strict=True)
@@ -158,8 +160,10 @@ def test_what_moved_beyond_its_limit_makes_every_verdict_marginal(bias_g, tilt_r
 
 
 def test_it_is_told_in_words():
-    told = flag_in_words(Flag("moved", of="level/closure"))
-    assert told == "level/closure: it changed over the run by more than the settings allow: every verdict is marginal."
+    reported = flag_in_words(Flag("moved", of="level/closure"))
+    assert (
+        reported == "level/closure: it changed over the run by more than the settings allow: every verdict is marginal."
+    )
 
 
 def test_a_run_that_ended_before_any_accelerometer_was_calibrated_tells_nothing():

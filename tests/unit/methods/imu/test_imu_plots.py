@@ -19,8 +19,8 @@ def test_what_knots_change_by_has_the_bars_of_its_findings(drawn):
     made = [window for group, at_c in (("s/1", -10.0), ("s/2", 20.0), ("s/3", 50.0)) for window in at(group, at_c)]
     unit = result(made)
     plots = list(of_inertial_units.imu_plots(unit, "a"))
-    told = [plot.caption for plot in plots if "over temperature" in plot.title]
-    assert all("Bars: expanded uncertainty, 95 %" in caption for caption in told)
+    reported = [plot.caption for plot in plots if "over temperature" in plot.title]
+    assert all("Bars: expanded uncertainty, 95 %" in caption for caption in reported)
     figure = drawn["Gyros over temperature, before and after compensation"]
     of_zero, of_scale, left_out, _ = figure.axes
     expanded = {(each.quantity, each.at["axis"]): each.expanded for each in unit.findings if "visit" not in each.at}

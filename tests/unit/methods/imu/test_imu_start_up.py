@@ -174,7 +174,7 @@ def time_to_settle(value_s, low_s, high_s, *flags, limit_s=1800.0):
 
 
 @pytest.mark.parametrize(
-    ("found", "told"),
+    ("found", "reported"),
     [
         (time_to_settle(840.0, 0.0, 2100.0), "14 (0 to 35)"),
         (time_to_settle(952.0, 858.0, 1056.0), "15.9 (14.3 to 17.6)"),
@@ -184,13 +184,13 @@ def time_to_settle(value_s, low_s, high_s, *flags, limit_s=1800.0):
         (time_to_settle(3120.0, 2400.0, 3120.0, "more_than"), "> 52 !"),
     ],
 )
-def test_a_time_to_settle_is_told_with_its_range_which_does_not_go_below_nought(found, told):
-    assert shown(found) == told
+def test_a_time_to_settle_is_told_with_its_range_which_does_not_go_below_nought(found, reported):
+    assert shown(found) == reported
     unit = UnitResult("a", "SIM-A", (found,), (), (), ())
     (line,) = [each for each in results_text(Results("T", "PASS", (unit,))).splitlines() if "D0: settling" in each]
-    assert f" {told}  min " in line
+    assert f" {reported}  min " in line
     assert "±" not in line
-    assert ("in brackets the range of 95%" in line) == (">" not in told)
+    assert ("in brackets the range of 95%" in line) == (">" not in reported)
 
 
 def scattered(window, rng, sd_dps):

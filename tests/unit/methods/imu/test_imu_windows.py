@@ -80,8 +80,8 @@ def test_a_missing_attitude_leaves_its_axis_out_and_is_told_in_words():
     some = [each for each in block(BENCH, "s/hot", "xyz") if not each.step.endswith("Ay3")]
     found = result(some)
     assert found.left_out == ("hot/y",)
-    told = flag_in_words(flag_of(found.flags, "T=50:missing_position:Ay3"))
-    assert told == "Set point 50 °C: attitude Ay3 has no usable reading; its axis is left out there."
+    reported = flag_in_words(flag_of(found.flags, "T=50:missing_position:Ay3"))
+    assert reported == "Set point 50 °C: attitude Ay3 has no usable reading; its axis is left out there."
 
 
 def test_missing_rates_leave_their_axis_out():

@@ -21,7 +21,7 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record
 from simulators.physics.attitude import Fixture
 from simulators.physics.motion import Axis, AxisErrors
-from simulators.physics.table_kinematics import Carried, Level, TableErrors
+from simulators.physics.table_kinematics import Level, TableErrors, TableKinematics
 from tests.support.runs import copy_bench
 
 DRIFT_DEG = 2 / 3600
@@ -84,7 +84,7 @@ def test_a_simulated_level_changes_evenly_over_the_run() -> None:
     axis = Axis(AxisErrors(), 100.0, np.random.default_rng(1))
     level = Level(0.01, 0.002, run_s=1000.0)
     found = [
-        Carried(
+        TableKinematics(
             Fixture(), {"head": axis}, level=level, table=TableErrors(), gravity_mps2=9.8, latitude_deg=30.0
         ).upward(np.array([at_s]))[0, 0]
         for at_s in (0.0, 500.0, 1000.0)

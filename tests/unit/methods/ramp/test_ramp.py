@@ -150,11 +150,11 @@ def test_a_leg_has_each_temperature_once(falls):
     read_c[[3, 90]] += 4.0
     read_c[100:108], read_c[120:123] = 850.0, NAN
     kept = on_its_way(time_s, -read_c if falls else read_c, falls=falls)
-    kept_c = warm_c[kept]
+    stored_c = warm_c[kept]
     assert turns[0] > 5
     assert turns[1] < len(time_s) - 5, "it turns at either end"
-    assert np.all(np.diff(kept_c) > 0)
-    assert (kept_c[0], kept_c[-1]) == pytest.approx((warm_c[2], warm_c[-3]), abs=0.6)
+    assert np.all(np.diff(stored_c) > 0)
+    assert (stored_c[0], stored_c[-1]) == pytest.approx((warm_c[2], warm_c[-3]), abs=0.6)
     assert kept[100:125].all(), "what is broken or missing is told elsewhere"
 
 

@@ -39,13 +39,13 @@ def slope(ramp) -> float:
 
 @pytest.mark.parametrize("sd", [0.0, 0.02, 0.3])
 def test_slopes_err_as_much_as_is_said(sd):
-    errors, told = [], []
+    errors, reported = [], []
     for seed in range(SEEDS):
         ramp = legs(seed, sd=sd)
         found = slope_scatter(ramp)
         errors.append(slope(ramp) - SLOPE)
-        told.append(np.hypot(found.counted, found.own))
-    rms = np.sqrt(np.mean(np.square(errors) / np.square(told)))
+        reported.append(np.hypot(found.counted, found.own))
+    rms = np.sqrt(np.mean(np.square(errors) / np.square(reported)))
     assert 0.8 < rms < 1.25, rms
 
 

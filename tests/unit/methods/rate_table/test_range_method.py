@@ -71,8 +71,8 @@ def test_a_wobble_of_the_axis_is_in_the_budget_of_the_output_at_rest(angles, sha
     rested = [at_rest(1e4 * BIAS_G, angle) for angle in angles]
     unit = accelerometer(*rested, spun(200), spun(-200), spun(250), spun(800))
     rest, *_ = unit.findings
-    told = {line.source: line.u for line in rest.budget}
-    assert told["axis: wobble"] == pytest.approx(share * np.radians(BENCH.head.wobble_u_deg))
+    reported = {line.source: line.u for line in rest.budget}
+    assert reported["axis: wobble"] == pytest.approx(share * np.radians(BENCH.head.wobble_u_deg))
 
 
 def test_relative_to_the_full_scale_it_is_that_part_of_it():
@@ -92,9 +92,9 @@ def test_a_table_that_did_not_turn_as_told_and_a_sensor_at_its_end_are_told():
     assert (clipped.verdict, clipped.flags) == (None, ("clipped",))
     assert values(unit, "saturated_points") == [1]
     assert unit.verdict == "INCOMPLETE"
-    told = [flag_in_words(flag) for flag in unit.flags]
-    assert "did not turn at the commanded rate" in told[0]
-    assert "end of its range" in told[1]
+    reported = [flag_in_words(flag) for flag in unit.flags]
+    assert "did not turn at the commanded rate" in reported[0]
+    assert "end of its range" in reported[1]
 
 
 def test_without_a_reading_at_rest_nothing_is_known():

@@ -20,14 +20,14 @@ ARMS_M = (0.06, 0.05)
 SWEEP_HZ = (10.37, 20.37, 30.37, 38.37, 42.37, 60.37)
 
 
-def gyro_at(frequency_hz, dynamics=SLOW, amplitude_dps=20.0, **told):
+def gyro_at(frequency_hz, dynamics=SLOW, amplitude_dps=20.0, **reported):
     response = dynamics.response(np.array([frequency_hz]))[0]
     reach = amplitude_dps / (2 * np.pi * frequency_hz) * PER_DEG
 
     def charge(phase, time_s):
         return reach * np.imag(response * np.exp(1j * phase)) + 20 * time_s
 
-    return swinging(frequency_hz, charge, amplitude_dps, **told)
+    return swinging(frequency_hz, charge, amplitude_dps, **reported)
 
 
 def accelerometer_at(frequency_hz, amplitude_dps, arms_m=ARMS_M):

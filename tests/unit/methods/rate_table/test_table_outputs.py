@@ -59,12 +59,12 @@ def test_a_sample_is_an_instant_or_half_a_period_late_and_both_are_known(average
     assert values(unit, "phase") == pytest.approx(np.degrees(np.unwrap(np.angle(response))), abs=0.03)
     assert (texts(unit.flags), unit.left_out) == ((), ())
     phase = next(found for found in unit.findings if found.quantity == "phase")
-    told = {line.source: line for line in phase.budget}
-    assert told["encoder: time to the end of the sample"].u == pytest.approx(360 * SWEEP_HZ[0] * 2e-5, rel=1e-6)
-    assert told["encoder: time to the end of the sample"].shared == "telemetry.encoder_skew"
+    reported = {line.source: line for line in phase.budget}
+    assert reported["encoder: time to the end of the sample"].u == pytest.approx(360 * SWEEP_HZ[0] * 2e-5, rel=1e-6)
+    assert reported["encoder: time to the end of the sample"].shared == "telemetry.encoder_skew"
     half = "sample: half of its period, taken out"
-    assert (half in told) is averaged
-    assert not averaged or told[half].u == pytest.approx(360 * SWEEP_HZ[0] * PERIOD_S / 2 * 5e-6, rel=1e-3)
+    assert (half in reported) is averaged
+    assert not averaged or reported[half].u == pytest.approx(360 * SWEEP_HZ[0] * PERIOD_S / 2 * 5e-6, rel=1e-3)
 
 
 def test_the_wrong_kind_of_sample_is_half_a_period_wrong():
@@ -146,8 +146,8 @@ def test_the_errors_of_a_gyro_by_codes_with_the_encoder_on_its_clock_or_on_anoth
     assert values(unit, "rest_rate") == pytest.approx([0.2], abs=1e-4)
     assert values(unit, "rate_error") == pytest.approx([0.05, -0.15], abs=2e-3)
     (error, *_) = (found for found in unit.findings if found.quantity == "rate_error")
-    told = {line.source: line.u for line in error.budget}
-    assert told["telemetry: time base"] == pytest.approx(100.0 * 5e-6, rel=1e-3)
+    reported = {line.source: line.u for line in error.budget}
+    assert reported["telemetry: time base"] == pytest.approx(100.0 * 5e-6, rel=1e-3)
 
 
 def test_the_errors_of_a_gyro_by_volts():
@@ -155,9 +155,9 @@ def test_the_errors_of_a_gyro_by_volts():
     assert values(unit, "rest_rate") == pytest.approx([0.2], abs=1e-4)
     assert values(unit, "rate_error") == pytest.approx([0.05, -0.15], abs=2e-3)
     (error, *_) = (found for found in unit.findings if found.quantity == "rate_error")
-    told = {line.source: line for line in error.budget}
-    assert told["voltmeter: gain"].u == pytest.approx(100.0 * 4e-6, rel=1e-3)
-    assert told["voltmeter: gain"].shared == "dvm.gain"
+    reported = {line.source: line for line in error.budget}
+    assert reported["voltmeter: gain"].u == pytest.approx(100.0 * 4e-6, rel=1e-3)
+    assert reported["voltmeter: gain"].shared == "dvm.gain"
     (rest,) = (found for found in unit.findings if found.quantity == "rest_rate")
     assert next(line.u for line in rest.budget if line.source == "voltmeter: offset") == pytest.approx(1e-4)
     assert unit.compensations[0].scale.unit == "V/(°/s)"
@@ -200,9 +200,9 @@ def test_a_decoded_output_has_a_scale_of_its_own_unit():
 def test_the_gain_of_a_voltmeter_is_one_error_of_all_rates_and_none_of_their_asymmetry():
     rates = (0.0, 0.0, 100.0, -100.0, 200.0, -200.0, 300.0, -300.0)
     unit = ranged(*map(at_volts, rates), unit=READ)
-    told = {
+    reported = {
         found.quantity: {line.source: line.u for line in found.budget}.get("voltmeter: gain", 0.0)
         for found in unit.findings
     }
-    assert told["scale_error"] == pytest.approx(4e-6, rel=1e-3)
-    assert max(told["asymmetry"], told["nonlinearity/cubic"]) < 1e-8
+    assert reported["scale_error"] == pytest.approx(4e-6, rel=1e-3)
+    assert max(reported["asymmetry"], reported["nonlinearity/cubic"]) < 1e-8

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.bias_at_rest import RestReading, fit_rest
-from bench.methods.rate_table.reduction.converter_hysteresis import without_hysteresis
 from bench.methods.rate_table.reduction.intake import table_samples
+from bench.methods.rate_table.reduction.response import without_hysteresis
 from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
 from bench.methods.rate_table.reduction.sine_fit import fit_sine
 from bench.metrology.acquisition import Motion
@@ -142,11 +142,11 @@ def test_the_uncertainty_of_the_bias_is_what_biases_scatter_by(more, low, high):
     rng = np.random.default_rng(6)
     ratios = []
     for _ in range(500):
-        told = 1e-6 * np.sqrt(rng.chisquare(29, 8) / 29)
+        reported = 1e-6 * np.sqrt(rng.chisquare(29, 8) / 29)
         scatter = more * 1e-6 * rng.standard_normal(8)
         found = fit_rest([
             RestReading(10.0 * i, 90.0 * i, 1e-3 + error, u, 29)
-            for i, (error, u) in enumerate(zip(scatter, told, strict=True))
+            for i, (error, u) in enumerate(zip(scatter, reported, strict=True))
         ])  # fmt: skip
         ratios.append((found.value - 1e-3) / found.u)
     assert low < np.sqrt(np.mean(np.square(ratios))) < high

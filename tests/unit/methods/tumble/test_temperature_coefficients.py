@@ -1,8 +1,13 @@
 import numpy as np
 import pytest
 
-from bench.methods.tumble.reduction.coefficient_findings import CONTAINED, Origin, coefficient_findings
-from bench.methods.tumble.reduction.coefficients import bias_coefficients, scale_coefficients
+from bench.methods.tumble.reduction.over_temperature import (
+    CONTAINED,
+    Origin,
+    bias_coefficients,
+    coefficient_findings,
+    scale_coefficients,
+)
 from bench.metrology.least_squares import fit_polynomial
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Subject

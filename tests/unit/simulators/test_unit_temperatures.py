@@ -9,9 +9,8 @@ from bench.config.load import load_file
 from simulators.physics.source_errors import CurrentErrors, Feed
 from simulators.physics.thermal import ChamberPhysics, Thermal, UnitPhysics
 from simulators.units.accelerometer import Decoding, draw_unit
-from simulators.units.thermostat import Thermostat
 from simulators.units.unit_file import ThermostatModel, UnitFile
-from simulators.units.unit_temperatures import Board, Warmth
+from simulators.units.unit_temperatures import Board, Thermostat, UnitTemperatures
 from tests.support.sequences import ROOT
 
 MODEL = ThermostatModel.model_validate(
@@ -97,7 +96,7 @@ def test_a_converter_that_makes_volts_or_codes_drifts_as_its_file_says(name, thr
 def test_a_board_was_a_moment_ago_where_its_rate_says_however_long_nobody_looked():
     ramped = Thermal(ChamberPhysics(limit_cycle_c=0.0), (UnitPhysics(180, 60, 0, 20, 120),), 0.0)
     unit = load_file(ROOT / "config/uut/volts_channel.yaml", UnitFile)
-    warmth = Warmth(ramped, 0, unit, 20.0, 20.0)
+    warmth = UnitTemperatures(ramped, 0, unit, 20.0, 20.0)
     board = Board(warmth, 20.0)
     ramped.ramp(60.0, 25 / 3600)
     ramped.advance(3600.0)

@@ -1,4 +1,4 @@
-"""What happens to instruments by the MISHAPS of their simulators, as their drivers see it, and when it is over."""
+"""The faults in FAULT_EFFECTS of each simulator, as its driver sees them, and their end."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 from bench.app.laboratory import simulator_of
 from drivers.errors import DriverError
 from drivers.kinds.chamber.driver import Chamber
-from simulators.faults.instrument_faults import FaultKind, begin, end, mishaps_of
-from simulators.instruments.chambers.chamber import CHAMBER_MISHAPS
+from simulators.faults.instrument_faults import FaultKind, begin, end, fault_effects_of
+from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS
 from tests.contract.test_chambers import ALL
 from tests.support import head as heads
 from tests.support import source as sources
@@ -28,7 +28,11 @@ def of_chambers() -> Iterator[tuple[str, FaultKind]]:
     for driver, dialect in CHAMBERS.items():
         simulator = simulator_of(dialect.description)
         assert simulator is not None
-        own = {kind for kind, mishap in mishaps_of(simulator).items() if mishap is not CHAMBER_MISHAPS.get(kind)}
+        own = {
+            kind
+            for kind, mishap in fault_effects_of(simulator).items()
+            if mishap is not CHAMBER_FAULT_EFFECTS.get(kind)
+        }
         yield from ((driver, kind) for kind in sorted(own))
 
 
