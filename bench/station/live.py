@@ -109,6 +109,7 @@ class Live(Part):
         for name in found.keys() - self.runs.keys():
             self.runs[name] = LiveRun(found[name])
         for name, live in list(self.runs.items()):
+            live.run = found.get(name, live.run)  # that of a run which is just beginning has no manifest yet
             for event in await asyncio.to_thread(live.look):
                 for call in self.on_event:
                     call(live, event)

@@ -138,6 +138,7 @@ class Subscriber:
         """Disconnect."""
         self._client.disconnect()
         self._client.loop_stop()
+        self._client._reset_sockets(sockpair_only=True)  # which paho leaves to the garbage collector
 
 
 @contextmanager
@@ -186,6 +187,7 @@ def station_file(folder: Path, of: Broker, **more: Any) -> str:
         "schema": "itb-station/1",
         "title": "Laboratory 3",
         "benches": {"demo": {"file": "simulated"}},
+        "sequences": "own",
         "mqtt": mqtt,
     }
     (folder / "station.yaml").write_text(json.dumps(text))

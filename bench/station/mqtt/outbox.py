@@ -89,6 +89,8 @@ class Outbox:
         before = self._positions.of(name)
         stat, run = self._stat(name), self._catalogue.run(name)  # first: what is written later changes them
         mark = "" if run.state == "running" else f"{run.state} {stat}"
+        if run.state == "running" and not run.manifest:  # it is just beginning
+            return None
         entries, begins = self._entries(run, before.seq)
         if entries is None:  # a run that has just begun has no record; that of one which has ended is damaged
             return Batch(name, [], before._replace(mark=mark)) if mark else None

@@ -67,7 +67,7 @@ class Publisher:
             try:
                 await self._connected()
             except (aiomqtt.MqttError, BenchError, OSError, ValueError) as problem:
-                tell("problem", text=f"broker {self._settings.host}: {problem}; it is tried again, and no event is lost")
+                tell("problem", text=f"broker {self._settings.host}: {problem}; it is tried again, no event is lost")
             if watch.elapsed_s() > OF_USE_S:
                 backoff.reset()
             await asyncio.sleep(backoff.next_s())
