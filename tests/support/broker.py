@@ -18,6 +18,7 @@ from paho.mqtt.properties import Properties
 
 from bench.clock import Stopwatch
 from tests.support.runs import ROOT
+from tests.support.served import free_port
 
 USERS = ("station", "dashboard", "anna")
 _pause = threading.Event().wait
@@ -151,12 +152,6 @@ def subscribed(of: Broker, user: str = "dashboard", topic: str = "#") -> Iterato
         made.close()
 
 
-def free_port() -> int:
-    """Return a port that nobody uses."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return int(listener.getsockname()[1])
-
-
 def make_certificates(folder: Path) -> None:
     """Write an authority, a certificate of `localhost`, and one of another authority."""
     folder.mkdir(parents=True)
@@ -174,8 +169,8 @@ def _openssl(folder: Path, *words: str) -> None:
     subprocess.run(["openssl", *words], cwd=folder, check=True, capture_output=True)
 
 
-def station_file(folder: Path, of: Broker, **more: Any) -> str:
-    """Write `station.yaml` with a station that publishes to a broker, and return its name."""
+def station_file(folder: Path, of: Any, bench: str = "simulated", **more: Any) -> str:
+    """Write `station.yaml` with a station that publishes to the `port` of a broker, and return its name."""
     password = folder / "mqtt.password"
     password.write_text("station\n")
     password.chmod(0o600)
@@ -186,7 +181,7 @@ def station_file(folder: Path, of: Broker, **more: Any) -> str:
     text = {
         "schema": "itb-station/1",
         "title": "Laboratory 3",
-        "benches": {"demo": {"file": "simulated"}},
+        "benches": {"demo": {"file": bench}},
         "sequences": "own",
         "mqtt": mqtt,
     }

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import shutil
 from datetime import UTC, datetime, timedelta
 from uuid import uuid4
 
@@ -22,6 +23,8 @@ from bench.station.mqtt.shown import Show
 from bench.station.mqtt.topics import LONGEST, Topics, bench_of_file, level
 from bench.station.settings import read_station
 from bench.station.view import BenchView, QuestionView, ReadingView, RunView, StationView
+from tests.support.how_to import FOLDER, blocks
+from tests.support.runs import ROOT
 
 NOW = datetime(2026, 11, 21, 20, 0, tzinfo=UTC)
 NAMES = st.text(st.characters(), max_size=300)
@@ -167,6 +170,14 @@ STATION = "schema: itb-station/1\nbenches: {a: {file: simulated}}\nmqtt: {host: 
 def read(tmp_path, more, host="127.0.0.1"):
     (tmp_path / "station.yaml").write_text(STATION.replace("HOST", host).replace("MORE", more))
     return read_station(tmp_path / "station.yaml", tmp_path / "own").mqtt
+
+
+def test_the_settings_of_the_page_are_right(tmp_path):
+    (text,) = (yaml for _, yaml in blocks(FOLDER / "station.md") if "mqtt:" in yaml)
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    (tmp_path / "station.yaml").write_text(text, "utf-8")
+    found = read_station(tmp_path / "station.yaml", tmp_path / "own").mqtt
+    assert (found.host, found.port_used, found.command_users) == ("broker.example.org", 8883, ())
 
 
 def test_a_port_follows_from_tls_and_files_are_beside_the_settings(tmp_path):
