@@ -21,7 +21,7 @@ from bench.clock import Stopwatch, wall_utc
 from bench.station.mqtt.positions import Positions
 from bench.station.mqtt.reference import DISCOVERY, TOPICS
 from bench.store.tail import Tail
-from tests.support.broker import broker, station_file, subscribed
+from tests.support.broker import broker, station_file, subscribed, tls_settings
 from tests.support.served import on_real_wires, simulating
 from tests.support.station import serving
 
@@ -81,7 +81,7 @@ def test_every_documented_topic_is_seen_with_tls_password_and_access_list(tmp_pa
     with broker(tmp_path / "broker", tls=True) as of, subscribed(of, topic="bench/#") as seen, \
             subscribed(of, "anna", "bench/lab3/replies/anna") as anna:  # fmt: skip
         file = station_file(
-            tmp_path, of, tls={"ca": "broker/certs/ca.pem"}, home_assistant=True,
+            tmp_path, of, tls=tls_settings(), home_assistant=True,
             commands={"enabled": True, "users": ["anna"]},
         )  # fmt: skip
         with serving(tmp_path, file) as station:
@@ -139,11 +139,14 @@ def test_the_access_list_denies_what_it_shall(tmp_path):
         assert Positions(tmp_path / "station").is_new is False
 
 
-def test_a_broker_of_another_authority_is_not_trusted(tmp_path):
+def test_neither_a_broker_of_another_authority_nor_a_client_without_a_certificate_is_trusted(tmp_path):
     with broker(tmp_path / "broker", tls=True) as of, subscribed(of, topic="bench/#") as seen:
-        with serving(tmp_path, station_file(tmp_path, of, tls={"ca": "broker/certs/other.pem"})) as station:
+        with serving(tmp_path, station_file(tmp_path, of, tls=tls_settings("other"))) as station:
             problems = station.until(lambda: station.get("station")["problems"])
             assert "certificate verify failed" in problems[0]
+        without = dict.fromkeys(("certificate", "key"), "")
+        with serving(tmp_path, station_file(tmp_path, of, tls=tls_settings(**without))) as station:
+            station.until(lambda: station.get("station")["problems"])
         assert seen.received == []
 
 

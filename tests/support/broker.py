@@ -50,7 +50,9 @@ class Broker:
         text = text.replace("8883 192.0.2.10", f"{self.port} 127.0.0.1").replace("/etc/mosquitto", str(folder))
         text = text.replace("/var/lib/mosquitto/", f"{folder}/")
         lines = [
-            line for line in text.splitlines() if tls or not line.startswith(("cafile", "certfile", "keyfile", "tls"))
+            line
+            for line in text.splitlines()
+            if tls or not line.startswith(("cafile", "certfile", "keyfile", "tls", "require"))
         ]
         (folder / "mosquitto.conf").write_text("\n".join([*lines, "user root", "sys_interval 0", ""]))
 
@@ -97,7 +99,10 @@ class Subscriber:
         self._client = paho.Client(paho.CallbackAPIVersion.VERSION2, f"test-{user}", protocol=paho.MQTTv5)
         self._client.username_pw_set(user, user)
         if of.tls:
-            self._client.tls_set(str(of.folder / "certs/ca.pem"))
+            certificates = of.folder / "certs"
+            self._client.tls_set(
+                str(certificates / "ca.pem"), str(certificates / "client.pem"), str(certificates / "client.key")
+            )
         self._client.reconnect_delay_set(0.1, 0.2)
         self._client.on_message = self._take
         self._client.on_connect = lambda *_: self._client.subscribe(topic, 1)
@@ -153,20 +158,28 @@ def subscribed(of: Broker, user: str = "dashboard", topic: str = "#") -> Iterato
 
 
 def make_certificates(folder: Path) -> None:
-    """Write an authority, a certificate of `localhost`, and one of another authority."""
+    """Write two authorities, and certificates of the first one: of `localhost`, and of a client."""
     folder.mkdir(parents=True)
     for name in ("ca", "other"):
-        _openssl(folder, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", f"/CN={name}",
-                 "-keyout", f"{name}.key", "-out", f"{name}.pem")  # fmt: skip
-    _openssl(folder, "req", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost", "-keyout", "broker.key",
-             "-out", "broker.csr")  # fmt: skip
+        _openssl(
+            folder, f"req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN={name} -keyout {name}.key -out {name}.pem"
+        )
     (folder / "names").write_text("subjectAltName=DNS:localhost\n")
-    _openssl(folder, "x509", "-req", "-in", "broker.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial",
-             "-days", "2", "-extfile", "names", "-out", "broker.pem")  # fmt: skip
+    for name in ("broker", "client"):
+        _openssl(folder, f"req -newkey rsa:2048 -nodes -subj /CN={name} -keyout {name}.key -out {name}.csr")
+        _openssl(folder, f"x509 -req -in {name}.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days 2 -extfile names "
+                         f"-out {name}.pem")  # fmt: skip
+        (folder / f"{name}.key").chmod(0o600)
 
 
-def _openssl(folder: Path, *words: str) -> None:
-    subprocess.run(["openssl", *words], cwd=folder, check=True, capture_output=True)
+def tls_settings(authority: str = "ca", **more: str) -> dict[str, str]:
+    """Return settings `tls` of a station beside the folder `broker`."""
+    own = {"certificate": "broker/certs/client.pem", "key": "broker/certs/client.key"}
+    return {"ca": f"broker/certs/{authority}.pem", **own, **more}
+
+
+def _openssl(folder: Path, words: str) -> None:
+    subprocess.run(["openssl", *words.split()], cwd=folder, check=True, capture_output=True)
 
 
 def station_file(folder: Path, of: Any, bench: str = "simulated", **more: Any) -> str:
