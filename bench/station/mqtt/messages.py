@@ -9,8 +9,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-LARGEST_DATA = 64 * 1024
-MOST_FINDINGS = 500
+LARGEST_DATA = 64 * 1024  # together with the rest, below what brokers accept
 _HISTORICAL = Field(
     False, description="true if it was recorded before the present connection began, such as during an outage"
 )
@@ -71,7 +70,7 @@ class State(Message):
     total: int = Field(0, description="steps of the plan; 0 if it is unknown")
     ends: datetime | None = Field(None, description="estimated end; sent again when it has changed by half a minute")
     held_by: tuple[str, ...] = Field((), description="why no step begins; `pause` for a person")
-    problems: tuple[str, ...] = ()
+    problems: tuple[str, ...] = Field((), description="the newest 20 problems of the run")
     stopped: str = Field("", description="why no item of the queue begins; empty if items begin")
     waiting: int = Field(0, description="items of the queue that wait")
 
@@ -158,7 +157,7 @@ class Results(Message):
     sequence: str
     units: tuple[str, ...] = Field(description="serial numbers")
     ended: str | None = Field(description="instant by the clock of the bench")
-    findings: tuple[Finding, ...] = Field(description="the first 500")
+    findings: tuple[Finding, ...] = Field(description="as many as fit into 64 KiB")
     findings_omitted: int = 0
     is_historical: bool = _HISTORICAL
 

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from bench.errors import InputError, StoreError
 from bench.station.catalogue import Catalogue
-from bench.station.mqtt.messages import LARGEST_DATA, MOST_FINDINGS, Alarm, Event, Finding, Message, Results
+from bench.station.mqtt.messages import LARGEST_DATA, Alarm, Event, Finding, Message, Results
 from bench.station.mqtt.positions import Position, Positions
 from bench.station.mqtt.topics import Topics, bench_of_file
 from bench.store.reader import Event as Entry
@@ -163,12 +163,23 @@ def results_of(run: RunSummary, *, is_historical: bool) -> Results:
     """Return the end of a run: its outcome and, if they can be read, its findings."""
     manifest = run.manifest
     findings = list(_findings(run.path / RESULTS))
+    shown = tuple(_fitting(findings))
     return Results(
         id=f"{run.id}:results", run=run.id, outcome=run.state, verdict=_text(manifest, "verdict"),
         title=str(manifest.get("title", "")), sequence=str(manifest.get("sequence", "")), units=run.units,
-        ended=_text(manifest, "ended"), findings=tuple(findings[:MOST_FINDINGS]),
-        findings_omitted=len(findings[MOST_FINDINGS:]), is_historical=is_historical,
+        ended=_text(manifest, "ended"), findings=shown,
+        findings_omitted=len(findings) - len(shown), is_historical=is_historical,
     )  # fmt: skip
+
+
+def _fitting(findings: list[Finding]) -> Iterator[Finding]:
+    """Yield findings from the first one, as many as a broker accepts in one message."""
+    left = LARGEST_DATA
+    for each in findings:
+        left -= len(each.payload())
+        if left < 0:
+            return
+        yield each
 
 
 def _text(manifest: Mapping[str, Any], key: str) -> str | None:

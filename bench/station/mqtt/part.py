@@ -85,7 +85,10 @@ class Mqtt(Part):
         """Take problems and commands, one after the other, until the process ends."""
         assert process.stdout is not None  # noqa: S101  a pipe was asked for
         while line := await process.stdout.readline():
-            found = json.loads(line)
+            try:
+                found = json.loads(line)
+            except ValueError:  # it was killed while it wrote
+                raise BenchError("the publisher has ended; it is started again") from None
             if found["kind"] == "problem":
                 self.problem = found["text"]
             elif found["kind"] == "command":

@@ -35,8 +35,9 @@ LONGEST_COMMAND = 4096
 
 
 def tell(kind: str, **facts: object) -> None:
-    """Send a line to the station."""
-    sys.stdout.write(f"{json.dumps({'kind': kind, **facts})}\n")
+    """Send a line to the station; it is short, whatever the broker has sent."""
+    short = {key: value[:LONGEST_COMMAND] if isinstance(value, str) else value for key, value in facts.items()}
+    sys.stdout.write(f"{json.dumps({'kind': kind, **short})}\n")
     sys.stdout.flush()
 
 

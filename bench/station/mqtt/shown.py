@@ -57,7 +57,7 @@ class Show:
             **common, "run": run.run, "sequence": run.sequence, "run_title": run.title, "units": run.units,
             "operator": run.operator, "item": run.item, "steps": run.steps, "sentence": getattr(run, "sentence", ""),
             "done": run.done, "total": run.total, "ends": self._steady(bench.name, run.ends), "held_by": run.held_by,
-            "problems": run.problems,
+            "problems": [text[:500] for text in run.problems[-20:]],
         })  # fmt: skip
 
     def _steady(self, bench: str, ends: datetime | None) -> datetime | None:

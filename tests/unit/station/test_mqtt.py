@@ -253,4 +253,8 @@ def test_commands_that_are_not_obeyed_are_answered_and_audited(tmp_path):
     entries = list(Audit(database).entries())
     assert len(entries) == len(cases) + 3
     assert {(each["how"], each["action"]) for each in entries} == {("mqtt", "command refused")}
+    with database.transaction() as tables:
+        tables.execute("DROP TABLE mqtt_nonce")  # as if the disk had failed
+    assert "no run" in reply(command("abort")).text
+    assert "cannot be written" in reply(command("pause")).text
     database.close()

@@ -169,3 +169,21 @@ def test_the_number_of_a_connection_is_durable(tmp_path):
         numbers += [positions.next_connection() for _ in range(100)]
         positions.close()
     assert numbers == [number % 256 for number in range(1, 301)]
+
+
+def test_results_that_are_too_many_for_a_broker_are_counted(tmp_path, runs):
+    new = later(runs)
+    found = json.loads((new / "results.json").read_text())
+    first = found["findings"][0]
+    found["findings"] = [first] * 1000
+    (new / "results.json").write_text(json.dumps(found))
+    positions, box = outbox(tmp_path, runs)
+    positions.begin({})
+    positions.move(new.name, Position(seqs(new)[-1], ""))
+    (new / "seal.json").unlink()  # the run has changed; without a seal this is not noticed
+    manifest = json.loads((new / "manifest.json").read_text())
+    (new / "manifest.json").write_text(json.dumps({**manifest, "sealed": False}))
+    (_, results), *_ = next(each.messages for each in box.batches() if each.run == new.name)
+    assert 50 < len(results.findings) < 1000
+    assert len(results.findings) + results.findings_omitted == 1000
+    assert len(results.payload()) < 2 * LARGEST_DATA
