@@ -22,6 +22,7 @@ class MiniBroker:
         self.kept: list[tuple[str, Any]] = []
         self.port = 0
         self.connections = 0
+        self.heard = asyncio.Event()  # set with the first message
 
     def of(self, ending: str) -> list[Any]:
         """Return what was acknowledged on topics with an ending."""
@@ -55,6 +56,7 @@ class MiniBroker:
             writer.write(bytes([PUBACK, 2]) + number)
         payload = rest[1 + rest[0] :]  # after the properties
         self.kept.append((topic, json.loads(payload) if payload else None))
+        self.heard.set()
 
 
 def _answer(kind: int, body: bytes, writer: asyncio.StreamWriter) -> None:

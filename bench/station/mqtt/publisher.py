@@ -68,6 +68,8 @@ class Publisher:
             try:
                 await self._connected()
             except (aiomqtt.MqttError, BenchError, OSError, ValueError) as problem:
+                if (task := asyncio.current_task()) is not None and task.cancelling():
+                    raise asyncio.CancelledError from problem  # the farewell failed
                 tell("problem", text=f"broker {self._settings.host}: {problem}; it is tried again, no event is lost")
             if watch.elapsed_s() > OF_USE_S:
                 backoff.reset()

@@ -187,3 +187,16 @@ def test_results_that_are_too_many_for_a_broker_are_counted(tmp_path, runs):
     assert 50 < len(results.findings) < 1000
     assert len(results.findings) + results.findings_omitted == 1000
     assert len(results.payload()) < 2 * LARGEST_DATA
+
+
+def test_a_publisher_ends_also_where_its_farewell_fails(tmp_path):
+    async def main():
+        async with mini_broker(2) as of:  # it is lost with the second message
+            working = asyncio.create_task(publisher.Publisher(start(tmp_path, of.port)).work())
+            async with asyncio.timeout(20):
+                await of.heard.wait()
+                working.cancel()
+                await asyncio.wait([working])
+            return working.cancelled()
+
+    assert asyncio.run(main())
