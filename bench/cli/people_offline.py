@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from bench.errors import InputError
+from bench.station.audit import Audit
 from bench.station.database import Database
 from bench.web.access import EVERYTHING, Person, Scope
-from bench.web.audit import Audit
 from bench.web.identity import Identity
 
 

@@ -15,6 +15,7 @@ from bench.cli.commands import Argument, Command
 from bench.cli.exits import MEANINGS
 from bench.errors import InputError
 from bench.files import atomic_file
+from bench.station.mqtt.reference import mqtt_page
 from drivers.schema.suggest import did_you_mean
 
 INDEX, COMMANDS_PAGE = "README", "commands"
@@ -60,6 +61,7 @@ PAGES: Mapping[str, Callable[..., Blocks]] = {
     "bench": bench_page,
     "drivers": drivers_page,
     COMMANDS_PAGE: commands_page,
+    "mqtt": mqtt_page,
     "rules": rules_page,
     "errors": errors_page,
 }

@@ -141,14 +141,17 @@ class Daemon:
 
 
 @asynccontextmanager
-async def at_work(settings: Settings) -> AsyncIterator[Daemon]:
-    """Yield a daemon at work; at the end of the block it stops, and the runs go on.
+async def at_work(
+    settings: Settings, more: Callable[[Daemon], Mapping[str, Part]] = lambda _: {}
+) -> AsyncIterator[Daemon]:
+    """Yield a daemon at work; at the end of the block it stops, and the runs go on. `more` makes further parts of it.
 
     Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
     """
     database, workers = Database(settings.folder), Workers()
     daemon = Daemon(settings, database, workers, LAUNCHERS[settings.launch])
     try:
+        daemon.parts |= more(daemon)
         async with asyncio.TaskGroup() as parts:
             tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
             try:

@@ -17,6 +17,7 @@ from bench.config.bench import LoadedBench, load_bench
 from bench.config.devices import Text
 from bench.config.load import find, load_file, shipped
 from bench.errors import InputError
+from bench.station.mqtt.settings import MqttSettings, with_files
 from drivers.schema.fields import NOT_EMPTY, StrictModel
 from drivers.schema.suggest import did_you_mean
 
@@ -50,6 +51,7 @@ class StationFile(StrictModel):
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
     log_out_after_min: int = Field(0, ge=0, le=720, description="minutes without use until a session ends; 0 for 12 h")
     launch: Launch = Field("process", description="how a run starts: as a process, or as a service of systemd")
+    mqtt: MqttSettings | None = Field(None, description="broker to which the station publishes")
 
 
 class Settings(NamedTuple):
@@ -64,6 +66,7 @@ class Settings(NamedTuple):
     benches: Mapping[str, Path]
     titles: Mapping[str, str]
     sequences: Path | None = None
+    mqtt: MqttSettings | None = None
     laboratory: Path | None = None
     report_prefix: str = "R"
     released_only: bool = False
@@ -127,6 +130,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,
         launch=instead.get("launch") or found.launch,
         zones=zones,
+        mqtt=with_files(found.mqtt, beside.absolute()) if found.mqtt is not None else None,
     )
 
 

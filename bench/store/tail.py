@@ -79,6 +79,10 @@ class Tail:
         rows = self._rows(_EVENTS, after, limit)
         return [Event(seq, at_s, kind, step, _data(data)) for seq, at_s, kind, step, data in rows]
 
+    def last_event(self) -> int:
+        """Return the number of the last entry of the journal; 0 if there is none."""
+        return int(self._rows("SELECT COALESCE(MAX(seq), 0) FROM journal")[0][0])
+
     def begins(self) -> tuple[datetime, float] | None:
         """Return the instant of the begin of the run by the clock of its bench, and its bench time in s."""
         first = self.events(0, 1)

@@ -17,12 +17,14 @@ from bench.client.address import TOKEN, WHERE, announcement
 from bench.errors import BenchError, InputError
 from bench.files import write_atomically
 from bench.runner.notify import notify
-from bench.station.daemon import at_work
+from bench.station.audit import Audit
+from bench.station.daemon import Daemon, at_work
+from bench.station.mqtt.part import Mqtt
+from bench.station.part import Part
 from bench.station.settings import Settings
 from bench.web.access import EVERYTHING, Person
 from bench.web.app import make_app
 from bench.web.assets import lacking
-from bench.web.audit import Audit
 from bench.web.connections import Connection, Handshake, connection_of
 from bench.web.guards import HEADER_LIMIT_BYTES
 from bench.web.identity import Identity
@@ -54,7 +56,7 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
 
     Raises InputError for an address that is not allowed, InUseError if another station has the folder, StoreError.
     """
-    async with at_work(settings) as daemon:
+    async with at_work(settings, more=_more) as daemon:
         identity = Identity(daemon.database, settings.idle)
         _expect_safe(listening, identity)
         _expect_private(settings.folder / TOKEN, listening.key)
@@ -80,6 +82,11 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
             finally:
                 with suppress(OSError):
                     (settings.folder / WHERE).unlink(missing_ok=True)
+
+
+def _more(daemon: Daemon) -> dict[str, Part]:
+    """Return further parts that the settings ask for."""
+    return {"MQTT": Mqtt(daemon, daemon.settings.mqtt)} if daemon.settings.mqtt is not None else {}
 
 
 class _Server(uvicorn.Server):

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import httpx
 
+from bench.station.audit import Audit
 from bench.station.daemon import at_work
 from bench.station.settings import read_station
 from bench.web.access import EVERYTHING, ROLES
 from bench.web.app import make_app
-from bench.web.audit import Audit
 from bench.web.identity import Identity
 from bench.web.services import Services
 from tests.support import worker_processes  # noqa: F401  its tracker is to be there before

@@ -15,6 +15,7 @@ from urllib.parse import unquote
 from argon2 import PasswordHasher
 
 from bench.runner.control import STOPS, control_socket
+from bench.station.audit import Audit
 from bench.station.daemon import Daemon
 from bench.station.database import Database
 from bench.station.settings import read_station
@@ -22,7 +23,6 @@ from bench.station.worker import Workers
 from bench.store.runs import RunDirectory
 from bench.web.access import EVERYTHING, ROLES, Person
 from bench.web.app import make_app
-from bench.web.audit import Audit
 from bench.web.cookies import COOKIE
 from bench.web.guards import Guards
 from bench.web.identity import Identity

@@ -11,7 +11,7 @@ from tests.support.runs import ROOT
 
 
 def test_the_settings_of_the_page_name_benches_beside_them(tmp_path):
-    (text,) = (yaml for _, yaml in blocks(FOLDER / "station.md") if yaml.startswith(STATION))
+    text = next(yaml for _, yaml in blocks(FOLDER / "station.md") if yaml.startswith(STATION))
     for folder in ("config", "sequences"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     (tmp_path / "station.yaml").write_text(text, "utf-8")

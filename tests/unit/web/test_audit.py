@@ -7,10 +7,10 @@ import random
 import pytest
 
 from bench.errors import InputError
+from bench.station.audit import BEGINNING, _head
 from bench.station.items import Submission
 from bench.station.worker import Checked
 from bench.web.access import Person, routes_of
-from bench.web.audit import BEGINNING, _head
 from tests.support.web import PASSWORD, TERMINAL, with_station
 
 ITEM = {"sequence": "smoke", "bench": "demo"}

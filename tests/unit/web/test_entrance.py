@@ -7,11 +7,11 @@ from contextlib import asynccontextmanager
 import httpx
 import pytest
 
+from bench.station.audit import Audit
 from bench.station.daemon import at_work
 from bench.station.settings import read_station
 from bench.web.app import make_app
 from bench.web.assets import HERE
-from bench.web.audit import Audit
 from bench.web.identity import Identity
 from bench.web.services import Services
 

@@ -9,17 +9,36 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, Protocol
 
 from bench.clock import wall_utc
 from bench.errors import StoreError
 from bench.station.database import Database
 from bench.store import ledger
 from bench.store.chain import Link
-from bench.web.access import Person
 
 BEGINNING = "0" * 64
 OWED_MOST = 1000
+
+
+class Sender(Protocol):
+    """Person or program that acts: its name, and how it was identified, with an identifier."""
+
+    @property
+    def name(self) -> str:
+        """Name."""
+
+    @property
+    def how(self) -> str:
+        """How it was identified, such as a session or a token."""
+
+    @property
+    def id(self) -> str:
+        """Identifier of the token; may be empty."""
+
+    @property
+    def address(self) -> str:
+        """Address that the request came from; may be empty."""
 
 
 class Audit:
@@ -30,27 +49,27 @@ class Audit:
         self._ledger = f"audit {hashlib.sha256(str(database.path.resolve()).encode()).hexdigest()[:16]}"
         self._owed: list[tuple[str, str]] = []  # instants and entries that could not be written
 
-    def note(self, person: Person, action: str, of: str = "", **facts: Any) -> None:
-        """Append an entry, durably: an action by a person on an object, with facts such as `before` and `after`."""
+    def note(self, sender: Sender, action: str, of: str = "", **facts: Any) -> None:
+        """Append an entry, durably: an action by a sender on an object, with facts such as `before` and `after`."""
         with self._database.transaction():
             for at, data in self._owed:
                 self._append(at, data)
-            self._append(*_entry(person, action, of, facts))
+            self._append(*_entry(sender, action, of, facts))
             self._database.after_commit(self._owed.clear)
 
     @contextmanager
-    def noted(self, person: Person, action: str, of: str = "", **facts: Any) -> Iterator[dict[str, Any]]:
+    def noted(self, sender: Sender, action: str, of: str = "", **facts: Any) -> Iterator[dict[str, Any]]:
         """Make the changes of the block and their entry durable together, or neither. More facts may be added."""
         with self._database.transaction():
             yield facts
-            self.note(person, action, of, **facts)
+            self.note(sender, action, of, **facts)
 
-    def note_afterwards(self, person: Person, action: str, of: str = "", **facts: Any) -> str:
+    def note_afterwards(self, sender: Sender, action: str, of: str = "", **facts: Any) -> str:
         """Append the entry of what is done already; return why it could not be written yet, or ""."""
         try:
-            self.note(person, action, of, **facts)
+            self.note(sender, action, of, **facts)
         except StoreError as problem:
-            self._owed = [*self._owed, _entry(person, action, of, facts)][-OWED_MOST:]
+            self._owed = [*self._owed, _entry(sender, action, of, facts)][-OWED_MOST:]
             return str(problem)
         return ""
 
@@ -97,11 +116,11 @@ class Audit:
             ledger.note(self._ledger, bytes.fromhex(BEGINNING), Link(number, {"audit": number}, bytes.fromhex(head)))
 
 
-def _entry(person: Person, action: str, of: str, facts: Mapping[str, Any]) -> tuple[str, str]:
+def _entry(sender: Sender, action: str, of: str, facts: Mapping[str, Any]) -> tuple[str, str]:
     """Return the instant and the text of an entry; facts without a content are left out."""
     given = {name: fact for name, fact in facts.items() if fact not in ("", None)}
-    sender = {"who": person.name, "how": person.how, "id": person.id, "address": person.address}
-    entry = {**given, **sender, "action": action, "of": of}
+    who = {"who": sender.name, "how": sender.how, "id": sender.id, "address": sender.address}
+    entry = {**given, **who, "action": action, "of": of}
     return wall_utc().isoformat(), json.dumps(entry, ensure_ascii=False, sort_keys=True, default=str)
 
 
