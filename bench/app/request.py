@@ -64,6 +64,7 @@ class RunRequest(NamedTuple):
     fault_seed: int | None = None
     no_report: bool = False
     ticket: str = ""
+    alert_routes: tuple[str, ...] = ()
 
 
 class CheckedRun(NamedTuple):

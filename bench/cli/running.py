@@ -302,6 +302,7 @@ COMMANDS = (
         option("--order TEXT", "The order that the run is for; shown in the report.", default=""),
         option("--procedure TEXT", "The test procedure and its revision; shown in the report.", default=""),
         option("--ticket TEXT", "Identification of the request for this run; kept in its manifest.", default=""),
+        options("--alert-route NAME=KEY", "A route of alerts of the station that starts the run.", to="alert_routes"),
         NEW_RUNS,
         flag("--unattended", "Nobody stays with the bench: run only if every line of the preflight is good."),
         ANSWERS,

@@ -9,6 +9,8 @@ from datetime import datetime
 
 from bench.clock import wall_utc
 from bench.errors import InputError
+from bench.station.alerts.alerts import Alerts
+from bench.station.alerts.watch import Watched
 from bench.station.attempts import Launcher, as_subprocess
 from bench.station.catalogue import Catalogue
 from bench.station.database import Database
@@ -19,6 +21,7 @@ from bench.station.queue import Queue
 from bench.station.schedule import Expected, expected
 from bench.station.scheduler import Scheduler
 from bench.station.settings import Settings
+from bench.station.watchdog import Watchdog, watchdog_every_s
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
 
@@ -37,6 +40,13 @@ class Daemon:
             "live view": self.live,
             "timelines": Timelines(self.live, workers),
         }
+        self.alerts: Alerts | None = None
+        if settings.alerts is not None:
+            watched = Watched(settings, self.queue, self.catalogue, self.live)
+            self.alerts = Alerts(settings.alerts, database, watched)
+            self.parts |= dict(self.alerts.parts())
+        if (every_s := watchdog_every_s()) is not None:
+            self.parts["watchdog"] = Watchdog(list(self.parts.values()), every_s)
 
     def problems(self) -> list[str]:
         """Return the last errors of all parts, with their names."""
@@ -52,6 +62,7 @@ class Daemon:
             sequence=str(self.settings.sequence_file(submission.sequence)),
             bench=str(self.settings.bench_file(submission.bench)),
             runs=self.settings.runs,
+            alert_routes=self.settings.alert_routes,
         )
         return await self.workers.call(check, request)
 
@@ -87,6 +98,8 @@ class Daemon:
 
     def _changed(self, _item: Item) -> None:
         self.scheduler.wake()
+        if self.alerts is not None:
+            self.alerts.watch.queue_changed()
 
 
 @asynccontextmanager

@@ -122,6 +122,7 @@ class Scheduler(Part):
         wanted, settings = item.submission, self._settings
         files = {"--bench": settings.bench_file(wanted.bench), "--runs": settings.runs, "--ticket": item.id}
         options = [f"{name}={value}" for name, value in files.items()]
+        options += [f"--alert-route={each}" for each in settings.alert_routes]
         return ["run", str(settings.sequence_file(wanted.sequence)), *options, *wanted.options()]
 
     def _why_not(self, name: str) -> str:

@@ -13,6 +13,7 @@ from bench.config.bench import LoadedBench, load_bench
 from bench.config.devices import Text
 from bench.config.load import find, load_file, shipped
 from bench.errors import InputError
+from bench.station.alerts.settings import AlertsEntry, AlertSettings, read_alerts
 from bench.store.user_state import state_folder
 from drivers.schema.fields import NOT_EMPTY, StrictModel
 from drivers.schema.suggest import did_you_mean
@@ -21,6 +22,7 @@ NAME = r"[a-z][a-z0-9_]{0,31}"
 Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
 FOLDER = "station"
 DEMO = "demo"
+WHERE = "station.json"  # file with the address at which the station answers
 
 
 class BenchEntry(StrictModel):
@@ -38,6 +40,7 @@ class StationFile(StrictModel):
     benches: Annotated[Mapping[Name, BenchEntry], NOT_EMPTY] = Field(description="benches by name")
     runs: str = Field("runs", description="folder of run directories, relative to this file")
     sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
+    alerts: AlertsEntry | None = Field(None, description="alerts to people; without it there are none")
 
 
 class Settings(NamedTuple):
@@ -52,6 +55,12 @@ class Settings(NamedTuple):
     benches: Mapping[str, Path]
     titles: Mapping[str, str]
     sequences: Path | None = None
+    alerts: AlertSettings | None = None
+
+    @property
+    def alert_routes(self) -> tuple[str, ...]:
+        """Routes that learn of the end of a run, as `NAME=KEY`."""
+        return self.alerts.for_the_night if self.alerts is not None else ()
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -89,8 +98,9 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     benches = {name: _bench_file(entry.file, beside) for name, entry in found.benches.items()}
     titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
+    alerts = read_alerts(found.alerts, beside) if found.alerts is not None else None
     return Settings(
-        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None
+        found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None, alerts
     )  # fmt: skip
 
 

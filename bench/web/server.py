@@ -18,14 +18,14 @@ from bench.errors import BenchError, InputError
 from bench.files import write_atomically
 from bench.runner.notify import notify
 from bench.station.daemon import at_work
-from bench.station.settings import Settings
+from bench.station.settings import WHERE, Settings
 from bench.web.access import EVERYTHING
 from bench.web.app import make_app
 from bench.web.audit import Audit
 from bench.web.identity import Identity
 from bench.web.services import Services
 
-WHERE, TOKEN = "station.json", "token"
+TOKEN = "token"  # noqa: S105  the name of its file
 CONNECTIONS = 200
 DAYS = 3650
 
