@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from datetime import datetime
 
@@ -16,6 +16,7 @@ from bench.station.catalogue import Catalogue
 from bench.station.database import Database
 from bench.station.items import Item, Submission
 from bench.station.live import Live, Timelines
+from bench.station.log import Changes, Log
 from bench.station.part import Part
 from bench.station.queue import Queue
 from bench.station.schedule import Expected, expected
@@ -32,6 +33,7 @@ class Daemon:
     def __init__(self, settings: Settings, database: Database, workers: Workers, launch: Launcher) -> None:
         self.settings, self.database, self.workers = settings, database, workers
         self.queue = Queue(database, self._changed)
+        self.on_item: list[Callable[[Item], object]] = []
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running)
@@ -45,6 +47,7 @@ class Daemon:
             watched = Watched(settings, self.queue, self.catalogue, self.live)
             self.alerts = Alerts(settings.alerts, database, watched)
             self.parts |= dict(self.alerts.parts())
+            self.on_item.append(self.alerts.watch.queue_changed)
         if (every_s := watchdog_every_s()) is not None:
             self.parts["watchdog"] = Watchdog(list(self.parts.values()), every_s)
 
@@ -96,14 +99,16 @@ class Daemon:
         live = self.live.runs.get(item.run)
         return live.ends() if live is not None else None
 
-    def _changed(self, _item: Item) -> None:
+    def _changed(self, item: Item) -> None:
         self.scheduler.wake()
-        if self.alerts is not None:
-            self.alerts.watch.queue_changed()
+        for call in self.on_item:
+            call(item)
 
 
 @asynccontextmanager
-async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> AsyncIterator[Daemon]:
+async def at_work(
+    settings: Settings, launch: Launcher = as_subprocess, log: Log | None = None
+) -> AsyncIterator[Daemon]:
     """Yield a daemon at work; at the end of the block it stops, and the runs go on.
 
     Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
@@ -111,6 +116,9 @@ async def at_work(settings: Settings, launch: Launcher = as_subprocess) -> Async
     database, workers = Database(settings.folder), Workers()
     try:
         daemon = Daemon(settings, database, workers, launch)
+        if log is not None:
+            changes = daemon.parts["log"] = Changes(log, daemon.parts, daemon.live)
+            daemon.on_item.append(changes.item)
         async with asyncio.TaskGroup() as parts:
             tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
             try:

@@ -12,33 +12,39 @@ from fastapi.responses import JSONResponse
 from starlette.types import ASGIApp
 
 from bench.errors import BenchError, InputError, InUseError
+from bench.station.log import Log
 from bench.station.queue import StaleError
 from bench.web.access import expect_scopes
-from bench.web.api import people, queue, runs, station
+from bench.web.api import alerts, health, people, queue, runs, station
 from bench.web.guards import Guards
 from bench.web.identity import TooSoonError
+from bench.web.metrics import Metrics
+from bench.web.observed import Observed
 from bench.web.services import Services
 
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 _STATUS: tuple[tuple[type[BenchError], int], ...] = ((StaleError, 409), (InUseError, 409), (InputError, 422))
 
 
-def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = False) -> ASGIApp:
+def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = False, log: Log | None = None) -> ASGIApp:
     """Return the application of a station, for requests to loopback addresses and `hosts`.
 
-    `secure` is True if it is reached by TLS. Raises RuntimeError if a route lacks a scope.
+    `secure` is True if it is reached by TLS, and requests are written to `log`. Raises RuntimeError if a route lacks a
+    scope.
     """
     app = FastAPI(
         title="Inertial test bench: station", version=version("inertial-test-bench"), docs_url=None, redoc_url=None,
         openapi_url=None,
     )  # fmt: skip
     app.state.services = services
-    for each in (station, queue, runs, people):
+    app.state.metrics = Metrics(services.daemon)
+    for each in (station, queue, runs, people, alerts, health):
         app.include_router(each.router)
     app.add_exception_handler(BenchError, _in_our_words)
     app.add_exception_handler(RequestValidationError, _not_valid)
     expect_scopes(app)
-    return Guards(app, services.identity, LOOPBACK | frozenset(hosts), secure=secure)
+    guarded = Guards(app, services.identity, LOOPBACK | frozenset(hosts), secure=secure)
+    return Observed(guarded, app.state.metrics, log)
 
 
 async def _in_our_words(_: Request, problem: Exception) -> JSONResponse:

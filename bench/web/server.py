@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import socket
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,6 +19,7 @@ from bench.errors import BenchError, InputError
 from bench.files import write_atomically
 from bench.runner.notify import notify
 from bench.station.daemon import at_work
+from bench.station.log import Log, libraries_in, make_log
 from bench.station.settings import WHERE, Settings
 from bench.web.access import EVERYTHING
 from bench.web.app import make_app
@@ -51,12 +53,18 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
 
     Raises InputError for an address that is not allowed, InUseError if another station has the folder, StoreError.
     """
-    async with at_work(settings) as daemon:
+    log = make_log(sys.stderr)
+    with libraries_in(log):
+        await _serve(settings, listening, say, log)
+
+
+async def _serve(settings: Settings, listening: Listening, say: Callable[[str], object], log: Log) -> None:
+    async with at_work(settings, log=log) as daemon:
         identity = Identity(daemon.database)
         _expect_safe(listening, identity)
         banner = "" if listening.is_loopback or listening.certificate else "Anybody in this network can read along."
         services = Services(daemon, identity, Audit(daemon.database), banner)
-        app = make_app(services, listening.hosts, secure=listening.certificate is not None)
+        app = make_app(services, listening.hosts, secure=listening.certificate is not None, log=log)
         config = uvicorn.Config(
             app, log_config=None, access_log=False, server_header=False, date_header=False,
             limit_concurrency=CONNECTIONS, timeout_keep_alive=10, timeout_graceful_shutdown=3, proxy_headers=False,
@@ -70,9 +78,11 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
             if listening.is_loopback and not identity.has_users():
                 say(f"code for the first login, valid once within 10 minutes: {identity.new_code()}")
             notify("READY=1", f"STATUS=serves {url}")
+            log.info("station begins", url=url, benches=list(settings.benches))
             try:
                 await _until_signal(_Server(config), listener)
             finally:
+                log.info("station ends")
                 with suppress(OSError):
                     (settings.folder / WHERE).unlink(missing_ok=True)
 

@@ -60,7 +60,7 @@ class Mails:
     def __init__(self) -> None:
         self.received: list[str] = []
 
-    async def handle_DATA(self, _server: object, _session: object, envelope: Any) -> str:
+    async def handle_DATA(self, _server: object, _session: object, envelope: Any) -> str:  # noqa: N802  its interface
         """Keep a message."""
         self.received.append(envelope.content.decode())
         return "250 kept"

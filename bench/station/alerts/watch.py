@@ -13,7 +13,7 @@ from bench.station.alerts.kinds import Cause
 from bench.station.alerts.settings import AlertsEntry
 from bench.station.alerts.table import AlertTable
 from bench.station.catalogue import Catalogue
-from bench.station.items import ItemState
+from bench.station.items import Item, ItemState
 from bench.station.live import Live, LiveRun
 from bench.station.part import Part
 from bench.station.queue import Queue
@@ -49,7 +49,7 @@ class Watch(Part):
         self._queue_changed = True
         watched.live.on_event.append(lambda run, event: self._events.append((run, event)))
 
-    def queue_changed(self) -> None:
+    def queue_changed(self, _item: Item) -> None:
         """Look at the items of the queue."""
         self._queue_changed = True
         self.wake()

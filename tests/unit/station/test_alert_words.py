@@ -26,7 +26,9 @@ def test_both_languages_have_the_same_texts_with_the_same_places(catalogue):
 def test_a_message_has_three_lines_whatever_its_values_are(text, language):
     hostile = "x\r\nBcc: all@example.org\x1b[31m\u2028{bench}\x00" * 100
     names = places("".join(_TEXTS[language][text]))
-    found = message(hostile, text, dict.fromkeys(names, hostile), "http://b/", language, Remarks(3, True, True, "phone"))
+    found = message(
+        hostile, text, dict.fromkeys(names, hostile), "http://b/", language, Remarks(3, True, True, "phone")
+    )
     assert len(found.body.splitlines()) == 3
     assert len(found.body) < 2000
     assert len(found.title) <= TITLE_LIMIT
@@ -43,7 +45,11 @@ def test_a_message_says_what_happened_what_to_do_and_where():
 ADDRESSES = {
     "mailtos://anna:p4ss%40word@mail.example.org?to=boris@example.org": ("p4ss%40word", "p4ss@word"),
     "tgram://123456789:AAEsecret/987654321/": ("AAEsecret", "123456789"),
-    "slack://T1JJ3T3L2/A1BRTD4JD/TIiajkdnlazkcOXrIdevi7FQ/#general": ("T1JJ3T3L2", "A1BRTD4JD", "TIiajkdnlazkcOXrIdevi7FQ"),
+    "slack://T1JJ3T3L2/A1BRTD4JD/TIiajkdnlazkcOXrIdevi7FQ/#general": (
+        "T1JJ3T3L2",
+        "A1BRTD4JD",
+        "TIiajkdnlazkcOXrIdevi7FQ",
+    ),
     "json://127.0.0.1:8080/hook/s3cret-token?key=abcdef": ("s3cret-token", "abcdef"),
 }
 
