@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:  # conftest.py imports this for every test, most of which need no run
     from bench.app.execute import RunResult
-    from bench.store.ledger import Noted
+    from bench.store.ledger import LedgerEntry
 
 SMOKE: dict[str, Any] = {"sequence": "smoke", "units": ("QF-0001",), "operator": "A. Technician"}
 TUMBLE: dict[str, Any] = {"units": ("QF-0001",), "operator": "Ada"}
@@ -22,7 +22,7 @@ class Made(NamedTuple):
     """A run as it was made, with its lines of the ledger."""
 
     result: RunResult
-    entries: list[Noted]
+    entries: list[LedgerEntry]
     files: Files
 
 
@@ -58,7 +58,7 @@ class SharedRuns:
 
 
 def _made_once(folder: Path, wishes: dict[str, Any]) -> Made:
-    from bench.store.ledger import noted
+    from bench.store.ledger import entries_of
     from tests.support.runs import run_short
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -68,17 +68,17 @@ def _made_once(folder: Path, wishes: dict[str, Any]) -> Made:
         if kept.exists():
             return Made(*pickle.loads(kept.read_bytes()))
         result = run_short(folder / "runs", no_report=False, **wishes)
-        made = Made(result, list(noted(result.path.name)), _files(result.path))
+        made = Made(result, list(entries_of(result.path.name)), _files(result.path))
         kept.write_bytes(pickle.dumps(tuple(made)))
         return made
 
 
-def _note(run: str, entries: list[Noted]) -> None:
+def _note(run: str, entries: list[LedgerEntry]) -> None:
     """Let the ledger of this worker have these entries of a run, whatever became there of copies under its name."""
-    from bench.store.ledger import LEDGER, noted
+    from bench.store.ledger import LEDGER, entries_of
     from bench.store.user_state import state_folder
 
-    if list(noted(run)) == entries:
+    if list(entries_of(run)) == entries:
         return
     ledger = state_folder() / LEDGER
     before = ledger.read_text("utf-8").splitlines() if ledger.exists() else []

@@ -208,6 +208,11 @@ def _in_step(form: CounterFormat, other: Field, block: FrameBlock, latches: Latc
     if rows is None or other.signal.length != form.sequence.signal.length or not latches.fresh.all():
         return None
     data, raw = _numbered(other, block, rows)
+    before = rows[:1] - len(latches.cycles.places)  # its frame of the cycle whose latch was before the block
+    if len(before) and before[0] >= 0:
+        ahead = int(_numbered(other, block, before)[1][0] - latches.raw[0]) % (1 << other.signal.length)
+        if ahead < 1 << (other.signal.length - 1):  # no earlier number: the frames after it are late or duplicated
+            return None
     return data if (raw == latches.raw[: len(raw)]).all() else None
 
 

@@ -69,6 +69,7 @@ def check_alike(found: Counts, expected: Counts) -> None:
 )
 @example(latches=6, first=0, warmest=3, head=2, tail=3, damaged=[])
 @example(latches=3, first=7, warmest=5, head=0, tail=1, damaged=[(10, "short")])
+@example(latches=2, first=0, warmest=1, head=1, tail=0, damaged=[(0, "other number")])  # a late frame at the head
 def test_counts_are_the_same(
     latches: int, first: int, warmest: int, head: int, tail: int, damaged: list[tuple[int, str]]
 ) -> None:
