@@ -13,7 +13,7 @@ _TEXTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "question": ("{bench}: the run asks: {text}", "Answer on the page of the run, or with: bench answer {run}"),
         "alarm": ("{bench}: {text}", "Look at the run; abort it if the bench is not as it should be."),
         "interlock": ("{bench}: {text} holds the run", "Look at the reading; the run goes on when it is right again."),
-        "device_lost": ("{bench}: {device} is lost: {text}", "Check its power and its cable, then 'bench ping'."),
+        "device_lost": ("{bench}: {device} is lost: {text}", "Check its power and its cable."),
         "end": ("{bench}: {title} has ended: {verdict}", "Read the report; the bench is free."),
         "safe_stop": (
             "{bench}: {title} was ended early ({state}, {verdict}): {text}",
@@ -47,7 +47,7 @@ _TEXTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "question": ("{bench}：运行正在提问：{text}", "请在运行页面上回答，或使用命令：bench answer {run}"),
         "alarm": ("{bench}：{text}", "请查看该运行；若试验台状态不正常，请中止运行。"),
         "interlock": ("{bench}：{text} 使运行暂停", "请查看该读数；恢复正常后运行自动继续。"),
-        "device_lost": ("{bench}：设备 {device} 失去连接：{text}", "请检查其电源和电缆，然后执行 'bench ping'。"),
+        "device_lost": ("{bench}：设备 {device} 失去连接：{text}", "请检查其电源和电缆。"),
         "end": ("{bench}：{title} 已结束：{verdict}", "请阅读报告；试验台已空闲。"),
         "safe_stop": (
             "{bench}：{title} 提前结束（{state}，{verdict}）：{text}", "下次运行前请查看试验台；原因见运行页面。"

@@ -1,13 +1,19 @@
 """Texts of alerts: in both languages, each on three lines whatever the values are; addresses never shown."""
 
+import re
+import shutil
 import string
 
 import pytest
 
 from bench.errors import InputError
+from bench.station.alerts.kinds import Kind
 from bench.station.alerts.send import masked
 from bench.station.alerts.settings import AlertsEntry, read_alerts
 from bench.station.alerts.words import _REMARKS, _TEXTS, LANGUAGES, TITLE_LIMIT, Remarks, message
+from bench.station.settings import read_station
+from tests.support.how_to import FOLDER, STATION, blocks
+from tests.support.runs import ROOT
 
 
 def places(text):
@@ -95,6 +101,36 @@ def test_a_file_of_addresses_is_refused_without_showing_it(tmp_path, text, mode,
     with pytest.raises(InputError, match=words) as problem:
         read_alerts(addresses(tmp_path, text, mode), tmp_path)
     assert "p4ss" not in str(problem.value)
+
+
+def test_the_settings_of_the_page_are_read(tmp_path):
+    page = FOLDER / "alerts.md"
+    (text,) = (yaml for _, yaml in blocks(page) if yaml.startswith(STATION))
+    (lines,) = re.findall(r"<<'END'\n(.*?)END", page.read_text("utf-8"), re.DOTALL)
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    (tmp_path / "station.yaml").write_text(text)
+    (tmp_path / "addresses.yaml").write_text(lines)
+    (tmp_path / "addresses.yaml").chmod(0o600)
+    found = read_station(tmp_path / "station.yaml", tmp_path / "own")
+    assert [route.partition("=")[0] for route in found.alert_routes] == ["phone"]
+    rows = re.findall(r"^\| (`.*?) \|", page.read_text("utf-8"), re.MULTILINE)
+    described = {kind for row in rows for kind in re.findall(r"`([a-z_]+)`", row)}
+    assert described == set(Kind)
+
+
+@pytest.mark.parametrize(
+    ("routes", "words"),
+    [
+        ("{phone: {next: chef}}", "the route after 'phone', 'chef', is none of phone"),
+        ("{phone: {events: [end, ende]}}", "ende"),
+        ("{}", "routes"),
+    ],
+)
+def test_routes_that_lead_nowhere_are_refused(tmp_path, routes, words):
+    text = f"benches: {{a: {{file: simulated}}}}\nalerts: {{addresses: x, routes: {routes}}}\n"
+    (tmp_path / "station.yaml").write_text(f"{STATION}{text}")
+    with pytest.raises(InputError, match=words):
+        read_station(tmp_path / "station.yaml", tmp_path)
 
 
 def test_a_missing_file_of_addresses_is_named(tmp_path):

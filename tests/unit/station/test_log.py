@@ -75,11 +75,12 @@ def test_requests_are_logged_without_their_secrets(tmp_path):
 
 def test_the_traceback_of_a_library_is_on_one_line():
     stream = io.StringIO()
+    hostile = HOSTILE.replace("\ud800", "")  # which pytest, who keeps messages as well, cannot pass on
     with libraries_in(make_log(stream)):
         try:
-            raise ValueError(HOSTILE)
+            raise ValueError(hostile)
         except ValueError:
-            logging.getLogger("uvicorn.error").exception("failed\r\n%s", HOSTILE)
+            logging.getLogger("uvicorn.error").exception("failed\r\n%s", hostile)
     (found,) = lines_of(stream)
     assert found["library"] == "uvicorn.error"
     assert "ValueError" in found["traceback"]
