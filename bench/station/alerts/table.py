@@ -17,6 +17,7 @@ from bench.station.database import Database
 
 WINDOW = timedelta(minutes=10)  # at most one alert of a kind about one subject is sent within it
 TRIED_FOR = timedelta(hours=1)
+ESCALATED_FOR = timedelta(days=1)
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 10.0, 600.0
 _TABLES = """
 CREATE TABLE IF NOT EXISTS alert(id TEXT PRIMARY KEY, kind TEXT NOT NULL, subject TEXT NOT NULL, at TEXT NOT NULL,
@@ -28,6 +29,7 @@ CREATE TABLE IF NOT EXISTS alert_delivery(alert TEXT NOT NULL, route TEXT NOT NU
   tries INTEGER NOT NULL, since TEXT NOT NULL, due TEXT NOT NULL, again INTEGER NOT NULL, after TEXT NOT NULL,
   problem TEXT NOT NULL, PRIMARY KEY(alert, route));
 CREATE INDEX IF NOT EXISTS alert_delivery_by_state ON alert_delivery(state, route, due);
+CREATE INDEX IF NOT EXISTS alert_delivery_by_time ON alert_delivery(since);
 CREATE TABLE IF NOT EXISTS alert_since(at TEXT NOT NULL);
 """
 
@@ -152,7 +154,8 @@ class AlertTable:
         marks = ",".join("?" * len(URGENT))
         rows = self._database.rows(
             "SELECT d.* FROM alert_delivery d JOIN alert a ON a.id = d.alert WHERE a.acknowledged IS NULL "  # noqa: S608  only question marks
-            f"AND d.since <= ? AND a.kind IN ({marks})", (now - after).isoformat(), *sorted(URGENT),
+            f"AND d.since <= ? AND d.since > ? AND a.kind IN ({marks})",
+            (now - after).isoformat(), (now - after - ESCALATED_FOR).isoformat(), *sorted(URGENT),
         )  # fmt: skip
         known = {(each.alert, each.route) for row in rows for each in self.deliveries(row["alert"])}
         for row in rows:
