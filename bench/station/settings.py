@@ -98,7 +98,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     benches = {name: _bench_file(entry.file, beside) for name, entry in found.benches.items()}
     titles = {name: entry.title or load_bench(benches[name]).bench.title for name, entry in found.benches.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
-    alerts = read_alerts(found.alerts, beside) if found.alerts is not None else None
+    alerts = read_alerts(found.alerts, beside, benches) if found.alerts is not None else None
     return Settings(
         found.title, folder, runs, benches, titles, (beside / found.sequences) if found.sequences else None, alerts
     )  # fmt: skip

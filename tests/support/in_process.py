@@ -37,7 +37,7 @@ def settings_of(folder: Path, alerts: dict[str, Any] | None = None, **addresses:
     file.write_text("".join(f"{name}: '{url}'\n" for name, url in addresses.items()))
     file.chmod(0o600)
     content = {"addresses": file.name, "digest": None, "routes": {name: {} for name in addresses}, **(alerts or {})}
-    return settings._replace(alerts=read_alerts(AlertsEntry.model_validate(content), folder))
+    return settings._replace(alerts=read_alerts(AlertsEntry.model_validate(content), folder, settings.benches))
 
 
 @asynccontextmanager

@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import NamedTuple
+from urllib.parse import quote
 
 from bench.clock import wall_utc
 from bench.errors import InputError
@@ -90,4 +91,4 @@ class Alerts:
                 page = str(json.loads((self._station.folder / WHERE).read_text())["url"])
             except (OSError, ValueError, KeyError, TypeError):
                 page = ""
-        return f"{page}{place}"
+        return f"{page}{quote(place)}"

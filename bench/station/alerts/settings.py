@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, Self
 from urllib.parse import urlsplit
@@ -95,8 +95,11 @@ class AlertSettings(NamedTuple):
         return tuple(f"{each.name}={each.key}" for each in self.routes.values() if set(each.entry.events) >= ENDS)
 
 
-def read_alerts(entry: AlertsEntry, beside: Path) -> AlertSettings:
+def read_alerts(entry: AlertsEntry, beside: Path, benches: Collection[str]) -> AlertSettings:
     """Return the settings with the addresses from their file. Raises InputError; no message shows an address."""
+    named = {bench for route in entry.routes.values() for bench in route.same_person_as}
+    if unknown := sorted(named - set(benches)):
+        raise InputError(f"same_person_as: the station has no bench '{unknown[0]}'; it has {', '.join(benches)}")
     path = beside / entry.addresses
     _expect_private(path)
     found = read_document(path).value

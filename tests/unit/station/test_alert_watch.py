@@ -172,6 +172,22 @@ def test_a_low_disk_due_calibrations_and_the_digest_once_a_day(tmp_path, smoke_r
     assert "less than 1e+09 GB" in titles[kinds.index(Kind.DISK_LOW)]
 
 
+def test_the_link_of_a_run_with_a_hostile_name_stays_in_its_line(settings, smoke_run):
+    run = run_in(settings, smoke_run)
+    hostile = run.__class__(run.path.with_name("x\r\ny z"), run.state, run.manifest)
+
+    async def main():
+        async with inside(settings) as (daemon, _):
+            daemon.live.looks = 1
+            told(daemon, hostile, ("problem", "", {"text": "too hot\r\nBcc: x"}))
+            await daemon.parts["alerts"].look()
+            return daemon.alerts.text(daemon.alerts.table.newest(1)[0]).body
+
+    body = asyncio.run(main())
+    assert body.splitlines()[0] == "demo: too hot Bcc: x"
+    assert body.splitlines()[2] == "runs/x%0D%0Ay%20z"
+
+
 def test_calibrations_are_named_with_their_dates_and_again_when_they_are_past_due():
     today = wall_utc().date()
     due = {"head": today + timedelta(days=5), "counter": today - timedelta(days=1)}

@@ -78,7 +78,7 @@ def addresses(tmp_path, text, mode=0o600):
 
 
 def test_addresses_are_read_from_a_private_file_and_not_shown(tmp_path):
-    found = read_alerts(addresses(tmp_path, f"phone: {ADDRESS}\n"), tmp_path)
+    found = read_alerts(addresses(tmp_path, f"phone: {ADDRESS}\n"), tmp_path, ["a"])
     assert "p4ss" not in f"{found!r} {found}"
     assert "***" in repr(found)
     assert found.routes["phone"].url.get_secret_value() == ADDRESS
@@ -99,7 +99,7 @@ def test_addresses_are_read_from_a_private_file_and_not_shown(tmp_path):
 )
 def test_a_file_of_addresses_is_refused_without_showing_it(tmp_path, text, mode, words):
     with pytest.raises(InputError, match=words) as problem:
-        read_alerts(addresses(tmp_path, text, mode), tmp_path)
+        read_alerts(addresses(tmp_path, text, mode), tmp_path, ["a"])
     assert "p4ss" not in str(problem.value)
 
 
@@ -124,6 +124,7 @@ def test_the_settings_of_the_page_are_read(tmp_path):
         ("{phone: {next: chef}}", "the route after 'phone', 'chef', is none of phone"),
         ("{phone: {events: [end, ende]}}", "ende"),
         ("{}", "routes"),
+        ("{phone: {same_person_as: [b]}}", "the station has no bench 'b'; it has a"),
     ],
 )
 def test_routes_that_lead_nowhere_are_refused(tmp_path, routes, words):
@@ -136,4 +137,4 @@ def test_routes_that_lead_nowhere_are_refused(tmp_path, routes, words):
 def test_a_missing_file_of_addresses_is_named(tmp_path):
     entry = AlertsEntry.model_validate({"addresses": "nowhere", "routes": {"phone": {}}})
     with pytest.raises(InputError, match="nowhere: the addresses of alerts cannot be read"):
-        read_alerts(entry, tmp_path)
+        read_alerts(entry, tmp_path, ["a"])

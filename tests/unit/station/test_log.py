@@ -114,3 +114,17 @@ def test_half_the_interval_of_systemd_for_this_process_only(monkeypatch, interva
     monkeypatch.setenv("WATCHDOG_USEC", interval)
     monkeypatch.setenv("WATCHDOG_PID", process or str(os.getpid()))
     assert watchdog_every_s() == every_s
+
+
+def test_a_station_under_systemd_has_the_watchdog_of_all_its_parts(tmp_path, monkeypatch):
+    monkeypatch.setenv("WATCHDOG_USEC", "60000000")
+
+    async def main():
+        async with inside(settings_of(tmp_path, phone="json://127.0.0.1:9/x")) as (daemon, _):
+            return daemon.parts
+
+    parts = asyncio.run(main())
+    watchdog = parts["watchdog"]
+    assert watchdog.every_s == 30
+    assert {*watchdog._parts, watchdog} == set(parts.values())
+    assert "alert route phone" in parts
