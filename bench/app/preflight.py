@@ -94,7 +94,7 @@ def preflight(prepared: PreparedRun) -> Preflight:
         (instruments, found), guardian = _instruments(prepared), _guardian(prepared)
     return Preflight((
         instruments, guardian, _register(), _lockout(prepared), _left_on(prepared, found), _certificates(prepared),
-        _rehearsal(prepared), _questions(prepared), _alert(prepared), _disk(prepared), _clock(), _power(prepared),
+        _rehearsal(prepared), _questions(prepared), alert_line(prepared), _disk(prepared), _clock(), _power(prepared),
         _protection(prepared), _times(prepared), _safe_end(prepared),
     ))  # fmt: skip
 
@@ -212,15 +212,32 @@ def _sections(nodes: Nodes) -> Iterator[Section]:
             yield from _sections(inner)
 
 
-def _alert(prepared: PreparedRun) -> Line:
+def alert_line(prepared: PreparedRun) -> Line:
+    """Check that a person is reached: by the program of the bench file, else by a route of the station."""
     entry = prepared.loaded.bench.alert
     if entry is None:
-        return Line("alert", "NO", "the bench file names no program that reaches a person: alert: {exec: [PROGRAM]}")
+        return _station_line(prepared)
     at = last_tried("alert", program_id(entry.exec))
     if at is None or wall_utc() - at > ALERT_TRIED_WITHIN:
-        when = "never" if at is None else f"last at {_clock_of(at, prepared)}"
-        return Line("alert", "NO", f"{entry.exec[0]} was tried {when}, not within 24 h: {ALERT_AGAIN}")
+        return Line("alert", "NO", f"{entry.exec[0]} was tried {_when(at, prepared)}, not within 24 h: {ALERT_AGAIN}")
     return Line("alert", "ok", f"{entry.exec[0]}, tried at {_clock_of(at, prepared)}")
+
+
+def _station_line(prepared: PreparedRun) -> Line:
+    """Check that one of the routes that learn of the end of the run was tried; the guardian has none of them."""
+    routes = prepared.request.alert_routes
+    if not routes:
+        return Line("alert", "NO", "the bench file names no program that reaches a person: alert: {exec: [PROGRAM]}")
+    tried = {name: last_tried("alert", key) for name, _, key in (route.partition("=") for route in routes)}
+    works = [name for name, at in tried.items() if at is not None and wall_utc() - at <= ALERT_TRIED_WITHIN]
+    text = ", ".join(f"route {name}, tried {_when(at, prepared)}" for name, at in tried.items())
+    if not works:
+        return Line("alert", "NO", f"no route of the station has worked within 24 h: {text}: test it on its page")
+    return Line("alert", "ok", f"by the station, as long as it runs: {text}")
+
+
+def _when(at: datetime | None, prepared: PreparedRun) -> str:
+    return "never" if at is None else f"last at {_clock_of(at, prepared)}"
 
 
 def _disk(prepared: PreparedRun) -> Line:

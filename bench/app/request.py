@@ -65,6 +65,7 @@ class RunRequest(NamedTuple):
     no_report: bool = False
     ticket: str = ""
     inputs: str = ""
+    alert_routes: tuple[str, ...] = ()
 
 
 class CheckedRun(NamedTuple):

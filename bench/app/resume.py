@@ -25,7 +25,7 @@ from drivers.schema.bounded import expect_bounded
 
 REQUEST, RESUMED = "request", "run_resumed"  # key of the manifest, and kind of journal entry
 _FILES = ("sequence", "bench", "parameters", "uut_model", "answers", "scenario")
-_NOT_KEPT = frozenset({"runs", "not_after", "trace"})
+_NOT_KEPT = frozenset({"runs", "not_after", "trace", "alert_routes"})
 PROGRAM = "inertial-test-bench"
 
 

@@ -247,6 +247,7 @@ COMMANDS = (
         option("--procedure TEXT", "The test procedure and its revision; shown in the report.", default=""),
         option("--ticket TEXT", "Identification of the request for this run; kept in its manifest.", default=""),
         option("--inputs DIGEST", "Refuse to run if the digest of the input files is another one.", default=""),
+        options("--alert-route NAME=KEY", "A route of alerts of the station that starts the run.", to="alert_routes"),
         NEW_RUNS,
         flag("--unattended", "Nobody stays with the bench: run only if every line of the preflight is good."),
         ANSWERS,

@@ -26,6 +26,7 @@ def serve(
     import sys
 
     from bench.errors import InputError
+    from bench.runner.output import tolerant_output
     from bench.station.settings import bench_name, read_station
 
     try:
@@ -44,7 +45,8 @@ def serve(
         sys.stdout.write(f"{text}\n")
         sys.stdout.flush()
 
-    asyncio.run(served(settings, Listening(host, port, certificate, key, hosts, insecure), say))
+    with tolerant_output():
+        asyncio.run(served(settings, Listening(host, port, certificate, key, hosts, insecure), say))
 
 
 def attempt(folder: Path) -> None:

@@ -42,6 +42,9 @@ def _zone(name: str) -> str:
     return name
 
 
+TimeZone = Annotated[str, AfterValidator(_zone)]
+
+
 class Gravity(StrictModel):
     """Local gravity in m/s², its expanded uncertainty and its source."""
 
@@ -64,9 +67,7 @@ class Site(StrictModel):
     latitude: Annotated[float, InUnit("°", at_least=-90, at_most=90)] = Field(description="north of the equator")
     height: Annotated[float, InUnit("m", at_least=-500, at_most=9000)] = Field(description="above sea level")
     gravity: Gravity
-    time_zone: Annotated[str, AfterValidator(_zone)] = Field(
-        "UTC", description="of the times in reports, such as Europe/Berlin"
-    )
+    time_zone: TimeZone = Field("UTC", description="of the times in reports, such as Europe/Berlin")
     ambient: tuple[Name, ...] = Field((), description="the readings of the room's conditions, for reports")
     host_clock: HostClock | None = None
 

@@ -15,6 +15,8 @@ from bench.clock import wall_utc
 from bench.config.laboratory import LaboratoryFile
 from bench.config.load import load_file
 from bench.errors import InputError
+from bench.station.alerts.alerts import Alerts
+from bench.station.alerts.watch import Watched
 from bench.station.attempts import LAUNCHERS, Launcher
 from bench.station.catalogue import Catalogue
 from bench.station.database import Database
@@ -22,6 +24,7 @@ from bench.station.items import Item, Submission
 from bench.station.jobs import Jobs
 from bench.station.leases import Leases
 from bench.station.live import Live, Timelines
+from bench.station.log import Changes, Log
 from bench.station.part import Part
 from bench.station.queue import Queue
 from bench.station.releases import Releases
@@ -32,7 +35,7 @@ from bench.station.sequences import Sequences
 from bench.station.settings import Settings
 from bench.station.signoff import SignOff
 from bench.station.snapshots import Snapshots
-from bench.station.watchdog import Watchdog
+from bench.station.watchdog import Watchdog, watchdog_every_s
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
 
@@ -45,6 +48,7 @@ class Daemon:
         self.queue = Queue(database, self._changed)
         self.leases = Leases()
         self.commands = ThreadPoolExecutor(8, "commands")  # apart from those of readers, who may be many
+        self.on_item: list[Callable[[Item], object]] = []
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running)
@@ -58,9 +62,16 @@ class Daemon:
             "live view": self.live,
             "timelines": Timelines(self.live, workers),
             "snapshots": Snapshots(database),
-            "watchdog": Watchdog(),
             "jobs": self.jobs,
         }
+        self.alerts: Alerts | None = None
+        if settings.alerts is not None:
+            watched = Watched(settings, self.queue, self.catalogue, self.live)
+            self.alerts = Alerts(settings.alerts, database, watched)
+            self.parts |= dict(self.alerts.parts())
+            self.on_item.append(self.alerts.watch.queue_changed)
+        if (every_s := watchdog_every_s()) is not None:
+            self.parts["watchdog"] = Watchdog(list(self.parts.values()), every_s)
 
     def problems(self) -> list[str]:
         """Return the last errors of all parts, with their names."""
@@ -76,6 +87,7 @@ class Daemon:
             sequence=str(self.settings.sequence_file(submission.sequence)),
             bench=str(self.settings.bench_file(submission.bench)),
             runs=self.settings.runs,
+            alert_routes=self.settings.alert_routes,
         )
 
     async def checked(self, submission: Submission) -> Checked:
@@ -136,13 +148,15 @@ class Daemon:
         live = self.live.runs.get(item.run)
         return live.ends() if live is not None else None
 
-    def _changed(self, _item: Item) -> None:
+    def _changed(self, item: Item) -> None:
         self.scheduler.wake()
+        for call in self.on_item:
+            call(item)
 
 
 @asynccontextmanager
 async def at_work(
-    settings: Settings, more: Callable[[Daemon], Mapping[str, Part]] = lambda _: {}
+    settings: Settings, more: Callable[[Daemon], Mapping[str, Part]] = lambda _: {}, log: Log | None = None
 ) -> AsyncIterator[Daemon]:
     """Yield a daemon at work; at the end of the block it stops, and the runs go on. `more` makes further parts of it.
 
@@ -152,6 +166,9 @@ async def at_work(
     daemon = Daemon(settings, database, workers, LAUNCHERS[settings.launch])
     try:
         daemon.parts |= more(daemon)
+        if log is not None:
+            changes = daemon.parts["log"] = Changes(log, daemon.parts, daemon.live)
+            daemon.on_item.append(changes.item)
         async with asyncio.TaskGroup() as parts:
             tasks = [parts.create_task(part.work(), name=name) for name, part in daemon.parts.items()]
             try:

@@ -133,6 +133,7 @@ class Timelines(Part):
     """Timelines of running runs, which a worker process makes in a second or two."""
 
     every_s = 1.0
+    stuck_after_s = 600.0  # a worker has a minute for each of them
 
     def __init__(self, live: Live, workers: Workers) -> None:
         super().__init__()

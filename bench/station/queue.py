@@ -134,8 +134,12 @@ class Queue:
 
     def stopped(self, bench: str) -> str:
         """Return why no item begins at a bench; "" if items begin."""
-        rows = self._database.rows("SELECT reason FROM stopped WHERE bench = ?", bench)
-        return str(rows[0]["reason"]) if rows else ""
+        return self.stop_of(bench)[0]
+
+    def stop_of(self, bench: str) -> tuple[str, str]:
+        """Return why no item begins at a bench, and since when; twice "" if items begin."""
+        rows = self._database.rows("SELECT reason, at FROM stopped WHERE bench = ?", bench)
+        return (str(rows[0]["reason"]), str(rows[0]["at"])) if rows else ("", "")
 
     def change(self, id_: str, expected: Iterable[ItemState], version: int | None = None, **changes: Any) -> Item:
         """Change an item in one of the expected states. Raises InputError, and StaleError if it is in another.

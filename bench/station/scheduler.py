@@ -134,6 +134,7 @@ class Scheduler(Part):
         if item.inputs:
             files["--inputs"] = item.inputs
         options = [f"{name}={value}" for name, value in files.items()]
+        options += [f"--alert-route={each}" for each in settings.alert_routes]
         return ["run", str(settings.sequence_file(wanted.sequence)), *options, *wanted.options()]
 
     def _why_not(self, name: str) -> str:

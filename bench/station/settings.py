@@ -17,6 +17,7 @@ from bench.config.bench import LoadedBench, load_bench
 from bench.config.devices import Text
 from bench.config.load import find, load_file, shipped
 from bench.errors import InputError
+from bench.station.alerts.settings import AlertsEntry, AlertSettings, read_alerts
 from bench.station.mqtt.settings import MqttSettings, with_files
 from drivers.schema.fields import NOT_EMPTY, StrictModel
 from drivers.schema.suggest import did_you_mean
@@ -25,6 +26,7 @@ NAME = r"[a-z][a-z0-9_]{0,31}"
 Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
 Launch = Literal["process", "service"]
 DEMO = "demo"
+WHERE = "station.json"  # file with the address at which the station answers
 
 
 class BenchEntry(StrictModel):
@@ -52,6 +54,7 @@ class StationFile(StrictModel):
     log_out_after_min: int = Field(0, ge=0, le=720, description="minutes without use until a session ends; 0 for 12 h")
     launch: Launch = Field("process", description="how a run starts: as a process, or as a service of systemd")
     mqtt: MqttSettings | None = Field(None, description="broker to which the station publishes")
+    alerts: AlertsEntry | None = Field(None, description="alerts to people; without it there are none")
 
 
 class Settings(NamedTuple):
@@ -73,11 +76,17 @@ class Settings(NamedTuple):
     idle: timedelta | None = None
     launch: Launch = "process"
     zones: Mapping[str, str] = MappingProxyType({})  # time zones of the benches
+    alerts: AlertSettings | None = None
 
     @property
     def zone(self) -> str:
         """Time zone of the station: that of its first bench."""
         return next(iter(self.zones.values()), "UTC")
+
+    @property
+    def alert_routes(self) -> tuple[str, ...]:
+        """Routes that learn of the end of a run, as `NAME=KEY`."""
+        return self.alerts.for_the_night if self.alerts is not None else ()
 
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
@@ -117,6 +126,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
     titles = {name: entry.title or loaded[name].title for name, entry in found.benches.items()}
     zones = {name: bench.site.time_zone for name, bench in loaded.items()}
     runs = (beside / (instead.get("runs") or found.runs)).absolute()
+    alerts = read_alerts(found.alerts, beside, benches) if found.alerts is not None else None
     return Settings(
         found.title,
         folder,
@@ -130,6 +140,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,
         launch=instead.get("launch") or found.launch,
         zones=zones,
+        alerts=alerts,
         mqtt=with_files(found.mqtt, beside.absolute()) if found.mqtt is not None else None,
     )
 

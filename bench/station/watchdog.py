@@ -1,23 +1,32 @@
-"""Sign of life of a station for its service manager."""
+"""Watchdog of systemd: it restarts a station whose event loop or one of whose parts is stuck."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 from bench.runner.notify import notify
 from bench.station.part import Part
 
-PERIOD = "WATCHDOG_USEC"  # of systemd: time without a sign after which it kills the service
+INTERVAL, OF_PROCESS = "WATCHDOG_USEC", "WATCHDOG_PID"
+
+
+def watchdog_every_s() -> float | None:
+    """Return half the interval within which systemd expects a sign of life from this process; None if it does not."""
+    text, process = os.environ.get(INTERVAL, ""), os.environ.get(OF_PROCESS, str(os.getpid()))
+    if not text.isdigit() or int(text) == 0 or process != str(os.getpid()):
+        return None
+    return int(text) / 2e6
 
 
 class Watchdog(Part):
-    """Part that sends a sign of life from the event loop of all parts, twice in the time allowed for one."""
+    """Sign of life of a station, given while all parts look within their time."""
 
-    def __init__(self) -> None:
+    def __init__(self, parts: Sequence[Part], every_s: float) -> None:
         super().__init__()
-        allowed = os.environ.get(PERIOD, "")
-        self.every_s = int(allowed) / 2e6 if allowed.isdecimal() else 10.0
+        self._parts, self.every_s = parts, every_s
 
     async def look(self) -> None:
-        """Send a sign of life."""
-        notify("WATCHDOG=1")
+        """Give a sign of life, unless a part is stuck."""
+        if not any(part.is_stuck for part in self._parts):
+            notify("WATCHDOG=1")

@@ -43,6 +43,14 @@ def check(request: RunRequest) -> Checked:
     except InputError as problem:
         return Checked(problems=problem.problems)
     lines = tuple(warning_line(each, prepared.plan.document) for each in prepared.warnings)
+    if request.unattended and not prepared.loaded.bench.is_simulated:
+        from bench.app.preflight import alert_line
+
+        line = alert_line(prepared)
+        # The program of a bench file can still be tried before the run begins, which looks again.
+        if line.state == "NO" and prepared.loaded.bench.alert is None:
+            return Checked(prepared.expected.total_s, lines, (f"nobody would learn how the run ends: {line.text}",))
+        lines = (*lines, f"alert: {line.text}")
     return Checked(prepared.expected.total_s, lines, inputs=inputs_of(prepared))
 
 

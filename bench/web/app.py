@@ -14,9 +14,12 @@ from starlette.types import ASGIApp
 
 from bench.errors import BenchError, InputError, InUseError, StaleError
 from bench.station.leases import LeasedError
+from bench.station.log import Log
 from bench.web.access import expect_scopes
 from bench.web.api import (
+    alerts,
     description,
+    health,
     leases,
     people,
     preparing,
@@ -29,6 +32,8 @@ from bench.web.api import (
     station,
 )
 from bench.web.guards import Guards
+from bench.web.metrics import Metrics
+from bench.web.observed import Observed
 from bench.web.origins import LOOPBACK
 from bench.web.pages import problems
 from bench.web.pages.routers import ROUTERS
@@ -40,18 +45,21 @@ _STATUS: tuple[tuple[type[BenchError], int], ...] = (
 )  # fmt: skip
 
 
-def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = False) -> ASGIApp:
+def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = False, log: Log | None = None) -> ASGIApp:
     """Return the application of a station, for requests to loopback addresses and `hosts`.
 
-    `secure` is True if it is reached by TLS. Raises RuntimeError if a route lacks a scope.
+    `secure` is True if it is reached by TLS, and requests are written to `log`. Raises RuntimeError if a route lacks a
+    scope.
     """
     app = FastAPI(
         title="Inertial test bench: station", version=version("inertial-test-bench"), docs_url=None, redoc_url=None,
         openapi_url=None,
     )  # fmt: skip
     app.state.services = services
+    app.state.metrics = Metrics(services.daemon)
     for each in (
-        station, queue, preparing, results, runs, series, signoff, releases, leases, people, description,
+        station, queue, preparing, results, runs, series, signoff, releases, leases, people, alerts, health,
+        description,
     ):  # fmt: skip
         app.include_router(each.router)
     for router in ROUTERS:
@@ -60,7 +68,8 @@ def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = Fa
     app.add_exception_handler(BenchError, _in_our_words)
     app.add_exception_handler(RequestValidationError, _not_valid)
     expect_scopes(app)
-    return Guards(app, services.identity, LOOPBACK | frozenset(hosts), secure=secure)
+    guarded = Guards(app, services.identity, LOOPBACK | frozenset(hosts), secure=secure)
+    return Observed(guarded, app.state.metrics, log)
 
 
 async def _in_our_words(request: Request, problem: Exception) -> Response:

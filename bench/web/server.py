@@ -6,6 +6,7 @@ import asyncio
 import os
 import signal
 import socket
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,6 +20,7 @@ from bench.files import write_atomically
 from bench.runner.notify import notify
 from bench.station.audit import Audit
 from bench.station.daemon import Daemon, at_work
+from bench.station.log import Log, libraries_in, make_log
 from bench.station.mqtt.part import Mqtt
 from bench.station.part import Part
 from bench.station.settings import Settings
@@ -56,12 +58,19 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
 
     Raises InputError for an address that is not allowed, InUseError if another station has the folder, StoreError.
     """
-    async with at_work(settings, more=_more) as daemon:
+    log = make_log(sys.stderr)
+    with libraries_in(log):
+        await _serve(settings, listening, say, log)
+
+
+async def _serve(settings: Settings, listening: Listening, say: Callable[[str], object], log: Log) -> None:
+    async with at_work(settings, more=_more, log=log) as daemon:
         identity = Identity(daemon.database, settings.idle)
         _expect_safe(listening, identity)
         _expect_private(settings.folder / TOKEN, listening.key)
         services = Services(daemon, identity, Audit(daemon.database), _banner(listening, identity))
-        app = make_app(services, (*listening.hosts, *_own_host(listening)), secure=listening.certificate is not None)
+        hosts = (*listening.hosts, *_own_host(listening))
+        app = make_app(services, hosts, secure=listening.certificate is not None, log=log)
         config = uvicorn.Config(
             app, log_config=None, access_log=False, server_header=False, date_header=False, http=Connection,
             timeout_keep_alive=10, timeout_graceful_shutdown=3, proxy_headers=False, ws="none",
@@ -77,9 +86,11 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
             if missing := lacking():
                 say(f"the pages lack {', '.join(missing)} and show no live values; in a source checkout: make assets")
             notify("READY=1", f"STATUS=serves {url}")
+            log.info("station begins", url=url, benches=list(settings.benches))
             try:
                 await _until_signal(_Server(config), listener)
             finally:
+                log.info("station ends")
                 with suppress(OSError):
                     (settings.folder / WHERE).unlink(missing_ok=True)
 

@@ -23,6 +23,7 @@ _EXPECTED: Mapping[str, str] = {
     "bool_type": "true or false",
     "bool_parsing": "true or false",
     "literal_error": "{expected}",
+    "enum": "{expected}",
     "greater_than": "more than {gt:.12g}",
     "greater_than_equal": "at least {ge:.12g}",
     "less_than": "less than {lt:.12g}",

@@ -97,18 +97,18 @@ def test_parameters_are_under_the_rehearsal(tmp_path):
 def test_an_alert_counts_for_a_day_and_for_its_program(tmp_path):
     bench = wires_with(tmp_path, more="alert: {exec: [/bin/true]}\n")
     run = prepared(tmp_path, "{wait: 1 s}", bench=bench)
-    assert "tried never" in module._alert(run).text
+    assert "tried never" in module.alert_line(run).text
     note_tried("alert", program_id(["/bin/true", "--other"]))
-    assert module._alert(run).state == "NO"
+    assert module.alert_line(run).state == "NO"
     note_tried("alert", program_id(["/bin/true"]))
-    assert module._alert(run).state == "ok"
+    assert module.alert_line(run).state == "ok"
     path = state_folder() / TRIED
     old = (wall_utc() - dt.timedelta(hours=25)).isoformat(timespec="seconds")
     path.write_text(
         json.dumps({"what": "alert", "key": program_id(["/bin/true"]), "at": old}) + "\nnonsense\n[]\n", "utf-8"
     )
-    assert "not within 24 h" in module._alert(run).text
-    assert "names no program" in module._alert(prepared(tmp_path, "{wait: 1 s}")).text
+    assert "not within 24 h" in module.alert_line(run).text
+    assert "names no program" in module.alert_line(prepared(tmp_path, "{wait: 1 s}")).text
 
 
 def test_nothing_was_tried_where_nothing_can_be_read():

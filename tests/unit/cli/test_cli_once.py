@@ -44,7 +44,7 @@ def test_some_options_take_one_value_and_some_take_several():
     every = [each for command in ALL for each in command.arguments if each.name.startswith("--")]
     assert sum(each.once for each in every) > 60
     assert {each.name for each in every if each.settings["action"] == "append" and not each.once} == {
-        "--set", "--calibration", "--uut", "--unit", "--driver", "--name", "--bench", "--scope",
+        "--set", "--alert-route", "--calibration", "--uut", "--unit", "--driver", "--name", "--bench", "--scope",
     }  # fmt: skip
 
 
