@@ -156,14 +156,19 @@ class Daemon:
 
 @asynccontextmanager
 async def at_work(
-    settings: Settings, more: Callable[[Daemon], Mapping[str, Part]] = lambda _: {}, log: Log | None = None
+    settings: Settings,
+    launch: Launcher | None = None,
+    more: Callable[[Daemon], Mapping[str, Part]] = lambda _: {},
+    log: Log | None = None,
 ) -> AsyncIterator[Daemon]:
     """Yield a daemon at work; at the end of the block it stops, and the runs go on. `more` makes further parts of it.
+
+    `launch` starts runs otherwise than the settings say.
 
     Raises InUseError if another daemon uses the folder, and StoreError. An error of a part ends the block.
     """
     database, workers = Database(settings.folder), Workers()
-    daemon = Daemon(settings, database, workers, LAUNCHERS[settings.launch])
+    daemon = Daemon(settings, database, workers, launch or LAUNCHERS[settings.launch])
     try:
         daemon.parts |= more(daemon)
         if log is not None:

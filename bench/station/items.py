@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from bench.app.request import RunRequest
+from bench.station.names import WORD
 
 
 def _printable(text: str) -> str:
@@ -20,7 +21,7 @@ def _printable(text: str) -> str:
 
 Line = Annotated[str, StringConstraints(max_length=200, strip_whitespace=True), AfterValidator(_printable)]
 Short = Annotated[str, StringConstraints(max_length=64, strip_whitespace=True), AfterValidator(_printable)]
-Word = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}$")]
+Word = Annotated[str, StringConstraints(pattern=f"^{WORD}$")]
 PRIORITIES = 9
 
 

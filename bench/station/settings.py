@@ -19,11 +19,11 @@ from bench.config.load import find, load_file, shipped
 from bench.errors import InputError
 from bench.station.alerts.settings import AlertsEntry, AlertSettings, read_alerts
 from bench.station.mqtt.settings import MqttSettings, with_files
+from bench.station.names import BENCH, WORD
 from drivers.schema.fields import NOT_EMPTY, StrictModel
 from drivers.schema.suggest import did_you_mean
 
-NAME = r"[a-z][a-z0-9_]{0,31}"
-Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
+Name = Annotated[str, StringConstraints(pattern=f"^{BENCH}$")]
 Launch = Literal["process", "service"]
 DEMO = "demo"
 WHERE = "station.json"  # file with the address at which the station answers
@@ -85,7 +85,7 @@ class Settings(NamedTuple):
 
     @property
     def alert_routes(self) -> tuple[str, ...]:
-        """Routes that learn of the end of a run, as `NAME=KEY`."""
+        """Routes that learn of the end of a run, as `BENCH=KEY`."""
         return self.alerts.for_the_night if self.alerts is not None else ()
 
     def bench_file(self, name: str) -> Path:
@@ -96,6 +96,8 @@ class Settings(NamedTuple):
 
     def sequence_file(self, name: str) -> Path:
         """Return the file of a sequence: the laboratory's own, else a shipped one. Raises InputError."""
+        if not re.fullmatch(WORD, name):
+            raise InputError(f"'{name[:64]}' is no name of a sequence")
         folders = [*([self.sequences] if self.sequences is not None else []), *shipped("sequences")]
         found = next((file for folder in folders if (file := folder / f"{name}.yaml").is_file()), None)
         if found is None or "/" in name:
@@ -153,7 +155,7 @@ def _own_prefix() -> str:
 def bench_name(file: str) -> str:
     """Return the name of a bench for its file: letters, digits and underscores of its stem."""
     name = re.sub(r"[^a-z0-9_]+", "_", Path(file).stem.lower())
-    return name if re.fullmatch(NAME, name) else f"bench_{name}"[:32]
+    return name if re.fullmatch(BENCH, name) else f"bench_{name}"[:32]
 
 
 def _bench_file(name: str, beside: Path) -> Path:

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import httpx
-from bench.web.audit import Audit
 
 from bench.station.alerts.settings import AlertsEntry, read_alerts
+from bench.station.audit import Audit
 from bench.station.daemon import Daemon
 from bench.station.database import Database
 from bench.station.settings import Settings, read_station
 from bench.station.worker import Workers
-from bench.web.access import ROLES
+from bench.web.access import ROLES, Person
 from bench.web.app import make_app
 from bench.web.identity import Identity
 from bench.web.services import Services
@@ -50,7 +50,7 @@ async def inside(settings: Settings, log: Any = None) -> AsyncIterator[Inside]:
         app = make_app(Services(daemon, identity, Audit(database)), log=log)
         clients = {}
         for role, scopes in ROLES.items():
-            token = identity.new_token("anna", role, scopes, 1)
+            token = identity.new_token(Person("anna", scopes, "token", is_user=False), role, scopes, 1)
             clients[role] = httpx.AsyncClient(
                 transport=httpx.ASGITransport(app), base_url="http://127.0.0.1",
                 headers={"authorization": f"Bearer {token}"},

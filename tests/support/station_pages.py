@@ -12,7 +12,7 @@ import httpx
 from bench.station.audit import Audit
 from bench.station.daemon import at_work
 from bench.station.settings import read_station
-from bench.web.access import EVERYTHING, ROLES
+from bench.web.access import EVERYTHING, ROLES, Person
 from bench.web.app import make_app
 from bench.web.identity import Identity
 from bench.web.services import Services
@@ -42,7 +42,7 @@ async def asked(folder: Path, runs: Path, bench: str = "simulated") -> AsyncIter
         services = Services(daemon, identity, Audit(daemon.database))
         transport = httpx.ASGITransport(make_app(services))
         everything, reader = (
-            identity.new_token(name, "test", scopes, 1)
+            identity.new_token(Person(name, scopes, "token", is_user=False), "test", scopes, 1)
             for name, scopes in (("anna", EVERYTHING), ("victor", ROLES["viewer"]))
         )
         async with (

@@ -61,7 +61,7 @@ class Here:
         self.identity._hasher = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1)  # checks take no time here
         self.audit = Audit(self.database)
         self.services = Services(self.daemon, self.identity, self.audit)
-        app = make_app(self.services, ["bench.lab"], secure=secure)
+        app = make_app(self.services, ["bench.lab"], secure=secure)._app  # behind what observes requests
         assert isinstance(app, Guards)
         app._limits = Limits(lambda: next(self.now_s))
         self.app, self.secure = app, secure

@@ -45,7 +45,7 @@ def test_wrong_settings_are_refused_with_their_place(tmp_path, text, message):
 
 @pytest.mark.parametrize("name", ["../smoke", "smok", "smoke.yaml", "/etc/passwd", ""])
 def test_only_sequences_of_the_station_have_a_file(tmp_path, name):
-    with pytest.raises(InputError, match="no sequence"):
+    with pytest.raises(InputError, match=r"no (sequence|name)"):
         read_station(None, tmp_path).sequence_file(name)
 
 

@@ -16,6 +16,9 @@ from tests.support.web import PASSWORD, TERMINAL, with_station
 ITEM = {"sequence": "smoke", "bench": "demo"}
 # Routes that change something: path, content, and how it begins.
 ACTIONS = {
+    "POST /queue/{id_}/{action}": ("/queue/ITEM/clone", None),
+    "POST /benches/{bench}/go-on": ("/benches/demo/go-on", None),
+    "POST /runs/{run}/go/{command}": ("/runs/RUN/go/resume", None),
     "POST /api/v1/queue": ("/api/v1/queue", ITEM),
     "POST /api/v1/queue/{id_}/hold": ("/api/v1/queue/ITEM/hold", {"reason": "lunch"}),
     "POST /api/v1/queue/{id_}/release": ("/api/v1/queue/ITEM/release", {}),
@@ -42,10 +45,19 @@ ACTIONS = {
 }
 FIRST = {
     "POST /api/v1/runs/{run}/stop": ("/api/v1/runs/RUN/stop?reason=smoke", None),
+    "POST /runs/{run}/do/{command}": ("/runs/RUN/do/abort", None),
     "POST /api/v1/runs/{run}/abort": ("/api/v1/runs/RUN/abort?reason=fire", None),
 }
-CHANGE_NOTHING = {"POST /api/v1/check", "POST /api/v1/releases/difference"}
-ELSEWHERE = {"POST /api/v1/runs/{run}/sign-off"}  # needs a sealed run: test_signoff.py
+CHANGE_NOTHING = {
+    "POST /api/v1/check", "POST /api/v1/releases/difference", "POST /api/v1/before-run", "POST /appearance",
+}  # fmt: skip
+# Forms of pages that call what the API does, and what needs a sealed run, a worker or routes of alerts.
+ELSEWHERE = {
+    "POST /login", "POST /logout", "POST /start", "POST /start/rehearsal", "POST /runs/{run}/{action}",
+    "POST /runs/{run}/answer", "POST /api/v1/runs/{run}/sign-off", "POST /api/v1/runs/{run}/report",
+    "POST /api/v1/runs/{run}/reduction", "POST /api/v1/runs/{run}/resumption", "POST /api/v1/rehearsals",
+    "POST /api/v1/alerts/test", "POST /api/v1/alerts/{id_}/acknowledge",
+}  # fmt: skip
 
 
 async def act(here, route):
@@ -91,7 +103,7 @@ def test_each_action_has_one_entry_with_sender_and_address(tmp_path):
             answer = await act(here, route)
             new = list(here.audit.entries(after=number))
             number += len(new)
-            if answer.status >= 300 or len(new) != 1 or new[0]["address"] != "127.0.0.1" or not new[0]["who"]:
+            if answer.status >= 400 or len(new) != 1 or new[0]["address"] != "127.0.0.1" or not new[0]["who"]:
                 wrong[route] = answer.status, answer.body, new
         assert here.audit.first_wrong() is None
         entries = {entry["action"]: entry for entry in here.audit.entries()}
@@ -127,8 +139,8 @@ def test_an_action_that_cannot_be_entered_does_not_happen(tmp_path):
                 wrong[route] = answer
         assert here.heard == []
         for route in FIRST:
-            assert (await act(here, route)).status == 200
-        assert [command for command, _ in here.heard] == ["stop", "abort"]
+            assert (await act(here, route)).status < 400
+        assert [command for command, _ in here.heard] == ["stop", "abort", "abort"]
 
     with_station(tmp_path, look)
     assert wrong == {}
