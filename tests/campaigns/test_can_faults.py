@@ -131,7 +131,7 @@ def test_frames_that_get_lost_between_two_blocks_are_caught(monkeypatch: pytest.
 
 
 def test_a_look_that_overlooks_an_axis_that_has_ended_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unbroken.GapDetector, "_beside", lambda self, other: True)
+    monkeypatch.setattr(unbroken.GapDetector, "_as_many", lambda self, other: True)
     assert "were overlooked" in "".join(caught(CounterFault.SILENT_AXIS).unexpected)
 
 

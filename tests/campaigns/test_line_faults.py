@@ -96,7 +96,7 @@ def test_a_client_that_waits_longer_than_it_may_is_caught(monkeypatch: pytest.Mo
 
 
 def test_a_client_that_sends_a_move_again_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    once = LineExchange.order
+    once = LineExchange.send_command
 
     async def stubborn(
         self: LineExchange, command: bytes, read: Callable[[bytes], object], *, answer_s: float | None = None
@@ -104,7 +104,7 @@ def test_a_client_that_sends_a_move_again_is_caught(monkeypatch: pytest.MonkeyPa
         answer = await once(self, command, read, answer_s=answer_s)
         return await once(self, command, read, answer_s=answer_s) if answer is None else answer
 
-    monkeypatch.setattr(LineExchange, "order", stubborn)
+    monkeypatch.setattr(LineExchange, "send_command", stubborn)
     tally = play_orders("aerotech_ensemble", 24, 1, [LineFault.SILENCE])
     assert any("was sent 2 times" in sentence for sentence in tally.unexpected)
 

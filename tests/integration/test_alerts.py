@@ -35,7 +35,7 @@ def test_ends_are_told_also_of_a_run_that_ended_while_the_station_was_down(tmp_p
     with webhook() as hook:
         configured(tmp_path, hook.url)
         with serving(tmp_path, "station.yaml") as station:
-            first = station.submit()
+            first = station.submit(speed="20")  # slow enough to be seen in progress
             assert station.ended(first)["verdict"] == "PASS"
             station.until(lambda: hook.received)
             second = station.submit(speed="20")

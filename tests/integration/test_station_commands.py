@@ -145,5 +145,5 @@ def test_users_and_tokens_are_changed_with_and_without_a_station(tmp_path, monke
         assert bench("users", "remove", "anna")[::2] == (0, f"through the station {station.url}\n")
         assert served.client.post("/api/v1/login", json=login).status_code == 422
         made = [each["action"] for each in served.get("audit")]
-        assert made == ["set user", "new token", "revoke token", "remove user"]
+        assert made == ["set user", "log in", "new token", "revoke token", "remove user"]
     assert bench("users", "remove", "anna")[0] == 2

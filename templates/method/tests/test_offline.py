@@ -3,8 +3,7 @@
 import json
 
 import pytest
-from bench.offline.case import reduce_case
-from bench.offline.outcome import outcome
+from bench.offline.case import reduced_case
 
 SETTINGS, RECORDS = {"fewest": 5}, {"rest": "rest.csv"}
 CASE = {"schema": "itb-case/1", "method": "toy_rest", "settings": SETTINGS, "records": RECORDS}
@@ -13,14 +12,14 @@ CASE = {"schema": "itb-case/1", "method": "toy_rest", "settings": SETTINGS, "rec
 def reduced(folder, rows):
     (folder / "rest.csv").write_text("t_s,output\n" + "".join(f"{t},{y}\n" for t, y in rows))
     (folder / "case.json").write_text(json.dumps(CASE))
-    return reduce_case(folder / "case.json")
+    return reduced_case(folder / "case.json")
 
 
 def test_a_case_is_reduced_as_a_run_is(tmp_path):
     found = reduced(tmp_path, [(360 * hour, 100 + hour + 0.1 * (-1) ** hour) for hour in range(-4, 5)])
-    assert found["mean"] == pytest.approx(100.0, abs=0.02)
-    assert found["drift_per_h"] == pytest.approx(0.1, abs=2 * found["drift_u_per_h"])
-    assert (found["flags"], outcome(found)) == ([], "REDUCED")
+    assert found.content["mean"] == pytest.approx(100.0, abs=0.02)
+    assert found.content["drift_per_h"] == pytest.approx(0.1, abs=2 * found.content["drift_u_per_h"])
+    assert (found.content["flags"], found.outcome) == ([], "REDUCED")
 
 
 @pytest.mark.parametrize(
@@ -33,4 +32,4 @@ def test_a_case_is_reduced_as_a_run_is(tmp_path):
 )
 def test_a_doubtful_case_is_incomplete(tmp_path, rows, flag):
     found = reduced(tmp_path, rows)
-    assert (found["flags"], outcome(found)) == ([flag], "INCOMPLETE")
+    assert (found.content["flags"], found.outcome) == ([flag], "INCOMPLETE")

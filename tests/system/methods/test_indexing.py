@@ -249,8 +249,8 @@ def test_what_came_to_every_angle_from_below_is_not_called_hysteresis(tmp_path):
     path = both_passes_from_below(tmp_path)
     options = {"settings": (*SHORT, "max_repeats=0"), "sequence": path}
     with pytest.raises(InputError, match=r"to 0\.0\d+ g, and its range is ±0\.01 g"):
-        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], no_report=False, **options)
-    run = calibrated(tmp_path, "indexing", edits=[HYSTERETIC, NO_RANGE], **options)
+        calibrated(tmp_path / "refused", "indexing", edits=[HYSTERETIC], **options)
+    run = calibrated(tmp_path, "indexing", edits=[HYSTERETIC, NO_RANGE], no_report=False, **options)
     assert run.problems == []
     results = read_json(run, "results.json")
     assert "hysteresis" not in {finding["quantity"] for finding in results["findings"]}

@@ -288,11 +288,11 @@ def test_saturation_on_the_arm_fails(tmp_path, rng):
 @pytest.mark.parametrize(
     ("rates", "flags"),
     [
-        ({"bias": 0.0, "low1": 200.0, **RUNS}, ["invalid"]),
-        ({"bias": 0.0, **RUNS}, ["invalid"]),
+        ({"bias": 0.0, "low1": 200.0, **RUNS}, ["too_few_low_rates", "invalid"]),
+        ({"bias": 0.0, **RUNS}, ["too_few_low_rates", "invalid"]),
         ({**LOW, **RUNS}, ["bias invalid", "invalid"]),
         ({"bias": 0.0, **LOW}, ["invalid"]),
-        ({"bias": 0.0, "low1": 1.0, "low2": 1.5, **RUNS}, ["invalid"]),
+        ({"bias": 0.0, "low1": 1.0, "low2": 1.5, **RUNS}, ["radius_not_determined", "invalid"]),
     ],
 )
 def test_what_the_arm_needs(tmp_path, rng, rates, flags):
