@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+from pathlib import Path
 from urllib.parse import urlencode
 
 import pytest
@@ -64,9 +66,11 @@ def test_the_form_is_offered_only_to_a_second_person(tmp_path, smoke_copy, by, o
 
 @pytest.mark.lengthy
 @pytest.mark.leaves("the worker process that writes the report")
-def test_an_approval_shows_its_number_and_releases_the_report_until_that_is_changed(tmp_path, smoke_copy):
+def test_an_approval_releases_report_and_calibration_files_until_they_are_changed(tmp_path, tumble_run):
+    folder = Path(shutil.copytree(tumble_run.path, tmp_path / "runs" / tumble_run.path.name))
+
     async def act(here):
-        run = smoke_copy.name
+        run = folder.name
         answer = await send(here, run, "engineer", customer="Mole & Sons", received="2026-11-02", remarks="one\r\ntwo")
         assert (answer.status, answer.headers["location"]) == (303, f"/runs/{run}#sign-off"), answer.body
         (signed,) = here.daemon.sign_off.of_run(run)
@@ -74,22 +78,25 @@ def test_an_approval_shows_its_number_and_releases_the_report_until_that_is_chan
         assert (entry["who"], entry["report"]) == ("engineer", signed.report)
         page = await look(here, run, "viewer")
         assert f"Approved as {signed.report} by engineer" in page
-        assert signed.binds["report.html"] == file_hash(smoke_copy / "report.html")
+        assert signed.binds["report.html"] == file_hash(folder / "report.html")
         for digest in signed.binds.values():
             assert digest in page
         assert 'files/report.html" download>report.html</a> ✓ released' in page
+        assert 'files/calibration_a.json" download>calibration_a.json</a> ✓ released' in page
         assert "the date of receipt" not in page
         assert "the environment" in page
         written = await here.ask("POST", f"/api/v1/runs/{run}/report?form=html", token=here.token)
         assert (written.status, signed.report in written.json()["detail"]) == (422, True)
         again = await look(here, run, "engineer")
+        assert f'action="/runs/{run}/pdf"' in again
+        assert f'action="/runs/{run}/html"' not in again
         assert f'name="replaces" value="{signed.report}"' in again
         assert 'value="Mole &amp; Sons"' in again
-        (smoke_copy / "report.html").write_text("another")
+        (folder / "report.html").write_text("another")
         changed = await look(here, run, "viewer")
         assert "report.html is not the file that was approved" in changed
         assert "download>report.html</a> ✓ released" not in changed
-        assert (smoke_copy / APPROVAL).exists()
+        assert (folder / APPROVAL).exists()
 
     with_signers(tmp_path, act)
 
