@@ -51,7 +51,7 @@ class _Shown:
     def __init__(self, station: Services) -> None:
         self._station, self._event, self._made = station, "", Stopwatch()
 
-    def event(self) -> str:
+    def message(self) -> str:
         """Return the present state as a server-sent event."""
         if not self._event or self._made.elapsed_s() >= AT_MOST_EVERY_S:
             view = station_view(self._station.daemon, wall_utc(), self._station.banner)
@@ -62,5 +62,5 @@ class _Shown:
 async def _stream(shown: _Shown) -> AsyncIterator[str]:
     """Yield the present state; one that a slow reader has missed is not sent later."""
     while True:
-        yield shown.event()
+        yield shown.message()
         await asyncio.sleep(AT_MOST_EVERY_S)

@@ -189,6 +189,8 @@ def test_results_that_are_too_many_for_a_broker_are_counted(tmp_path, runs):
     assert len(results.payload()) < 2 * LARGEST_DATA
 
 
+@pytest.mark.integration
+@pytest.mark.slow
 def test_a_publisher_ends_also_where_its_farewell_fails(tmp_path):
     async def main():
         async with mini_broker(2) as of:  # it is lost with the second message

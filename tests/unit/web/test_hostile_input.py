@@ -155,7 +155,7 @@ NAMES = (
 QUERIES = ("after", "limit", "text", "state", "before", "all_", "held", "when", "reason", "everywhere")
 
 
-@pytest.mark.lengthy
+@pytest.mark.slow
 def test_no_input_makes_an_error_of_the_server(tmp_path):
     chosen, failed, statuses = random.Random(2), [], set()
 
