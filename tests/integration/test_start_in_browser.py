@@ -19,6 +19,7 @@ def test_a_run_is_started_with_the_scanner_and_seen_to_its_verdict(tmp_path):
         assert seen.grave() == []
         page.select_option("#sequence", "smoke")
         page.click("text=Next: unit")
+        page.wait_for_selector(".scan:focus")
         page.keyboard.type("QF-0815\n")  # as a scanner does, into the field that has the focus
         page.select_option("#speed", "max")
         page.click("text=Next: checks")

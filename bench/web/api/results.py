@@ -10,6 +10,7 @@ from fastapi import APIRouter, Query, status
 from fastapi.responses import StreamingResponse
 
 from bench.errors import InputError
+from bench.figures.languages import ENGLISH
 from bench.station.after_a_run import reduction, report
 from bench.station.comparison import Comparison, compare
 from bench.station.findings import RunFindings, findings_of
@@ -119,9 +120,19 @@ async def write_report(
 ) -> Job:  # fmt: skip
     """Write the report of a run in a form and a language; return the job, whose result names the file."""
     found = _ended(station, run)
+    _expect_not_released(station, run, f"report.{form}" if lang == ENGLISH else f"report.{lang}.{form}")
     station.audit.note(person, "write report", run, form=form, lang=lang)
     id_ = report_id(run, form, lang)
     return station.daemon.jobs.ask(id_, "report", run, person.name, report, found.path, form, lang)
+
+
+def _expect_not_released(station: Services, run: str, name: str) -> None:
+    """Raise InputError for the report that the approval of a run covers: written again, it would be another file."""
+    approved = station.daemon.sign_off.approval(run)
+    if approved is not None and name in approved.binds:
+        raise InputError(
+            f"{run}: {name} is approved as {approved.report} and is not written again; an engineer can issue it again"
+        )
 
 
 def report_id(run: str, form: str, lang: str) -> str:

@@ -45,7 +45,7 @@ async def sign_off(station: Station, _: Reader, run: str) -> SignOffView:
     return SignOffView(
         decisions=sign_off.of_run(run),
         approved=sign_off.approval(run) is not None,
-        missing=missing_fields(sign_off.laboratory, CertificateFields(), _of_run(found)),
+        missing=missing_fields(sign_off.laboratory, CertificateFields(), facts_of(found)),
     )
 
 
@@ -58,7 +58,7 @@ async def decide(station: Station, person: Approver, run: str, decision: NewDeci
     await station.identity.check_password(person.name, decision.password, person.address)
     found = await asyncio.to_thread(station.daemon.catalogue.run, run)
     sign_off, comment, replaces = station.daemon.sign_off, decision.comment, decision.replaces
-    sign_off.expect_allowed(found, person.name, _others(station, found), replaces)
+    sign_off.expect_allowed(found, person.name, others_of(station, found), replaces)
     if decision.decision == "rejected":
         with station.audit.noted(person, "reject", run, reason=comment):
             return sign_off.reject(found, person.name, comment)
@@ -71,7 +71,7 @@ async def decide(station: Station, person: Approver, run: str, decision: NewDeci
     return sign_off.complete(number, signed, binds)
 
 
-def _others(station: Services, run: RunSummary) -> list[str]:
+def others_of(station: Services, run: RunSummary) -> list[str]:
     """Return who operated and who submitted a run."""
     others = [str(run.manifest.get("operator", ""))]
     if ticket := ticket_of(run.manifest):
@@ -83,5 +83,6 @@ def _others(station: Services, run: RunSummary) -> list[str]:
     return others
 
 
-def _of_run(run: RunSummary) -> dict[str, str]:
+def facts_of(run: RunSummary) -> dict[str, str]:
+    """Return what the record of a run has for a certificate."""
     return {"order": str(run.manifest.get("order") or "")}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -23,11 +23,13 @@ from bench.station.record_files import files_of
 from bench.station.resuming import ResumptionView
 from bench.station.view import RunFilter, RunInfo, found_runs, run_info, run_view
 from bench.store.manifest_form import SHOWN_STATES, VERDICTS
-from bench.web.access import Operator, Reader
-from bench.web.api import results
+from bench.web.access import Approver, Operator, Reader
+from bench.web.api import results, signoff
 from bench.web.pages import charts
-from bench.web.pages.render import language_of, page
+from bench.web.pages.render import language_of, page, person_of
 from bench.web.pages.results_shown import ShownFinding, clock, conditions, difference, mark, scaled, state_in_words
+from bench.web.pages.signing import decision_of, signing_of
+from bench.web.patience import TooSoonError
 from bench.web.services import Services, Station
 
 router = APIRouter(include_in_schema=False)
@@ -60,7 +62,15 @@ async def runs_page(request: Request, station: Station, _: Reader) -> HTMLRespon
 
 @router.get("/runs/{run}")
 async def run_page(request: Request, station: Station, _: Reader, run: str) -> HTMLResponse:
-    """Return the page of a run: verdict and its reasons first, then findings, course, files, provenance."""
+    """Return the page of a run: verdict and its reasons first, then findings, sign-off, course, files, provenance."""
+    return await _run_page(request, station, run)
+
+
+async def _run_page(
+    request: Request, station: Services, run: str, given: Mapping[str, str] | None = None, problem: str = "",
+    status: int = 200,
+) -> HTMLResponse:  # fmt: skip
+    """Return the page of a run; `given` and `problem` are the form of a sign-off that was refused, and why."""
     found = station.daemon.catalogue.run(run)
     live = station.daemon.live.runs.get(run)
     content = await asyncio.to_thread(findings_of, found)
@@ -71,12 +81,14 @@ async def run_page(request: Request, station: Station, _: Reader, run: str) -> H
         "reduction": station.daemon.jobs.find(results.reduction_id(run)),
         **{form: station.daemon.jobs.find(results.report_id(run, form, lang)) for form, lang in _forms(request)},
     }
+    signing = await signing_of(station, person_of(request), found, files, given, problem)
     return page(
-        request, "run.html.j2", place="/runs", info=info, live=run_view(live) if live else None,
-        content=content, groups=groups, wrong=[each for each in groups if each.is_wrong],
+        request, "run.html.j2", status=status, place="/runs", signing=signing, info=info,
+        live=run_view(live) if live else None, content=content, groups=groups,
+        wrong=[each for each in groups if each.is_wrong],
         course=course, strip=charts.strip(course), files=files,
         manifest=results.provenance_of(found), jobs=jobs, reports=reports,
-        changes=_changes(info, reported=bool(reports)),
+        changes=not problem and _changes(info, reported=bool(reports)),
         resumption=await _resumption(station, run) if found.state == "interrupted" else None,
         **{**Words, "shown": partial(ShownFinding, dwells=_dwells(content.findings))},
     )  # fmt: skip
@@ -143,6 +155,18 @@ def _groups(found: Sequence[FindingView]) -> list[_Group]:
     for each in found:
         by.setdefault((each.uut, each.quantity), []).append(each)
     return sorted(map(_Group, by.values()), key=lambda group: not group.is_judged)
+
+
+@router.post("/runs/{run}/sign-off")
+async def sign_off(request: Request, station: Station, person: Approver, run: str) -> Response:
+    """Approve or reject a run; if it is refused, show the page again with the reason and what was entered."""
+    form = {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
+    try:
+        await signoff.decide(station, person, run, decision_of(form))
+    except InputError as wrong:
+        status = 429 if isinstance(wrong, TooSoonError) else 422
+        return await _run_page(request, station, run, form, str(wrong), status)
+    return RedirectResponse(f"/runs/{run}#sign-off", 303)
 
 
 @router.post("/runs/{run}/{action}")

@@ -20,9 +20,8 @@ from bench.store.writer import RunWriter
 
 def commands(writer: RunWriter, message: list[str]):
     journal = Journal(writer)
-    engine = SimpleNamespace(
-        journal=journal, prompts=PromptQueue(lambda _question: None), resume=lambda: None, holds=[]
-    )
+    prompts = PromptQueue(lambda _question: None)
+    engine = SimpleNamespace(journal=journal, prompts=prompts, resume=lambda: None, holds=[])
     return engine, commands_of(engine, SimpleNamespace(newest=dict), message.append, can_pause=True)
 
 

@@ -56,7 +56,7 @@ ELSEWHERE = {
     "POST /login", "POST /logout", "POST /start", "POST /start/rehearsal", "POST /runs/{run}/{action}",
     "POST /runs/{run}/answer", "POST /api/v1/runs/{run}/sign-off", "POST /api/v1/runs/{run}/report",
     "POST /api/v1/runs/{run}/reduction", "POST /api/v1/runs/{run}/resumption", "POST /api/v1/rehearsals",
-    "POST /api/v1/alerts/test", "POST /api/v1/alerts/{id_}/acknowledge",
+    "POST /api/v1/alerts/test", "POST /api/v1/alerts/{id_}/acknowledge", "POST /runs/{run}/sign-off",
 }  # fmt: skip
 
 

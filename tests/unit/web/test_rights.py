@@ -101,6 +101,7 @@ POST   /runs/{run}/answer                      run
 POST   /runs/{run}/do/{command}                stop
 POST   /runs/{run}/go/{command}                run
 GET    /runs/{run}/picture                     read
+POST   /runs/{run}/sign-off                    approve
 POST   /runs/{run}/{action}                    run
 GET    /start                                  run
 POST   /start                                  run
