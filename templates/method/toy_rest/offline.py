@@ -46,4 +46,5 @@ def _doubts(time_s: Array) -> Iterator[Doubt]:
         yield Doubt("implausible_time", "t_s does not rise from row to row")
 
 
-REDUCTIONS: Reductions = {("toy_rest", ""): Reduction(_rest, ("rest",), lacking=frozenset({TOO_FEW}))}
+LACKING = frozenset({TOO_FEW})
+REDUCTIONS: Reductions = {("toy_rest", ""): Reduction(_rest, ("rest",), lacking=LACKING)}
