@@ -5,21 +5,22 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import AsyncIterator
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Query
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, Field
 
 from bench.errors import InputError, StoreError
+from bench.runner.held import is_followed
 from bench.station.items import Line, Short
 from bench.station.view import EventView, RunFilter, RunInfo, RunView, event_view, found_runs, run_info, run_view
+from bench.store.latch import acknowledge as acknowledged
 from bench.store.tail import Tail
-from bench.web.access import Operator, Reader, Stopper
+from bench.web.access import Clearer, Operator, Reader, Stopper
 from bench.web.commanding import command_run, make_safe
 from bench.web.services import Reason, Services, Station
 
-T = TypeVar("T")
 router = APIRouter(prefix="/api/v1/runs", tags=["runs"])
 LOOK_EVERY_S = 0.25
 ALIVE_EVERY_S = 15.0
@@ -38,6 +39,12 @@ class Done(BaseModel):
     """Answer of a run to a command."""
 
     answer: str
+
+
+class Acknowledgement(BaseModel):
+    """What was found at the bench, and what was done."""
+
+    reason: Line = Field(min_length=1)
 
 
 class Answer(BaseModel):
@@ -158,3 +165,16 @@ async def answer(station: Station, person: Operator, run: str, given: Answer) ->
     return Done(
         answer=await command_run(station, person, run, "answer", "", answer=given.answer, step=given.step or "")
     )
+
+
+@router.post("/{run}/acknowledge")
+async def acknowledge(station: Station, person: Clearer, run: str, given: Acknowledgement) -> Done:
+    """Acknowledge a latched run, after somebody has inspected the bench."""
+    path = station.daemon.catalogue.run(run).path
+    station.audit.note(person, "acknowledge", run, reason=given.reason)
+    try:
+        why = await asyncio.to_thread(acknowledged, path, person.name, given.reason, is_followed)
+    except InputError as problem:
+        station.audit.note_afterwards(person, "acknowledge refused", run, after=str(problem))
+        raise
+    return Done(answer=f"acknowledged: {why}")

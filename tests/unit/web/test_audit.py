@@ -53,6 +53,7 @@ CHANGE_NOTHING = {
 }  # fmt: skip
 # Forms of pages that call what the API does, and what needs a sealed run, a worker or routes of alerts.
 ELSEWHERE = {
+    "POST /api/v1/runs/{run}/acknowledge",
     "POST /login", "POST /logout", "POST /start", "POST /start/rehearsal", "POST /runs/{run}/{action}",
     "POST /runs/{run}/answer", "POST /api/v1/runs/{run}/sign-off", "POST /api/v1/runs/{run}/report",
     "POST /api/v1/runs/{run}/reduction", "POST /api/v1/runs/{run}/resumption", "POST /api/v1/rehearsals",

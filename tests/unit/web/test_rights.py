@@ -40,6 +40,7 @@ POST   /api/v1/runs/{run}/resume                run
 POST   /api/v1/runs/{run}/skip                  run
 POST   /api/v1/runs/{run}/repeat                run
 POST   /api/v1/runs/{run}/answer                run
+POST   /api/v1/runs/{run}/acknowledge           safe:clear
 GET    /api/v1/runs/{run}/sign-off              read
 POST   /api/v1/runs/{run}/sign-off              approve
 GET    /api/v1/releases                         read
