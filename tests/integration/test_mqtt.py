@@ -172,8 +172,10 @@ def test_an_outage_loses_no_event_and_delivers_none_of_them_as_new(tmp_path):
         for run in runs:
             assert [each["seq"] for each in first_of_id if each["run"] == run] == expected[run]
         assert len(events) - len(first_of_id) <= 20  # those that were sent and not acknowledged when it stopped
-        assert [each["is_historical"] for each in events[:live]] == [False] * live
-        assert all(each["is_historical"] for each in events[live:])
+        flags = [each["is_historical"] for each in events]
+        late = flags.index(True)  # the subscriber may have read some after they were counted
+        assert live <= late <= live + 5
+        assert (any(flags[:late]), all(flags[late:])) == (False, True)
         assert all(each["is_historical"] for each in seen.of("/results"))
 
 
