@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import shutil
 import stat
@@ -57,6 +58,25 @@ def append_line(path: Path, text: str, mode: int | None = None) -> None:
         os.fsync(lines)
     finally:
         os.close(lines)
+
+
+def is_locked(path: Path) -> bool:
+    """Return True if another process holds the lock, flock(2), of a file or folder; False if it cannot be opened.
+
+    The shared lock of the test does not block others. Raises OSError where the file system has no locks.
+    """
+    try:
+        lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    else:
+        return False
+    finally:
+        os.close(lock)
 
 
 @contextmanager

@@ -1,8 +1,8 @@
 """Attempts at a run: the process of a run and its folder, which outlive the station.
 
-The station writes what is to be run into a new folder and starts a process, which claims the folder, locks it as long
-as it lives. So a station that starts again finds out what became of it: a claim can be made
-once, and a lock is free when its process is dead.
+The station writes what is to be run into a new folder and starts a process, which claims the folder and locks it as
+long as it lives. So a station that starts again finds out what became of it: a claim can be made once, and a lock is
+free when its process is dead.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from bench.errors import InputError, StoreError
-from bench.files import make_folder, sync_folder, write_atomically
+from bench.files import is_locked, make_folder, sync_folder, write_atomically
 
 COMMAND, CLAIM, LOCK = "command.json", "claim", "lock"
 OUTPUT, MESSAGES = "stdout.txt", "stderr.txt"
@@ -104,7 +104,7 @@ def _claimed(folder: Path, by: str) -> bool:
 
 def look(folder: Path) -> Attempt:
     """Return the state of an attempt, from its folder alone."""
-    lives = _is_locked(folder / LOCK)
+    lives = is_locked(folder / LOCK)
     begun = ""
     with suppress(OSError):
         begun = (folder / CLAIM).read_text("ascii", errors="replace")
@@ -145,21 +145,6 @@ def _take(lock: int) -> None:
             return
         _pause(_BETWEEN_TRIES_S)
     raise BlockingIOError("it is under way in another process")
-
-
-def _is_locked(path: Path) -> bool:
-    try:
-        lock = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    else:
-        return False
-    finally:
-        os.close(lock)
 
 
 def _tail(path: Path) -> str:

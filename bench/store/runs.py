@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import InputError, StoreError
-from bench.files import make_folder, sync_folder, write_atomically
+from bench.files import is_locked, make_folder, sync_folder, write_atomically
 from bench.store.kept_json import read_kept
 from bench.store.manifest_form import MANIFEST_FORM, SEAL_FORM
 
@@ -208,21 +208,11 @@ def _is_locked(path: Path) -> bool:
 
 
 def _is_held(path: Path) -> bool:
-    """Return True if another process holds the lock; the shared lock of the test does not block others."""
+    """Return True if another process holds the lock, or if it cannot be known of the lock file."""
     try:
-        lock = os.open(path, os.O_RDONLY)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
+        return is_locked(path)
+    except OSError:  # some network file systems cannot lock directories
         return path.name == LOCK
-    else:
-        return False
-    finally:
-        os.close(lock)
 
 
 def find_run(name: str, runs: Path) -> Path:
