@@ -51,7 +51,7 @@ class Orders:
                 self._audit.note(sender, command.command, command.run, nonce=nonce)
             answer = await asyncio.to_thread(send_command, run, command.command, by=user)
             if command.command != "pause":  # making safe never waits for the disk of the station
-                self._audit.note(sender, command.command, command.run, nonce=nonce)
+                self._audit.note_afterwards(sender, command.command, command.run, nonce=nonce)
         except BenchError as problem:
             self._audit.note(sender, "command refused", user, why=str(problem), payload=payload[:500])
             return Reply(nonce=nonce or _nonce(payload), done=False, text=str(problem), at=wall_utc())

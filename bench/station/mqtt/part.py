@@ -12,6 +12,7 @@ from importlib.metadata import version
 from bench.clock import wall_utc
 from bench.errors import BenchError
 from bench.station.daemon import Daemon
+from bench.station.mqtt.first import until_one_ends
 from bench.station.mqtt.orders import AT_MOST_EVERY_S, Orders
 from bench.station.mqtt.settings import MqttSettings
 from bench.station.mqtt.shown import Show
@@ -39,15 +40,7 @@ class Mqtt(Part):
     async def look(self) -> None:
         """Work with one process until it ends. Raises BenchError then."""
         async with self._started() as process:
-            works = [asyncio.create_task(self._feed(process)), asyncio.create_task(self._listen(process))]
-            try:
-                done, _ = await asyncio.wait(works, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for work in works:
-                    work.cancel()
-                await asyncio.gather(*works, return_exceptions=True)
-            for work in done:
-                work.result()
+            await until_one_ends(self._feed(process), self._listen(process))
         raise BenchError(self.problem or "the publisher has ended; it is started again")
 
     @asynccontextmanager

@@ -11,7 +11,6 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Coroutine
 from typing import Any
 
 import aiomqtt
@@ -20,6 +19,7 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 from bench.clock import Stopwatch, wall_utc
 from bench.errors import BenchError
 from bench.station.mqtt.connection import Backoff, Client, client
+from bench.station.mqtt.first import until_one_ends
 from bench.station.mqtt.messages import Status
 from bench.station.mqtt.outbox import Outbox
 from bench.station.mqtt.positions import Positions
@@ -81,7 +81,7 @@ class Publisher:
         async with broker:
             await asyncio.to_thread(self._outbox.connected)
             try:
-                await _until_one_ends(
+                await until_one_ends(
                     self._status(broker, number), self._states(broker), self._events(broker), self._commands(broker)
                 )
             except asyncio.CancelledError:
@@ -136,19 +136,6 @@ class Publisher:
             payload = message.payload
             text = payload.decode("utf-8", "replace") if len(payload) <= LONGEST_COMMAND else ""
             tell("command", user=user, retained=message.retain, payload=text)
-
-
-async def _until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
-    """Run until one ends; raise its error. The others are cancelled."""
-    tasks = [asyncio.create_task(work) for work in works]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-    for task in done:
-        task.result()
 
 
 async def main() -> None:
