@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 
 from bench.figures.languages import current, tr
 from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import drawing, font_of
+from bench.figures.templates import environment_of
 from bench.figures.times_and_sizes import instant
 from bench.figures.words import answer_text, of_those_within_u
 from bench.metrology.results.curves import TemperatureModel
@@ -112,15 +113,7 @@ def render(
 
 @lru_cache(maxsize=1)
 def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("bench.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.globals |= {"tr": tr, "clock": clock, "answer_text": answer_text}
-    return environment
+    return environment_of("bench.report", clock=clock, answer_text=answer_text)
 
 
 def _data(run: StoredRun) -> list[RunData]:

@@ -8,15 +8,14 @@ from itertools import cycle
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoMinorLocator, MultipleLocator
 
 from bench.config.models import BenchFile
 from bench.errors import InputError
-from bench.figures.languages import tr
 from bench.figures.svg import CLEAR, as_document, drawing, new_figure, rendered
+from bench.figures.templates import environment_of
 from bench.figures.times_and_sizes import duration, megabytes
 from bench.files import atomic_file
 from bench.report.plan_view.content import Panel, Planned, planned
@@ -52,12 +51,7 @@ def write_picture(path: Path, plan: Plan, expected: Estimate, bench: BenchFile) 
 
 def _page(figure: Figure, plan: Plan, expected: Estimate, bench: BenchFile) -> str:
     title = f"Plan of {plan.sequence.title}"
-    environment = Environment(
-        loader=PackageLoader("bench.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.globals["tr"] = tr
-    return environment.get_template("plan.html.j2").render(
+    return environment_of("bench.report").get_template("plan.html.j2").render(
         title=title,
         facts=[
             ("Sequence", f"{plan.document.path.name}{f', preset {plan.preset}' if plan.preset else ''}"),

@@ -8,10 +8,11 @@ from zoneinfo import ZoneInfo
 
 from fastapi import Request
 from fastapi.responses import HTMLResponse
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 
 from bench.clock import wall_utc
-from bench.figures.languages import ENGLISH, LANGUAGES, language, tr
+from bench.figures.languages import ENGLISH, LANGUAGES, language
+from bench.figures.templates import environment_of
 from bench.web.access import Person, Scope
 from bench.web.pages.files import static
 from bench.web.pages.places import PLACES
@@ -71,12 +72,4 @@ def _frame(request: Request) -> dict[str, Any]:
 @lru_cache(maxsize=1)
 def environment() -> Environment:
     """Environment of all templates. `tr` translates, `static` is the address of a file."""
-    made = Environment(
-        loader=PackageLoader("bench.web"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made.globals |= {"tr": tr, "static": static, "may": may, "zone_of": ZoneInfo}
-    return made
+    return environment_of("bench.web", static=static, may=may, zone_of=ZoneInfo)
