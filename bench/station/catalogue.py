@@ -66,10 +66,20 @@ class Catalogue:
         return found
 
 
+def request_of(manifest: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the request of a run from its manifest; {} if it has none."""
+    request = manifest.get("request")
+    return request if isinstance(request, Mapping) else {}
+
+
 def ticket_of(manifest: Mapping[str, Any]) -> str:
     """Return the ticket of a run from its manifest; "" if it was started by hand."""
-    request = manifest.get("request")
-    return str(request.get(TICKET) or "") if isinstance(request, Mapping) else ""
+    return str(request_of(manifest).get(TICKET) or "")
+
+
+def bench_file_of(manifest: Mapping[str, Any]) -> str:
+    """Return the path of the bench file of a run from its manifest; "" if it is not known."""
+    return str(request_of(manifest).get("bench", ""))
 
 
 def _is_run(path: Path) -> bool:

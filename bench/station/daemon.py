@@ -18,7 +18,7 @@ from bench.errors import InputError
 from bench.station.alerts.alerts import Alerts
 from bench.station.alerts.watch import Watched
 from bench.station.attempts import LAUNCHERS, Launcher
-from bench.station.catalogue import Catalogue
+from bench.station.catalogue import Catalogue, bench_file_of
 from bench.station.database import Database
 from bench.station.items import Item, Submission
 from bench.station.jobs import Jobs
@@ -141,8 +141,7 @@ class Daemon:
 
     def bench_in(self, manifest: Mapping[str, Any]) -> str | None:
         """Return the name of the bench of a run by its manifest; None for a bench file of somebody else."""
-        file = str(manifest.get("request", {}).get("bench", ""))
-        return next((name for name, path in self.settings.benches.items() if str(path) == file), None)
+        return self.settings.bench_of(bench_file_of(manifest))
 
     def _ends(self, item: Item) -> datetime | None:
         live = self.live.runs.get(item.run)

@@ -15,6 +15,7 @@ from bench.clock import wall_utc
 from bench.engine.state import RunState, advanced
 from bench.errors import BenchError, InputError, StoreError
 from bench.runner.tell import send_command
+from bench.station.catalogue import request_of
 from bench.station.part import Part
 from bench.station.plans import timeline_of_run
 from bench.station.worker import Workers
@@ -27,7 +28,10 @@ NO_TIMELINE: Mapping[str, Any] = {"steps": [], "total_s": 0.0}
 
 
 class LiveRun:
-    """View of one run. `events` are the newest entries of its journal, `status` the last answer of its process."""
+    """View of one run. `events` are the newest entries of its journal, `status` the last answer of its process.
+
+    `begun` are the instant of the begin by the clock of the bench, and its bench time in s; None until they are read.
+    """
 
     def __init__(self, run: RunSummary) -> None:
         self.run = run
@@ -35,8 +39,7 @@ class LiveRun:
         self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self.status: Mapping[str, Any] = {}
         self.timeline: Mapping[str, Any] | None = None
-        self.asked_s = 0.0  # wall time of the last look, for its speed
-        self._begun: tuple[datetime, float] | None = None
+        self.begun: tuple[datetime, float] | None = None
         self._seen: tuple[datetime, float] | None = None  # first look: wall time and bench time
         self._now: tuple[datetime, float] | None = None
 
@@ -53,7 +56,7 @@ class LiveRun:
         for event in new:
             self.state = advanced(self.state, event.kind, event.step, event.data)
             if event.kind == "run_begins":
-                self._begun = datetime.fromisoformat(event.data["utc"]), event.at_s
+                self.begun = datetime.fromisoformat(event.data["utc"]), event.at_s
             self.events.append(event)
         with suppress(BenchError, ValueError):
             self.status = json.loads(send_command(self.run.path, "status"))
@@ -61,11 +64,6 @@ class LiveRun:
             self._now = wall_utc(), now_s
             self._seen = self._seen or self._now
         return new
-
-    @property
-    def begun(self) -> tuple[datetime, float] | None:
-        """Instant of the begin of the run by the clock of its bench, and its bench time in s; None until it is read."""
-        return self._begun
 
     @property
     def holds(self) -> list[str]:
@@ -82,19 +80,18 @@ class LiveRun:
         return bench_s / wall_s if wall_s > 5.0 and bench_s > 0 else self._asked_speed()
 
     def _asked_speed(self) -> float:
-        request = self.run.manifest.get("request")
         try:
-            return float(request["speed"]) if isinstance(request, Mapping) else 1.0
+            return float(request_of(self.run.manifest)["speed"])
         except (KeyError, TypeError, ValueError):
             return 1.0  # not asked for, or as fast as possible
 
     def ends(self) -> datetime | None:
         """Return the estimated wall time of the end: that of the plan, later by what its steps took longer so far."""
-        if self.timeline is None or self._now is None or self._begun is None:
+        if self.timeline is None or self._now is None or self.begun is None:
             return None
         steps = self.timeline["steps"]
         begins = [float(step["begin_s"]) for step in steps]
-        now_s = self._now[1] - self._begun[1]
+        now_s = self._now[1] - self.begun[1]
         at = next((n for n, step in enumerate(steps) if step["id"] in self.state.under_way), None)
         if at is None:
             at = max(0, bisect_right(begins, now_s) - 1)

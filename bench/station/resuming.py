@@ -11,6 +11,7 @@ from bench.clock import wall_utc
 from bench.errors import BenchError, InputError, InUseError
 from bench.station import attempts
 from bench.station.attempts import Launcher
+from bench.station.catalogue import bench_file_of
 from bench.station.queue import Queue
 from bench.station.settings import Settings
 from bench.store.runs import RunSummary
@@ -67,8 +68,7 @@ class Resuming:
         """Start the process that resumes a run. Raises InUseError if one is under way, or its bench has an item."""
         if await asyncio.to_thread(self.is_under_way, run):
             raise InUseError(f"{run.id} is being resumed already")
-        file = str(run.manifest.get("request", {}).get("bench", ""))
-        bench = next((name for name, path in self._settings.benches.items() if str(path) == file), None)
+        bench = self._settings.bench_of(bench_file_of(run.manifest))
         others = [each for each in self._queue.occupying() if each.run != run.id]
         if any(item.submission.bench == bench for item in others):
             raise InUseError(f"bench {bench} has another run; resume {run.id} when that has ended")

@@ -94,6 +94,10 @@ class Settings(NamedTuple):
             raise InputError(f"the station has no bench '{name}'; it has {', '.join(self.benches)}")
         return self.benches[name]
 
+    def bench_of(self, file: str) -> str | None:
+        """Return the name of the bench with a bench file; None for a file of somebody else."""
+        return next((name for name, path in self.benches.items() if str(path) == file), None)
+
     def sequence_file(self, name: str) -> Path:
         """Return the file of a sequence: the laboratory's own, else a shipped one. Raises InputError."""
         if not re.fullmatch(WORD, name):

@@ -6,11 +6,10 @@ import json
 from collections.abc import Mapping
 from contextlib import suppress
 from datetime import date, timedelta
-from pathlib import Path
-from typing import Any
 
 from bench.config.models import BenchFile
 from bench.station.alerts.kinds import Cause, Kind
+from bench.station.catalogue import request_of
 from bench.station.items import Item, ItemState
 from bench.store.latch import latch
 from bench.store.reader import Event
@@ -18,12 +17,6 @@ from bench.store.runs import RUNNER, RunSummary
 
 HELD_BY_A_PERSON = "held by "
 WELL_ENDED = "completed"
-
-
-def bench_of(run: RunSummary, benches: Mapping[str, Path]) -> str:
-    """Return the name of the bench of a run at the station; "" for a bench file that the station does not have."""
-    file = str(_request(run).get("bench", ""))
-    return next((name for name, path in benches.items() if str(path) == file), "")
 
 
 def of_event(run: RunSummary, event: Event, bench: str, *, historical: bool) -> Cause | None:
@@ -66,7 +59,7 @@ def of_end(run: RunSummary, bench: str, *, has_program: bool, historical: bool) 
         "state": run.state, "text": latched.why if latched is not None else str(problems[0]),
     }  # fmt: skip
     reported = has_program and not run.manifest.get("simulated") and (
-        not is_well or verdict != "PASS" or bool(_request(run).get("unattended"))
+        not is_well or verdict != "PASS" or bool(request_of(run.manifest).get("unattended"))
     )  # fmt: skip
     text = "end" if is_well else "safe_stop" if latched is None else "latched"
     return Cause(
@@ -113,8 +106,3 @@ def of_calibrations(bench: str, due: Mapping[str, date], today: date) -> Cause |
 
 def _name(run: RunSummary, bench: str) -> str:
     return bench or str(run.manifest.get("bench") or run.id)
-
-
-def _request(run: RunSummary) -> Mapping[str, Any]:
-    found = run.manifest.get("request")
-    return found if isinstance(found, Mapping) else {}

@@ -12,7 +12,7 @@ from bench.station.alerts import causes
 from bench.station.alerts.kinds import Cause
 from bench.station.alerts.settings import AlertsEntry
 from bench.station.alerts.table import AlertTable
-from bench.station.catalogue import Catalogue
+from bench.station.catalogue import Catalogue, bench_file_of
 from bench.station.items import Item, ItemState
 from bench.station.live import Live, LiveRun
 from bench.station.part import Part
@@ -129,7 +129,7 @@ class Watch(Part):
         return [cause for each in recent if (cause := causes.of_item(each)) is not None]
 
     def _bench(self, run: RunSummary) -> str:
-        return causes.bench_of(run, self._settings.benches)
+        return self._settings.bench_of(bench_file_of(run.manifest)) or ""
 
     def _has_program(self, bench: str) -> bool:
         try:

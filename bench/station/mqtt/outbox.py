@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from bench.errors import InputError, StoreError
-from bench.station.catalogue import Catalogue
+from bench.station.catalogue import Catalogue, bench_file_of
 from bench.station.mqtt.messages import LARGEST_DATA, Alarm, Event, Finding, Message, Results
 from bench.station.mqtt.positions import Position, Positions
 from bench.station.mqtt.topics import Topics, bench_of_file
@@ -94,7 +94,7 @@ class Outbox:
         entries, begins = self._entries(run, before.seq)
         if entries is None:  # a run that has just begun has no record; that of one which has ended is damaged
             return Batch(name, [], before._replace(mark=mark)) if mark else None
-        bench = bench_of_file(str((run.manifest.get("request") or {}).get("bench", "")), self._benches)
+        bench = bench_of_file(bench_file_of(run.manifest), self._benches)
         historical_to = self._at_connection.get(name, 0)
         messages: list[tuple[str, Message]] = []
         for entry in entries:

@@ -34,7 +34,7 @@ def scraped(folder, smoke, *, edit=lambda daemon: None):
                 "chamber": {"quality": "valid", "value": 20.5, "unit": "°C", "age_s": 0.5},
                 "head": {"quality": "stale"},
             }}  # fmt: skip
-            live._now, live.state = live._begun, live.state.__class__(lost={"counter.x": 3}, done=1)
+            live._now, live.state = live.begun, live.state.__class__(lost={"counter.x": 3}, done=1)
             edit(daemon)
             await clients["viewer"].get("/api/v1/station")
             answer = await clients["viewer"].get("/metrics")
