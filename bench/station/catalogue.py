@@ -25,14 +25,18 @@ class Catalogue:
 
     def names(self) -> list[str]:
         """Return the names of all run directories, newest first."""
-        if not self.runs.is_dir():
-            return []
-        return sorted((path.name for path in self.runs.iterdir() if _is_run(path)), reverse=True)
+        return sorted((path.name for path in self._folders() if _is_run(path)), reverse=True)
 
     def all(self) -> Iterator[RunSummary]:
         """Yield all runs, newest first."""
         for name in self.names():
             yield self._summary(self.runs / name)
+
+    def running(self) -> list[RunSummary]:
+        """Return the runs in progress, newest first. Called twice a second, it looks at no run that has ended."""
+        others = (path for path in self._folders() if path.name not in self._ended and _is_run(path))
+        found = (self._summary(path) for path in sorted(others, reverse=True))
+        return [run for run in found if run.state == "running"]
 
     def run(self, name: str) -> RunSummary:
         """Return the run of a directory name. Raises InputError."""
@@ -51,6 +55,9 @@ class Catalogue:
             if ticket_of(found.manifest) == ticket:
                 return found
         return None
+
+    def _folders(self) -> Iterator[Path]:
+        return self.runs.iterdir() if self.runs.is_dir() else iter(())
 
     def _summary(self, path: Path) -> RunSummary:
         try:

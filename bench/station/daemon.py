@@ -79,7 +79,7 @@ class Daemon:
 
     def running(self) -> list[RunSummary]:
         """Return the runs in progress, also those started by hand."""
-        return [run for run in self.catalogue.all() if run.state == "running"]
+        return self.catalogue.running()
 
     def request(self, submission: Submission) -> RunRequest:
         """Return the request of a submission. Raises InputError for names that the station does not have."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from pathlib import Path
 
 from bench.clock import Stopwatch, wall_utc
@@ -55,7 +56,7 @@ class Scheduler(Part):
 
     async def _update(self, item: Item) -> None:
         attempt = await asyncio.to_thread(attempts.look, self.folder(item))
-        run = await asyncio.to_thread(self._catalogue.of_ticket, item.id, item.begun_at or item.submitted_at)
+        run = await asyncio.to_thread(self._run_of, item)
         if run is not None and not item.run:
             item = self._queue.change(item.id, OCCUPYING, run=run.id, state=ItemState.RUNNING)
         if attempt.lives:
@@ -70,6 +71,14 @@ class Scheduler(Part):
             self._refused(item, attempt)
         elif self._looked.setdefault(self.folder(item), Stopwatch()).elapsed_s() > BEGINS_WITHIN_S:
             self._again(item)
+
+    def _run_of(self, item: Item) -> RunSummary | None:
+        """Return the run of an item; it is searched for by its ticket until it is known."""
+        if not item.run:
+            return self._catalogue.of_ticket(item.id, item.begun_at or item.submitted_at)
+        with suppress(InputError):
+            return self._catalogue.run(item.run)
+        return None
 
     def _again(self, item: Item) -> None:
         """Queue an item again whose process has not begun; after some attempts, hold it."""
