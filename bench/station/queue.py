@@ -69,7 +69,7 @@ class Queue:
             if key and (known := database.execute("SELECT of, item FROM reply WHERE key = ?", (key,)).fetchone()):
                 if known["of"] != of:
                     raise InputError("this idempotency key was used for another submission")
-                return _item(database.execute("SELECT * FROM item WHERE id = ?", (known["item"],)).fetchone())
+                return self.item(known["item"])
             waiting = "SELECT COUNT(*) FROM item WHERE state IN ('queued', 'held')"
             if database.execute(waiting).fetchone()[0] >= LENGTH_LIMIT:
                 raise InputError(f"the queue is full: {LENGTH_LIMIT} items wait")
@@ -104,13 +104,11 @@ class Queue:
     def move(self, id_: str, before: str | None, version: int | None = None) -> Item:
         """Move a waiting item before another one, with its priority; to the end for None. Raises StaleError."""
         with self._database.transaction() as database:
-            waiting = "SELECT * FROM item WHERE state IN ('queued', 'held') ORDER BY priority DESC, place, number"
-            items = {each.id: each for each in map(_item, database.execute(waiting))}
+            items = {each.id: each for each in self.waiting()}
             if id_ not in items:
                 raise StaleError(f"item {self.item(id_).number} does not wait any more")
             moved = items.pop(id_)
-            if version is not None and version != moved.version:
-                raise StaleError(f"item {moved.number} has changed meanwhile; look at it again")
+            _expect_seen(moved, version)
             others = list(items.values())
             if before is not None and before not in items:
                 raise StaleError("the item to move it before does not wait any more")
@@ -147,18 +145,20 @@ class Queue:
         `version` is that of the item which the caller has seen; None for any.
         """
         with self._database.transaction() as database:
-            row = database.execute("SELECT * FROM item WHERE id = ?", (id_,)).fetchone()
-            if row is None:
-                raise InputError(f"the queue has no item '{id_}'")
-            found = _item(row)
+            found = self.item(id_)
             if found.state not in expected:
                 raise StaleError(f"item {found.number} is {found.state}")
-            if version is not None and version != found.version:
-                raise StaleError(f"item {found.number} has changed meanwhile; look at it again")
+            _expect_seen(found, version)
             item = found.model_copy(update={**changes, "version": found.version + 1})
             _update(database, item)
         self.changed(item)
         return item
+
+
+def _expect_seen(item: Item, version: int | None) -> None:
+    """Raise StaleError if an item is no longer as its sender has seen it."""
+    if version is not None and version != item.version:
+        raise StaleError(f"item {item.number} has changed meanwhile; look at it again")
 
 
 def _last_place(database: sqlite3.Connection) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ from fastapi import APIRouter, Header, status
 from pydantic import BaseModel, Field
 
 from bench.station.items import Item, Line, Submission
+from bench.station.queue import Queue
 from bench.station.view import ItemView, item_views
 from bench.station.worker import Checked
 from bench.web.access import Engineer, Operator, Person, Reader, Scope
@@ -81,28 +83,21 @@ async def submit(
 @router.post("/queue/{id_}/hold")
 async def hold(station: Station, person: Operator, id_: str, change: Change) -> Item:
     """Hold a waiting item."""
-    with _noted(station, person, "hold", id_, change) as facts:
-        changed = station.daemon.queue.hold(id_, person.name, change.version)
-        facts["after"] = changed.state
-    return changed
+    return _changed(station, person, "hold", id_, change, lambda items: items.hold(id_, person.name, change.version))
 
 
 @router.post("/queue/{id_}/release")
 async def release(station: Station, person: Operator, id_: str, change: Change) -> Item:
     """Release a held item."""
-    with _noted(station, person, "release", id_, change) as facts:
-        changed = station.daemon.queue.release(id_, change.version)
-        facts["after"] = changed.state
-    return changed
+    return _changed(station, person, "release", id_, change, lambda items: items.release(id_, change.version))
 
 
 @router.post("/queue/{id_}/cancel")
 async def cancel(station: Station, person: Operator, id_: str, change: Change) -> Item:
     """Cancel a waiting item."""
-    with _noted(station, person, "cancel", id_, change) as facts:
-        changed = station.daemon.queue.cancel(id_, person.name, change.version)
-        facts["after"] = changed.state
-    return changed
+    return _changed(
+        station, person, "cancel", id_, change, lambda items: items.cancel(id_, person.name, change.version)
+    )
 
 
 @router.post("/queue/{id_}/move")
@@ -139,3 +134,13 @@ def _noted(
 ) -> AbstractContextManager[dict[str, Any]]:
     before = station.daemon.queue.item(id_).state
     return station.audit.noted(person, action, id_, before=before, reason=change.reason, **facts)
+
+
+def _changed(
+    station: Services, person: Person, action: str, id_: str, change: Change, call: Callable[[Queue], Item]
+) -> Item:
+    """Change an item, with an entry of its state before and after."""
+    with _noted(station, person, action, id_, change) as facts:
+        changed = call(station.daemon.queue)
+        facts["after"] = changed.state
+        return changed
