@@ -125,6 +125,7 @@ class Item(BaseModel):
     run: str = Field("", description="name of the run directory")
     outcome: str = Field("", description="state of the run at its end")
     verdict: str | None = Field(None, description="verdict of the run")
+    held_by: str = Field("", description="person who holds it; empty if nobody does, or the station")
     reason: str = Field("", description="why it is held, refused or cancelled, or what it waits for")
     begun_at: Moment | None = None
     ended_at: Moment | None = None

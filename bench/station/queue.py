@@ -78,7 +78,7 @@ class Queue:
                 id=uuid.uuid4().hex, number=number, state=ItemState.HELD if held else ItemState.QUEUED,
                 priority=submission.priority, place=_last_place(database) + 1.0, submission=submission,
                 submitted_by=by, submitted_at=now, expected_s=expected_s, inputs=inputs,
-                reason=f"held by {by}" if held else "",
+                held_by=by if held else "", reason=f"held by {by}" if held else "",
             )  # fmt: skip
             _insert(database, item)
             if key:
@@ -89,11 +89,11 @@ class Queue:
 
     def hold(self, id_: str, by: str, version: int | None = None) -> Item:
         """Hold a waiting item until it is released. Raises StaleError."""
-        return self.change(id_, WAITING, version, state=ItemState.HELD, reason=f"held by {by}")
+        return self.change(id_, WAITING, version, state=ItemState.HELD, held_by=by, reason=f"held by {by}")
 
     def release(self, id_: str, version: int | None = None) -> Item:
         """Release a held item. Raises StaleError."""
-        return self.change(id_, WAITING, version, state=ItemState.QUEUED, reason="")
+        return self.change(id_, WAITING, version, state=ItemState.QUEUED, held_by="", reason="")
 
     def cancel(self, id_: str, by: str, version: int | None = None) -> Item:
         """Cancel a waiting item. Raises StaleError."""

@@ -15,7 +15,6 @@ from bench.store.latch import latch
 from bench.store.reader import Event
 from bench.store.runs import RUNNER, RunSummary
 
-HELD_BY_A_PERSON = "held by "
 WELL_ENDED = "completed"
 
 
@@ -72,7 +71,7 @@ def of_item(item: Item) -> Cause | None:
     """Return the cause of an alert in an item that was refused, or held without a person; None if it is neither."""
     if item.state is ItemState.REFUSED:
         text = "item_refused"
-    elif item.state is ItemState.HELD and not item.reason.startswith(HELD_BY_A_PERSON):
+    elif item.state is ItemState.HELD and not item.held_by:
         text = "item_held"
     else:
         return None
