@@ -173,3 +173,15 @@ def with_station(folder: Path, act: Callable[[Here], Awaitable[None]], **more: A
             await act(here)
 
     asyncio.run(main())
+
+
+def with_signers(folder: Path, act: Callable[[Here], Awaitable[None]]) -> None:
+    """Call `act` with a station that has users, one of whom has operated the shared smoke run; reports are HTML."""
+
+    async def use(here: Here) -> None:
+        here.add_users()
+        here.identity.set_user("A. Technician", "engineer", PASSWORD)
+        here.services = here.app._app.state.services = here.services._replace(report_form="html")
+        await act(here)
+
+    with_station(folder, use)

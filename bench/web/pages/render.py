@@ -47,6 +47,11 @@ def person_of(request: Request) -> Person | None:
     return found
 
 
+async def form_of(request: Request) -> dict[str, str]:
+    """Return the fields of a form that are text."""
+    return {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
+
+
 def may(person: Person | None, scope: str) -> bool:
     """Return True if a person may do what needs a scope."""
     return person is not None and Scope(scope) in person.scopes

@@ -26,7 +26,7 @@ from bench.store.manifest_form import SHOWN_STATES, VERDICTS
 from bench.web.access import Approver, Operator, Reader
 from bench.web.api import results, signoff
 from bench.web.pages import charts
-from bench.web.pages.render import language_of, page, person_of
+from bench.web.pages.render import form_of, language_of, page, person_of
 from bench.web.pages.results_shown import ShownFinding, clock, conditions, difference, mark, scaled, state_in_words
 from bench.web.pages.signing import decision_of, signing_of
 from bench.web.patience import TooSoonError
@@ -160,7 +160,7 @@ def _groups(found: Sequence[FindingView]) -> list[_Group]:
 @router.post("/runs/{run}/sign-off")
 async def sign_off(request: Request, station: Station, person: Approver, run: str) -> Response:
     """Approve or reject a run; if it is refused, show the page again with the reason and what was entered."""
-    form = {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
+    form = await form_of(request)
     try:
         await signoff.decide(station, person, run, decision_of(form))
     except InputError as wrong:

@@ -19,7 +19,7 @@ from bench.station.sequences import SequenceView
 from bench.web.access import Operator
 from bench.web.api import queue
 from bench.web.api.preparing import BenchInfo, bench_info, rehearsal_id, submission_of
-from bench.web.pages.render import page
+from bench.web.pages.render import form_of, page
 from bench.web.services import Services, Station
 
 router = APIRouter(include_in_schema=False)
@@ -157,7 +157,7 @@ def _picture(draft: Draft, found: Chosen) -> str:
 @router.post("/start")
 async def start(request: Request, station: Station, person: Operator) -> Response:
     """Queue the run, or show again what is wrong. "Run unattended" is refused unless its preflight passes."""
-    form = {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
+    form = await form_of(request)
     draft = draft_of(form)
     found = chosen(station, draft)
     if found.step != "checks" or found.sequence is None or found.bench is None:
@@ -177,7 +177,7 @@ async def start(request: Request, station: Station, person: Operator) -> Respons
 @router.post("/start/rehearsal")
 async def rehearse(request: Request, station: Station, person: Operator) -> Response:
     """Rehearse the run on simulated copies of its instruments; the page shows how it goes."""
-    form = {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
+    form = await form_of(request)
     draft = draft_of(form)
     found = chosen(station, draft)
     if found.step != "checks" or found.sequence is None or found.bench is None:

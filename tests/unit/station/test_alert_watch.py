@@ -56,8 +56,11 @@ def told(daemon, run, *events, questions=()):
             call(live, Event(seq, 1.0, kind, step, data))
 
 
-def run_in(settings, smoke, **manifest):
-    run = summary(shutil.copytree(smoke.path, settings.runs / smoke.path.name, dirs_exist_ok=True))
+LONG_AGO = "20260101T000000Z_smoke"  # before the first alert, unlike a smoke run that has ended in this very second
+
+
+def run_in(settings, smoke, name=LONG_AGO, **manifest):
+    run = summary(shutil.copytree(smoke.path, settings.runs / name, dirs_exist_ok=True))
     return run.__class__(
         run.path, run.state, {**run.manifest, "request": {"bench": str(settings.benches["demo"])}, **manifest}
     )
@@ -162,7 +165,7 @@ def test_a_low_disk_due_calibrations_and_the_digest_once_a_day(tmp_path, smoke_r
     alerts = {"disk_free_gb": 1e9, "digest": "00:00", "calibration_due_within_days": 36500}
     settings = settings_of(tmp_path, alerts, phone=NOWHERE)
     settings.runs.mkdir()
-    run_in(settings, smoke_run)
+    run_in(settings, smoke_run, smoke_run.path.name)
     for _ in range(2):
         found, titles = looked(settings, lambda daemon: None, rounds=True)
     kinds = [each.cause.kind for each in found]
@@ -181,9 +184,7 @@ def test_the_link_of_a_run_with_a_hostile_name_stays_in_its_line(settings, smoke
             daemon.live.looks = 1
             told(daemon, hostile, ("problem", "", {"text": "too hot\r\nBcc: x"}))
             await daemon.parts["alerts"].look()
-            # The smoke run itself ends in the second in which the station begins, or before.
-            alarm = next(each for each in daemon.alerts.table.newest(9) if each.cause.kind is Kind.ALARM)
-            return daemon.alerts.text(alarm).body
+            return daemon.alerts.text(daemon.alerts.table.newest(1)[0]).body
 
     body = asyncio.run(main())
     assert body.splitlines()[0] == "demo: too hot Bcc: x"

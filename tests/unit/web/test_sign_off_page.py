@@ -11,20 +11,10 @@ import pytest
 
 from bench.report.approval import APPROVAL
 from bench.store.seal import file_hash
-from tests.support.web import PASSWORD, with_station
+from tests.support.web import PASSWORD, with_signers
 
 FORM = "application/x-www-form-urlencoded"
 HOSTILE = "<script>alert('QF')</script>&\"'"
-
-
-def with_signers(tmp_path, act):
-    async def use(here):
-        here.add_users()
-        here.identity.set_user("A. Technician", "engineer", PASSWORD)  # who has operated the smoke run
-        here.services = here.app._app.state.services = here.services._replace(report_form="html")
-        await act(here)
-
-    with_station(tmp_path, use)
 
 
 async def look(here, run, by, language="en"):

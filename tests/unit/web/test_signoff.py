@@ -5,22 +5,12 @@ from __future__ import annotations
 import pytest
 
 from bench.report.approval import APPROVAL
-from tests.support.web import PASSWORD, with_station
+from tests.support.web import PASSWORD, with_signers
 
 
 async def decide(here, by, run, decision="approved", password=PASSWORD, **more):
     content = {"decision": decision, "comment": "looked at", "password": password, **more}
     return await here.ask("POST", f"/api/v1/runs/{run}/sign-off", cookie=here.session(by), content=content)
-
-
-def with_signers(tmp_path, act):
-    async def use(here):
-        here.add_users()
-        here.identity.set_user("A. Technician", "engineer", PASSWORD)  # who has operated the smoke run
-        here.services = here.app._app.state.services = here.services._replace(report_form="html")
-        await act(here)
-
-    with_station(tmp_path, use)
 
 
 @pytest.mark.lengthy
