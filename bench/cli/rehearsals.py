@@ -106,8 +106,8 @@ class Children:
             (entry,) = json.loads(out)["rehearsals"]
             return Outcome(**entry)
         except (ValueError, KeyError, TypeError):
-            told = err.splitlines()[-LINES_SHOWN:] or ["its process ended without an outcome"]
-            return Outcome(str(check.path), check.bench, BENCH_ERROR, wall_s=watch.elapsed_s(), problems=told)
+            last = err.splitlines()[-LINES_SHOWN:] or ["its process ended without an outcome"]
+            return Outcome(str(check.path), check.bench, BENCH_ERROR, wall_s=watch.elapsed_s(), problems=last)
 
 
 def as_words(arguments: Iterable[Any], values: dict[str, Any]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.client import Station
 
-ABORT_LIMIT_S = 1.0  # after which a run is told directly
+ABORT_LIMIT_S = 1.0  # then the abort is sent to the run itself
 COMMAND_LIMIT_S = 15.0
 MAKING_SAFE = frozenset({"pause", "stop", "stop_after_step", "abort"})  # harmless when they arrive twice
 

@@ -51,7 +51,7 @@ def send_command(run: Path, command: str, **arguments: str) -> str:
 
 
 def _signalled(run: RunSummary, command: str) -> bool:
-    """Send the signal of a command to the process of a run; False if it cannot be told which that is."""
+    """Send the signal of a command to the process of a run; False if its process is not known."""
     process = run.manifest.get("process")
     if not isinstance(process, int) or process <= 1:
         return False

@@ -65,7 +65,7 @@ class Audit:
             self.note(sender, action, of, **facts)
 
     def note_afterwards(self, sender: Sender, action: str, of: str = "", **facts: Any) -> str:
-        """Append the entry of what is done already; return why it could not be written yet, or ""."""
+        """Append the entry of an action that is complete; return why it is not written yet, or ""."""
         try:
             self.note(sender, action, of, **facts)
         except StoreError as problem:

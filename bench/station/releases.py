@@ -56,7 +56,7 @@ class Releases:
         return [Release.model_validate(dict(row)) for row in rows]
 
     def release(self, sequence: str, bench: str, inputs: Mapping[str, str], by: str, comment: str) -> list[Release]:
-        """Release the files of a checked submission; what is released already is left as it is."""
+        """Release the files of a checked submission; a file whose newest release is identical gets no second one."""
         with self._database.transaction() as tables:
             for kind, name, texts in _parts(sequence, bench, inputs):
                 if self._newest(kind, name) != texts:

@@ -59,7 +59,7 @@ class _Known(dict[str, Any]):
 def news(events: Iterable[Event], zero: datetime | None, steps: Mapping[str, Facts], most: int) -> list[Line]:
     """Return the newest entries first; `zero` is the instant of bench time 0, `steps` the plan by ids."""
     found: list[Line] = []
-    for event, text in _told(events, steps):
+    for event, text in _worded(events, steps):
         at = zero + timedelta(seconds=event.at_s) if zero is not None else None
         found.append(Line(at, text, event.step, event.kind in URGENT))
         if len(found) >= most:
@@ -67,7 +67,7 @@ def news(events: Iterable[Event], zero: datetime | None, steps: Mapping[str, Fac
     return found
 
 
-def _told(events: Iterable[Event], steps: Mapping[str, Facts]) -> Iterator[tuple[Event, str]]:
+def _worded(events: Iterable[Event], steps: Mapping[str, Facts]) -> Iterator[tuple[Event, str]]:
     for event in events:
         kind = "answered" if event.data.get("command") == "answer" else event.kind
         if kind in NEWS:

@@ -84,9 +84,9 @@ class InstrumentProtocol(asyncio.Protocol):
     def _send_now(self, answer: Callable[[], bytes]) -> None:
         if self._transport is not None:
             self._instrument.faults.catch_up()
-            said = answer()
+            data = answer()
             if not self._transport.get_write_buffer_size():  # unread data are not kept for the next client
-                self._send(said)
+                self._send(data)
 
 
 def protocol_factory(instrument: Instrument) -> Callable[[], InstrumentProtocol]:

@@ -33,9 +33,9 @@ def of_event(run: RunSummary, event: Event, bench: str, *, historical: bool) -> 
             values = {"device": data.get("device"), "text": data.get("text")}
         case _:
             return None
-    told = {key: str(value or "") for key, value in values.items()} | {"bench": _name(run, bench), "run": run.id}
+    texts = {key: str(value or "") for key, value in values.items()} | {"bench": _name(run, bench), "run": run.id}
     return Cause(
-        kind, f"{run.id}#{event.seq}", run.id, text, told, bench, f"runs/{run.id}", event.step, historical=historical
+        kind, f"{run.id}#{event.seq}", run.id, text, texts, bench, f"runs/{run.id}", event.step, historical=historical
     )
 
 

@@ -95,8 +95,8 @@ class Remarks(NamedTuple):
 
 def message(station: str, text: str, values: Mapping[str, str], link: str, language: str, remarks: Remarks) -> Message:
     """Return the message of an alert in a language; its values may be hostile, and stay within their line."""
-    told = {key: one_line(value) or _REMARKS[language]["none"] for key, value in values.items()}
-    what, do = (each.format_map(told) for each in _TEXTS[language][text])
+    fields = {key: one_line(value) or _REMARKS[language]["none"] for key, value in values.items()}
+    what, do = (each.format_map(fields) for each in _TEXTS[language][text])
     if added := ", ".join(_remarks(remarks, language)):
         what = f"{_cut(what, LINE_LIMIT)} ({added})"
     title = _cut(f"{one_line(station)}: {what}", TITLE_LIMIT)

@@ -51,7 +51,7 @@ class Question(Message):
 
     step: str
     text: str
-    expected: str = Field(description="what is accepted as an answer")
+    expected: str = Field(description="answers that are accepted")
 
 
 class State(Message):

@@ -66,7 +66,7 @@ class Mqtt(Part):
             await process.wait()
 
     async def _feed(self, process: asyncio.subprocess.Process) -> None:
-        """Send what is shown, once a second. What the publisher has not read yet is not followed by more."""
+        """Send the view of the station once a second, unless the publisher has not read the last one yet."""
         while True:
             begun = {name: live.begun for name, live in self._daemon.live.runs.items()}
             if process.stdin is not None and not process.stdin.transport.get_write_buffer_size():

@@ -92,18 +92,18 @@ async def _done(
     """Send a command; a script gets the answer of the run, a form goes back to the page of the station."""
     try:
         if command in STOPS:
-            said = await make_safe(station, person, run, command, "")
+            answer = await make_safe(station, person, run, command, "")
         else:
-            said = await command_run(station, person, run, command, "", **arguments)
+            answer = await command_run(station, person, run, command, "", **arguments)
     except BenchError as problem:
         if "hx-request" not in request.headers:
             raise
-        return _said(request, str(problem).removeprefix(f"{run}: "), is_problem=True)
+        return _answer(request, str(problem).removeprefix(f"{run}: "), is_problem=True)
     if "hx-request" in request.headers:
-        return _said(request, said, is_problem=False)
+        return _answer(request, answer, is_problem=False)
     return RedirectResponse("/", 303)
 
 
-def _said(request: Request, text: str, *, is_problem: bool) -> HTMLResponse:
+def _answer(request: Request, text: str, *, is_problem: bool) -> HTMLResponse:
     with language(language_of(request)):
-        return HTMLResponse(rendered("part_said.html.j2", text=text, is_problem=is_problem))
+        return HTMLResponse(rendered("part_answer.html.j2", text=text, is_problem=is_problem))

@@ -16,7 +16,7 @@ TITLES = {
     403: "You may not do this",
     404: "There is no such page",
     409: "It is not possible at the moment",
-    422: "Something is wrong with what was sent",
+    422: "The request is not valid",
     429: "Too many attempts",
     503: "The station cannot do this at the moment",
 }
