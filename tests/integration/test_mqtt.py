@@ -157,6 +157,7 @@ def test_an_outage_loses_no_event_and_delivers_none_of_them_as_new(tmp_path):
             first = station.submit(speed="10")
             seen.until(lambda: len(seen.of("/events")) > 5)
             of.stop()
+            seen.until(lambda: not seen.is_connected)
             live = len(seen.of("/events"))
             runs = [station.ended(first)["run"], *(station.ended(station.submit())["run"] for _ in range(2))]
             last = station.submit(speed="10")
@@ -171,10 +172,11 @@ def test_an_outage_loses_no_event_and_delivers_none_of_them_as_new(tmp_path):
         first_of_id = list({each["id"]: each for each in events}.values())
         for run in runs:
             assert [each["seq"] for each in first_of_id if each["run"] == run] == expected[run]
-        assert len(events) - len(first_of_id) <= 20  # those that were sent and not acknowledged when it stopped
+        on_the_way = 20  # messages that a broker or a client sends before one of them is acknowledged
+        assert len(events) - len(first_of_id) <= on_the_way
         flags = [each["is_historical"] for each in events]
-        late = flags.index(True)  # the subscriber may have read some after they were counted
-        assert live <= late <= live + 5
+        late = flags.index(True)
+        assert live <= late <= live + on_the_way
         assert (any(flags[:late]), all(flags[late:])) == (False, True)
         assert all(each["is_historical"] for each in seen.of("/results"))
 

@@ -128,6 +128,11 @@ class Subscriber:
         """Publish JSON, and wait until the broker has acknowledged it."""
         self._client.publish(topic, json.dumps(content, default=str), 1, retain).wait_for_publish(10)
 
+    @property
+    def is_connected(self) -> bool:
+        """True from an answer of the broker until the connection has ended, and all that came over it is read."""
+        return self._client.is_connected()
+
     def of(self, ending: str) -> list[Any]:
         """Return the contents of what was received on topics with an ending, in order."""
         return [each.content for each in list(self.received) if each.topic.endswith(ending)]

@@ -61,8 +61,12 @@ class Client(socket.socket):
         super().__init__(socket.AF_INET)
         self.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         self.settimeout(5.0)
-        self.connect(address)
-        self.sendall(sends)
+        try:
+            self.connect(address)
+            self.sendall(sends)
+        except OSError:
+            self.close()
+            raise
         self.setblocking(False)
 
     @property
