@@ -30,7 +30,7 @@ from typing import Any
 from bench.client import Station
 from bench.client.http import NoReply, NoStation
 from bench.errors import BenchError, InputError, StaleError
-from bench.station.attempts import look
+from bench.station.queue.attempts import look
 from bench.store.runs import RunSummary, list_runs
 from bench.store.verify import examine
 from tests.support.queue_history import WAITING, faults_of_items

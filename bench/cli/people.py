@@ -89,7 +89,7 @@ def _people(folder: Path | None) -> Iterator[_People]:
     folder = folder or default_folder()
     if folder.exists() and folder.stat().st_uid != os.geteuid():
         raise InputError(f"{folder}: belongs to another user, and no station runs there; only that user can change it")
-    from bench.station.database import Database
+    from bench.station.storage.database import Database
 
     try:
         from bench.cli.people_offline import PeopleOffline

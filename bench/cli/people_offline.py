@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from bench.errors import InputError
-from bench.station.audit import Audit
-from bench.station.database import Database
+from bench.station.storage.audit import Audit
+from bench.station.storage.database import Database
 from bench.web.access import EVERYTHING, Person, Scope
 from bench.web.identity import Identity
 

@@ -42,7 +42,7 @@ def backup(folder: Path, out: Path | None, settings: Path | None, runs: Path | N
     Runs are part of it with --runs, if they have ended.
     """
     from bench.errors import InputError
-    from bench.station.backup import back_up
+    from bench.station.storage.backup import back_up
 
     if out is None:
         raise InputError("name the archive: --out FILE.tar.xz")
@@ -52,8 +52,8 @@ def backup(folder: Path, out: Path | None, settings: Path | None, runs: Path | N
 
 def restore(archive: Path, folder: Path) -> None:
     """Restore a backup into a new or empty folder. Its benches begin nothing until a person lets them go on."""
-    from bench.station.backup import STATION
-    from bench.station.backup import restore as restored
+    from bench.station.storage.backup import STATION
+    from bench.station.storage.backup import restore as restored
 
     found = restored(archive, folder)
     for bench in found.benches:

@@ -51,7 +51,7 @@ def serve(
 
 def attempt(folder: Path) -> None:
     """Make the attempt at a run that a station has prepared in a folder; the station calls this."""
-    from bench.station.attempts import make
+    from bench.station.queue.attempts import make
 
     make(folder)
 

@@ -60,7 +60,7 @@ def _only_run(runs: Path) -> str:
 
 def _looks_here(path: Path) -> Iterator[Look]:
     """Yield what a run on this computer does."""
-    from bench.station.live import LiveRun
+    from bench.station.runs.live import LiveRun
     from bench.station.view import event_view, run_view
     from bench.store.runs import summary
 

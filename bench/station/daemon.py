@@ -17,24 +17,24 @@ from bench.config.load import load_file
 from bench.errors import InputError
 from bench.station.alerts.alerts import Alerts
 from bench.station.alerts.watch import Watched
-from bench.station.attempts import LAUNCHERS, Launcher
-from bench.station.catalogue import Catalogue, bench_file_of
-from bench.station.database import Database
-from bench.station.items import Item, Submission
 from bench.station.jobs import Jobs
 from bench.station.leases import Leases
-from bench.station.live import Live, Timelines
 from bench.station.log import Changes, Log
 from bench.station.part import Part
-from bench.station.queue import Queue
-from bench.station.releases import Releases
-from bench.station.resuming import Resuming
-from bench.station.schedule import Expected, expected
-from bench.station.scheduler import Scheduler
-from bench.station.sequences import Sequences
+from bench.station.prepare.releases import Releases
+from bench.station.prepare.sequences import Sequences
+from bench.station.queue.attempts import LAUNCHERS, Launcher
+from bench.station.queue.items import Item, Submission
+from bench.station.queue.resuming import Resuming
+from bench.station.queue.schedule import Expected, expected
+from bench.station.queue.scheduler import Scheduler
+from bench.station.queue.table import Queue
+from bench.station.runs.catalogue import Catalogue, bench_file_of
+from bench.station.runs.live import Live, Timelines
 from bench.station.settings import Settings
 from bench.station.signoff import SignOff
-from bench.station.snapshots import Snapshots
+from bench.station.storage.database import Database
+from bench.station.storage.snapshots import Snapshots
 from bench.station.watchdog import Watchdog, watchdog_every_s
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import structlog
 
-from bench.station.items import Item
 from bench.station.part import Part
+from bench.station.queue.items import Item
 
 if TYPE_CHECKING:
-    from bench.station.live import Live
+    from bench.station.runs.live import Live
 
 Log = Any  # a logger of structlog has a method for each level, whatever its class
 LETTERS = 2000  # of a value

@@ -23,7 +23,7 @@ from bench.reduce.stored_run import open_run
 from bench.report.approval import APPROVAL, SCHEMA
 from bench.report.revision import examined
 from bench.report.write import write_report
-from bench.station.database import Database
+from bench.station.storage.database import Database
 from bench.store.latch import latch
 from bench.store.runs import RunSummary, json_text
 from bench.store.seal import file_hash, read_seal

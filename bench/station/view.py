@@ -9,11 +9,11 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from bench.station.catalogue import ticket_of
 from bench.station.daemon import Daemon
-from bench.station.items import Item
 from bench.station.leases import Lease
-from bench.station.live import LiveRun
+from bench.station.queue.items import Item
+from bench.station.runs.catalogue import ticket_of
+from bench.station.runs.live import LiveRun
 from bench.store.latch import latch
 from bench.store.reader import Event
 from bench.store.runs import RunSummary

@@ -15,7 +15,7 @@ from argon2.exceptions import Argon2Error, InvalidHashError
 
 from bench.clock import Stopwatch, wall_utc
 from bench.errors import InputError, StoreError
-from bench.station.database import Database
+from bench.station.storage.database import Database
 from bench.web.access import EVERYTHING, ROLES, Person, Scope
 from bench.web.patience import Patience, TooSoonError
 

@@ -13,8 +13,8 @@ from prometheus_client.registry import Collector
 
 from bench.station.daemon import Daemon
 from bench.station.health import disks_of, parts_of
-from bench.station.items import WAITING
-from bench.station.live import LiveRun
+from bench.station.queue.items import WAITING
+from bench.station.runs.live import LiveRun
 from bench.station.view import run_view
 
 VERDICTS = frozenset({"PASS", "FAIL", "NOT JUDGED", "INCOMPLETE", "ERROR", "none"})

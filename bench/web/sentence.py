@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from bench.figures.languages import tr
 from bench.figures.times_and_sizes import duration
 from bench.sequence.plan.dwells import first_visit
-from bench.station.live import LiveRun
+from bench.station.runs.live import LiveRun
 from bench.web.shown import number, reading
 
 Facts = Mapping[str, Any]

@@ -18,12 +18,12 @@ from bench.client.address import TOKEN, WHERE, announcement
 from bench.errors import BenchError, InputError
 from bench.files import write_atomically
 from bench.runner.notify import notify
-from bench.station.audit import Audit
 from bench.station.daemon import Daemon, at_work
 from bench.station.log import Log, libraries_in, make_log
 from bench.station.mqtt.part import Mqtt
 from bench.station.part import Part
 from bench.station.settings import Settings
+from bench.station.storage.audit import Audit
 from bench.web.access import EVERYTHING, Person
 from bench.web.app import make_app
 from bench.web.assets import lacking

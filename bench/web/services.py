@@ -6,8 +6,8 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Depends, Query, Request
 
-from bench.station.audit import Audit
 from bench.station.daemon import Daemon
+from bench.station.storage.audit import Audit
 from bench.web.identity import Identity
 
 Reason = Annotated[str, Query(description="why, for the audit")]

@@ -8,7 +8,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from bench.figures.languages import tr
-from bench.station.series import PULSE_RATE
+from bench.station.runs.series import PULSE_RATE
 
 # Digits after the point by unit, so that no number changes its width, and the least range of a curve.
 FORMS: Mapping[str, tuple[str, float]] = {

@@ -7,10 +7,10 @@ import re
 
 import pytest
 
-from bench.station.database import Database
 from bench.station.install import PLACES
-from bench.station.items import Submission
-from bench.station.queue import Queue
+from bench.station.queue.items import Submission
+from bench.station.queue.table import Queue
+from bench.station.storage.database import Database
 from tests.support.how_to import FOLDER, commands, follow
 
 pytestmark = pytest.mark.integration

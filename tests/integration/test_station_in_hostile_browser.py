@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from bench.station.database import Database
-from bench.station.items import Submission
-from bench.station.queue import Queue
+from bench.station.queue.items import Submission
+from bench.station.queue.table import Queue
+from bench.station.storage.database import Database
 from tests.support.station import Served, serving
 from tests.support.web_load import Run
 

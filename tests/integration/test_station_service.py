@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.station.audit import Audit
-from bench.station.database import Database
+from bench.station.storage.audit import Audit
+from bench.station.storage.database import Database
 from tests.support.runs import ROOT
 from tests.support.station import serving
 

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import httpx
 
 from bench.station.alerts.settings import AlertsEntry, read_alerts
-from bench.station.audit import Audit
 from bench.station.daemon import Daemon
-from bench.station.database import Database
 from bench.station.settings import Settings, read_station
+from bench.station.storage.audit import Audit
+from bench.station.storage.database import Database
 from bench.station.worker import Workers
 from bench.web.access import ROLES, Person
 from bench.web.app import make_app

@@ -24,14 +24,14 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from bench.clock import wall_utc
 from bench.errors import StaleError
-from bench.station import attempts, scheduler
-from bench.station.attempts import claim
-from bench.station.catalogue import Catalogue
-from bench.station.database import Database
-from bench.station.items import Item, ItemState, Submission
-from bench.station.queue import Queue
-from bench.station.scheduler import Scheduler
+from bench.station.queue import attempts, scheduler
+from bench.station.queue.attempts import claim
+from bench.station.queue.items import Item, ItemState, Submission
+from bench.station.queue.scheduler import Scheduler
+from bench.station.queue.table import Queue
+from bench.station.runs.catalogue import Catalogue
 from bench.station.settings import Settings
+from bench.station.storage.database import Database
 from bench.store.runs import LOCK, MANIFEST
 from tests.support.queue_history import faults_of_items
 from tests.support.runs import ROOT

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import httpx
 
-from bench.station.audit import Audit
 from bench.station.daemon import at_work
 from bench.station.settings import read_station
+from bench.station.storage.audit import Audit
 from bench.web.access import EVERYTHING, ROLES, Person
 from bench.web.app import make_app
 from bench.web.identity import Identity

@@ -15,10 +15,10 @@ from urllib.parse import unquote
 from argon2 import PasswordHasher
 
 from bench.runner.control import STOPS, control_socket
-from bench.station.audit import Audit
 from bench.station.daemon import Daemon
-from bench.station.database import Database
 from bench.station.settings import read_station
+from bench.station.storage.audit import Audit
+from bench.station.storage.database import Database
 from bench.station.worker import Workers
 from bench.store.runs import RunDirectory
 from bench.web.access import EVERYTHING, ROLES, Person

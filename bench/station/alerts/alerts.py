@@ -17,9 +17,9 @@ from bench.station.alerts.settings import AlertSettings, Route
 from bench.station.alerts.table import Alert, AlertTable, Delivery
 from bench.station.alerts.watch import Watch, Watched
 from bench.station.alerts.words import Message, Remarks, message
-from bench.station.database import Database
 from bench.station.part import Part
 from bench.station.settings import WHERE
+from bench.station.storage.database import Database
 from bench.store.tried import last_tried
 
 

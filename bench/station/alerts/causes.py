@@ -9,8 +9,8 @@ from datetime import date, timedelta
 
 from bench.config.models import BenchFile
 from bench.station.alerts.kinds import Cause, Kind
-from bench.station.catalogue import request_of
-from bench.station.items import Item, ItemState
+from bench.station.queue.items import Item, ItemState
+from bench.station.runs.catalogue import request_of
 from bench.store.latch import latch
 from bench.store.reader import Event
 from bench.store.runs import RUNNER, RunSummary

@@ -17,7 +17,7 @@ from bench.config.document import read_document
 from bench.config.models import TimeZone
 from bench.errors import InputError
 from bench.station.alerts.kinds import ENDS, Kind
-from bench.station.items import Word
+from bench.station.queue.items import Word
 from drivers.schema.fields import NOT_EMPTY, PositiveSeconds, StrictModel, WholeNumber
 from drivers.schema.wording import telling
 

@@ -13,7 +13,7 @@ from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.station.alerts.kinds import ENDS, URGENT, Cause, Kind
 from bench.station.alerts.settings import Route
-from bench.station.database import Database
+from bench.station.storage.database import Database
 
 WINDOW = timedelta(minutes=10)  # at most one alert of a kind about one subject is sent within it
 TRIED_FOR = timedelta(hours=1)

@@ -12,11 +12,11 @@ from bench.station.alerts import causes
 from bench.station.alerts.kinds import Cause
 from bench.station.alerts.settings import AlertsEntry
 from bench.station.alerts.table import AlertTable
-from bench.station.catalogue import Catalogue, bench_file_of
-from bench.station.items import Item, ItemState
-from bench.station.live import Live, LiveRun
 from bench.station.part import Part
-from bench.station.queue import Queue
+from bench.station.queue.items import Item, ItemState
+from bench.station.queue.table import Queue
+from bench.station.runs.catalogue import Catalogue, bench_file_of
+from bench.station.runs.live import Live, LiveRun
 from bench.station.settings import Settings
 from bench.store.reader import Event
 from bench.store.runs import RunSummary

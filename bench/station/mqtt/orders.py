@@ -11,10 +11,10 @@ from pydantic import ValidationError
 from bench.clock import wall_utc
 from bench.errors import BenchError, InputError, StoreError
 from bench.runner.tell import send_command
-from bench.station.audit import Audit
-from bench.station.catalogue import Catalogue
-from bench.station.database import Database
 from bench.station.mqtt.messages import Command, Reply
+from bench.station.runs.catalogue import Catalogue
+from bench.station.storage.audit import Audit
+from bench.station.storage.database import Database
 
 VALID_FOR = timedelta(seconds=30)
 KEPT_FOR = timedelta(minutes=10)

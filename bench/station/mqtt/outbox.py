@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from bench.errors import InputError, StoreError
-from bench.station.catalogue import Catalogue, bench_file_of
 from bench.station.mqtt.messages import LARGEST_DATA, Alarm, Event, Finding, Message, Results
 from bench.station.mqtt.positions import Position, Positions
 from bench.station.mqtt.topics import Topics, bench_of_file
+from bench.station.runs.catalogue import Catalogue, bench_file_of
 from bench.store.reader import Event as Entry
 from bench.store.runs import MANIFEST, RunSummary
 from bench.store.tail import Tail

@@ -13,7 +13,7 @@ from bench.errors import InputError
 from bench.station.alerts.alerts import Alerts
 from bench.station.alerts.kinds import Kind
 from bench.station.alerts.table import Alert
-from bench.station.items import Word
+from bench.station.queue.items import Word
 from bench.web.access import Engineer, Operator, Reader
 from bench.web.services import Services, Station
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, status
 from pydantic import BaseModel
 
-from bench.station.items import Line
+from bench.station.queue.items import Line
 from bench.station.view import LeaseView
 from bench.web.access import Engineer, Operator
 from bench.web.services import Station

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, HTTPException, Query, Request, Response, status
 from pydantic import BaseModel, Field
 
-from bench.station.items import Short
+from bench.station.queue.items import Short
 from bench.web import entrance
 from bench.web.access import OPEN, Admin, Person, Reader, Scope
 from bench.web.services import Station

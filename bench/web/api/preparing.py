@@ -9,10 +9,10 @@ from fastapi import APIRouter, Query, Response, status
 from pydantic import BaseModel, Field, ValidationError
 
 from bench.errors import InputError
-from bench.station.before_a_run import BeforeRun, before_run, plan_picture, rehearsal
-from bench.station.items import Submission
 from bench.station.jobs import Job
-from bench.station.sequences import SequenceView
+from bench.station.prepare.before_a_run import BeforeRun, before_run, plan_picture, rehearsal
+from bench.station.prepare.sequences import SequenceView
+from bench.station.queue.items import Submission
 from bench.web.access import Operator, Reader
 from bench.web.services import Services, Station
 

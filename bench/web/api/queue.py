@@ -9,8 +9,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Header, status
 from pydantic import BaseModel, Field
 
-from bench.station.items import Item, Line, Submission
-from bench.station.queue import Queue
+from bench.station.queue.items import Item, Line, Submission
+from bench.station.queue.table import Queue
 from bench.station.view import ItemView, item_views
 from bench.station.worker import Checked
 from bench.web.access import Engineer, Operator, Person, Reader, Scope

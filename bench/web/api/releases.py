@@ -6,8 +6,8 @@ from fastapi import APIRouter, status
 from pydantic import BaseModel, Field
 
 from bench.errors import InputError
-from bench.station.items import Line, Submission
-from bench.station.releases import Release
+from bench.station.prepare.releases import Release
+from bench.station.queue.items import Line, Submission
 from bench.web.access import Engineer, Reader
 from bench.web.services import Services, Station
 

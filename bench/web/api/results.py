@@ -11,13 +11,13 @@ from fastapi.responses import StreamingResponse
 
 from bench.errors import InputError
 from bench.figures.languages import ENGLISH
-from bench.station.after_a_run import reduction, report
-from bench.station.comparison import Comparison, compare
-from bench.station.findings import RunFindings, findings_of
 from bench.station.jobs import Job
-from bench.station.record_files import FileView, files_of, opened
-from bench.station.resuming import ResumptionView, resumption_of
-from bench.station.unit_history import UnitHistory, history
+from bench.station.queue.resuming import ResumptionView, resumption_of
+from bench.station.runs.after_a_run import reduction, report
+from bench.station.runs.findings import RunFindings, findings_of
+from bench.station.runs.record_files import FileView, files_of, opened
+from bench.station.units.comparison import Comparison, compare
+from bench.station.units.history import UnitHistory, history
 from bench.store.runs import RunSummary
 from bench.web.access import Operator, Reader
 from bench.web.services import Services, Station

@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field
 
 from bench.errors import InputError, StoreError
 from bench.runner.held import is_followed
-from bench.station.items import Line, Short
+from bench.station.queue.items import Line, Short
 from bench.station.view import EventView, RunFilter, RunInfo, RunView, event_view, found_runs, run_info, run_view
 from bench.store.latch import acknowledge as acknowledged
 from bench.store.tail import Tail

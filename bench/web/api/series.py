@@ -10,8 +10,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
-from bench.station.items import Short
-from bench.station.series import POINTS, Thinned, thinned, width_of
+from bench.station.queue.items import Short
+from bench.station.runs.series import POINTS, Thinned, thinned, width_of
 from bench.store.tail import Tail
 from bench.web.access import Reader
 from bench.web.services import Station

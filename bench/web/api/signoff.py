@@ -9,8 +9,8 @@ from pydantic import BaseModel, Field
 
 from bench.config.laboratory import CertificateFields, missing_fields
 from bench.errors import InputError
-from bench.station.catalogue import ticket_of
-from bench.station.items import Line, Short
+from bench.station.queue.items import Line, Short
+from bench.station.runs.catalogue import ticket_of
 from bench.station.signoff import Decision, Signed, write_approved
 from bench.store.runs import RunSummary
 from bench.web.access import Approver, Reader

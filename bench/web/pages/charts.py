@@ -10,9 +10,9 @@ from markupsafe import Markup, escape
 
 from bench.figures.languages import tr
 from bench.figures.numbers import decimals, scale_shown
-from bench.station.course import Course
-from bench.station.findings import FindingView
-from bench.station.unit_history import PointView, SeriesView
+from bench.station.runs.course import Course
+from bench.station.runs.findings import FindingView
+from bench.station.units.history import PointView, SeriesView
 
 WIDTH, HEIGHT = 220.0, 28.0
 ROOM = 0.15  # beside the limits, of their distance

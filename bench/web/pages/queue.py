@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from bench.station.items import Item, ItemState
+from bench.station.queue.items import Item, ItemState
 from bench.station.view import ItemView, item_views, run_view
 from bench.web.access import Operator, Person, Reader
 from bench.web.api import queue as api

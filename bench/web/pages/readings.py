@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from bench.figures.languages import tr
 from bench.figures.times_and_sizes import duration
-from bench.station.live import LiveRun
-from bench.station.series import PULSE_RATE
+from bench.station.runs.live import LiveRun
+from bench.station.runs.series import PULSE_RATE
 from bench.web.pages.drawn import sparkline
 from bench.web.pages.trends import HOUR_S, Trend
 from bench.web.shown import ANY_FORM, FORMS, number

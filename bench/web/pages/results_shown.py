@@ -12,7 +12,7 @@ from bench.clock import wall_utc
 from bench.figures.languages import tr
 from bench.figures.numbers import decimals, scale_shown, with_expanded
 from bench.figures.words import quantity_in_words, where
-from bench.station.findings import FindingView
+from bench.station.runs.findings import FindingView
 from bench.web.shown import clock_time
 
 STATES = {

@@ -16,11 +16,11 @@ from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.figures.numbers import scale_shown
 from bench.figures.words import quantity_in_words
-from bench.station.comparison import compare
-from bench.station.course import course_of
-from bench.station.findings import FindingView, findings_of
-from bench.station.record_files import files_of
-from bench.station.resuming import ResumptionView
+from bench.station.queue.resuming import ResumptionView
+from bench.station.runs.course import course_of
+from bench.station.runs.findings import FindingView, findings_of
+from bench.station.runs.record_files import files_of
+from bench.station.units.comparison import compare
 from bench.station.view import RunFilter, RunInfo, found_runs, run_info, run_view
 from bench.store.manifest_form import SHOWN_STATES, VERDICTS
 from bench.web.access import Approver, Operator, Reader

@@ -11,7 +11,7 @@ from bench.clock import wall_utc
 from bench.engine.control import OPERATOR
 from bench.figures.languages import tr
 from bench.figures.times_and_sizes import duration
-from bench.station.live import LiveRun
+from bench.station.runs.live import LiveRun
 from bench.station.view import ItemView, item_views
 from bench.web.news import Line, news
 from bench.web.pages.drawn import Timeline, timeline

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from bench.config.laboratory import CertificateFields, missing_fields
 from bench.errors import InputError, StoreError
 from bench.report.approval import approval_of
-from bench.station.record_files import FileView
+from bench.station.runs.record_files import FileView
 from bench.station.signoff import Signed
 from bench.store.runs import RunSummary
 from bench.store.seal import file_hash

@@ -13,9 +13,9 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from bench.errors import BenchError, InputError
 from bench.figures.times_and_sizes import duration, megabytes
-from bench.station.before_a_run import BeforeRun, before_run, rehearsal
-from bench.station.items import Submission
-from bench.station.sequences import SequenceView
+from bench.station.prepare.before_a_run import BeforeRun, before_run, rehearsal
+from bench.station.prepare.sequences import SequenceView
+from bench.station.queue.items import Submission
 from bench.web.access import Operator
 from bench.web.api import queue
 from bench.web.api.preparing import BenchInfo, bench_info, rehearsal_id, submission_of

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from bench.clock import Stopwatch
 from bench.errors import BenchError
-from bench.station.live import LiveRun
-from bench.station.series import slope_and_range, thinned
+from bench.station.runs.live import LiveRun
+from bench.station.runs.series import slope_and_range, thinned
 from bench.store.tail import Bucket, Tail
 from bench.web.sentence import soaking
 

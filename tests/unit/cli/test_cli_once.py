@@ -8,7 +8,7 @@ import pytest
 from bench.app.request import RunRequest
 from bench.cli.commands import Argument, Command
 from bench.cli.table import ALL, COMMANDS
-from bench.station.items import Submission
+from bench.station.queue.items import Submission
 from tests.support.commands import invoked
 from tests.support.sequences import ROOT
 

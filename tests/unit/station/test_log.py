@@ -11,10 +11,10 @@ from datetime import UTC, datetime
 import pytest
 
 from bench.clock import Stopwatch
-from bench.station.items import Item, Submission
-from bench.station.live import Live
 from bench.station.log import Changes, libraries_in, make_log
 from bench.station.part import Part
+from bench.station.queue.items import Item, Submission
+from bench.station.runs.live import Live
 from bench.station.watchdog import Watchdog, watchdog_every_s
 from tests.support.in_process import inside, settings_of
 

@@ -7,7 +7,7 @@ import shutil
 
 from prometheus_client.parser import text_string_to_metric_families
 
-from bench.station.live import LiveRun
+from bench.station.runs.live import LiveRun
 from bench.store.runs import summary
 from tests.support.in_process import inside, settings_of
 from tests.support.runs import ROOT

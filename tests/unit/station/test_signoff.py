@@ -10,8 +10,8 @@ from bench.config.laboratory import CertificateFields, LaboratoryFile, missing_f
 from bench.errors import InputError
 from bench.report.approval import APPROVAL
 from bench.report.revision import verify
-from bench.station.database import Database
 from bench.station.signoff import SignOff, write_approved
+from bench.station.storage.database import Database
 from bench.store.runs import summary
 from bench.store.seal import file_hash, read_seal
 from tests.support.how_to import FOLDER, blocks

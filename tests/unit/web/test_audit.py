@@ -7,8 +7,8 @@ import random
 import pytest
 
 from bench.errors import InputError
-from bench.station.audit import BEGINNING, _head
-from bench.station.items import Submission
+from bench.station.queue.items import Submission
+from bench.station.storage.audit import BEGINNING, _head
 from bench.station.worker import Checked
 from bench.web.access import Person, routes_of
 from tests.support.web import PASSWORD, TERMINAL, with_station

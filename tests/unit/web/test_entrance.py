@@ -7,9 +7,9 @@ from contextlib import asynccontextmanager
 import httpx
 import pytest
 
-from bench.station.audit import Audit
 from bench.station.daemon import at_work
 from bench.station.settings import read_station
+from bench.station.storage.audit import Audit
 from bench.web.app import make_app
 from bench.web.assets import HERE
 from bench.web.identity import Identity

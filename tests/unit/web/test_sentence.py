@@ -8,8 +8,8 @@ import pytest
 from bench.app.request import RunRequest
 from bench.config.load import find
 from bench.figures.languages import language
-from bench.station.live import LiveRun
-from bench.station.plans import timeline_of
+from bench.station.prepare.plans import timeline_of
+from bench.station.runs.live import LiveRun
 from bench.store.reader import Event
 from bench.store.runs import RunSummary
 from bench.web.news import news

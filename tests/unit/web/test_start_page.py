@@ -6,7 +6,7 @@ from urllib.parse import urlencode
 
 import pytest
 
-from bench.station.items import ItemState
+from bench.station.queue.items import ItemState
 from bench.web.pages.start import changed_settings, draft_of
 from tests.support.served import on_real_wires
 from tests.support.station_pages import HTML, asked
@@ -99,7 +99,7 @@ def test_items_are_ordered_held_released_cloned_and_cancelled(tmp_path):
     async def work(station):
         queue = station.services.daemon.queue
         queue.stop("demo", "the run is interrupted <b>")
-        from bench.station.items import Submission
+        from bench.station.queue.items import Submission
 
         first, second = (
             queue.submit(Submission(sequence="smoke", bench="demo", units={"a": f"QF-{n}"}), "anna") for n in (1, 2)

@@ -1,0 +1,1 @@
+"""Records of a station: its database with the audit in it, and their backup."""

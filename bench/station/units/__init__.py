@@ -1,0 +1,1 @@
+"""History of units over their calibrations: results, trends, control charts, and the comparison of two runs."""
