@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import erf, ndtri
+import scipy
 
 from bench.metrology.least_squares import SIGMA_PER_MAD, Array
 from bench.metrology.results.finding import CONFIDENCE, Interval
@@ -76,7 +76,7 @@ def interval_of_largest(values: Array, sd: Array | float) -> Interval:
     """
     sds = np.broadcast_to(np.asarray(sd, np.float64), values.shape)
     one_sided = (1 + CONFIDENCE) / 2
-    high = float(np.max(np.abs(values) + ndtri(one_sided) * sds))
+    high = float(np.max(np.abs(values) + scipy.special.ndtri(one_sided) * sds))
     expected, most = _largest_scatter(tuple(sds.tolist()), one_sided)
     return Interval(max(float(np.max(np.abs(values))) - most, 0.0), high, expected)
 
@@ -90,7 +90,7 @@ def _largest_scatter(sd: tuple[float, ...], probability: float) -> tuple[float, 
         return 0.0, 0.0
     limit = np.linspace(0, GRID_SIGMAS * largest, GRID_POINTS)
     with np.errstate(divide="ignore", invalid="ignore"):
-        inside = np.where(widths > 0, erf(limit[:, np.newaxis] / (widths * np.sqrt(2))), 1.0)
+        inside = np.where(widths > 0, scipy.special.erf(limit[:, np.newaxis] / (widths * np.sqrt(2))), 1.0)
     below = np.prod(inside**counts, axis=1)
     return float(np.trapezoid(1 - below, limit)), float(np.interp(probability, below, limit))
 
@@ -104,7 +104,7 @@ def interval_of_span(values: Array, sd: float) -> Interval:
     spans = np.ptp(sd * np.random.default_rng(0).standard_normal((TRIALS, len(values))), axis=-1)
     one_sided, span = (1 + CONFIDENCE) / 2, float(np.ptp(values))
     low = max(span - float(np.quantile(spans, one_sided)), 0.0)
-    return Interval(low, span + float(ndtri(one_sided) * np.sqrt(2) * sd), float(np.mean(spans)))
+    return Interval(low, span + float(scipy.special.ndtri(one_sided) * np.sqrt(2) * sd), float(np.mean(spans)))
 
 
 def interval_of_rms(values: Array, sd: float, along_u: float | None = None) -> Interval:
@@ -116,7 +116,8 @@ def interval_of_rms(values: Array, sd: float, along_u: float | None = None) -> I
     """
     n, square = len(values), float(np.mean(values**2)) - sd**2
     along = 2 * np.sqrt(max(square, 0.0)) * (sd / np.sqrt(n) if along_u is None else along_u)
-    width = float(ndtri((1 + CONFIDENCE) / 2) * np.hypot(along, np.hypot(np.sqrt(2 / n), 2 * SD_KNOWN) * sd**2))
+    two_sided = scipy.special.ndtri((1 + CONFIDENCE) / 2)
+    width = float(two_sided * np.hypot(along, np.hypot(np.sqrt(2 / n), 2 * SD_KNOWN) * sd**2))
     low, high = (float(np.sqrt(max(square + side * width, 0.0))) for side in (-1, 1))
     return Interval(low, high, sd)
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from bench.metrology.acquisition import Acquisition, Array, Mount
 from bench.metrology.bench_uncertainty import BenchRecord, Vector
@@ -41,9 +41,9 @@ def turned_axes(
 def _turned_axes(
     turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float
 ) -> Array:
-    turned = Rotation.from_rotvec(math.radians(level_deg) * SOUTH)
+    turned = scipy.spatial.transform.Rotation.from_rotvec(math.radians(level_deg) * SOUTH)
     for points, angle_deg in turns:
-        turned *= Rotation.from_rotvec(math.radians(angle_deg) * np.array(points))
+        turned *= scipy.spatial.transform.Rotation.from_rotvec(math.radians(angle_deg) * np.array(points))
     return np.asarray(_unit_at_zero(x, z, mount, own_deg) @ turned.as_matrix().T)
 
 
@@ -67,9 +67,10 @@ def elevation_rad(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRec
 def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: float) -> Array:
     """Axes of a unit in a level fixture with all angles at 0: raised by the mount, rolled, clocked, raised."""
     steps = [("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", own_deg)]
-    turned = Rotation.identity()
+    rotation = scipy.spatial.transform.Rotation
+    turned = rotation.identity()
     for axis, angle_deg in steps:
-        turned *= Rotation.from_euler(axis, -angle_deg if axis == "y" else angle_deg, degrees=True)
+        turned *= rotation.from_euler(axis, -angle_deg if axis == "y" else angle_deg, degrees=True)
     return np.asarray(turned.as_matrix().T @ np.stack([x, np.cross(z, x), z]))
 
 

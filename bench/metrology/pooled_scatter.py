@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import fsum, log, sqrt
 from typing import NamedTuple
 
-from scipy.special import chdtr, fdtr
+import scipy
 
 SIGNIFICANT = 0.95  # quantile below which scatters differ by chance
 
@@ -22,7 +22,7 @@ def pooled(left: Scatter, of_readings: Scatter) -> Scatter | None:
     """Scatter by both together; None if the residuals of the fit significantly exceed the scatter of its readings."""
     if not of_readings.dof or not of_readings.sd:
         return None
-    if fdtr(left.dof, of_readings.dof, (left.sd / of_readings.sd) ** 2) > SIGNIFICANT:
+    if scipy.special.fdtr(left.dof, of_readings.dof, (left.sd / of_readings.sd) ** 2) > SIGNIFICANT:
         return None
     return _together((left, of_readings))
 
@@ -37,7 +37,7 @@ def alike(scatters: Sequence[Scatter]) -> Scatter | None:
     together = _together(scatters)
     apart = fsum(each.dof * log((together.sd / each.sd) ** 2) for each in scatters)
     few = 1 + (fsum(1 / each.dof for each in scatters) - 1 / together.dof) / (3 * (len(scatters) - 1))
-    return together if chdtr(len(scatters) - 1, apart / few) <= SIGNIFICANT else None
+    return together if scipy.special.chdtr(len(scatters) - 1, apart / few) <= SIGNIFICANT else None
 
 
 def _together(scatters: Sequence[Scatter]) -> Scatter:

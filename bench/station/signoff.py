@@ -17,12 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from bench.clock import wall_utc
 from bench.config.laboratory import CertificateFields, LaboratoryFile
 from bench.errors import InputError
-from bench.figures.languages import ENGLISH
 from bench.files import write_atomically
-from bench.reduce.stored_run import open_run
-from bench.report.approval import APPROVAL, SCHEMA
-from bench.report.revision import examined
-from bench.report.write import write_report
 from bench.station.storage.database import Database
 from bench.store.latch import latch
 from bench.store.runs import RunSummary, json_text
@@ -126,6 +121,12 @@ def write_approved(
 
     Raises InputError if the record is damaged, and StoreError.
     """
+    from bench.figures.languages import ENGLISH
+    from bench.reduce.stored_run import open_run
+    from bench.report.approval import APPROVAL, SCHEMA
+    from bench.report.revision import examined
+    from bench.report.write import write_report
+
     if damage := examined(run).damage:
         raise InputError(f"{run.name}: is DAMAGED and cannot be approved: {'; '.join(damage[:3])}")
     head = read_seal(run).head

@@ -8,6 +8,7 @@ import secrets
 from collections.abc import Iterable
 from contextlib import suppress
 from datetime import datetime, timedelta
+from functools import cache
 from typing import Any, NamedTuple
 
 from argon2 import PasswordHasher
@@ -129,8 +130,7 @@ class Identity:
         self._logins += 1
         try:
             async with self._at_work:
-                # The time is the same for a name that does not exist.
-                kept = rows[0]["password"] if rows else _OF_NOBODY
+                kept = rows[0]["password"] if rows else ""
                 is_right = await asyncio.to_thread(self._is_right, kept, password)
         finally:
             self._logins -= 1
@@ -142,8 +142,9 @@ class Identity:
         return ROLES[role]
 
     def _is_right(self, kept: str, password: str) -> bool:
+        other = _of_nobody()  # made with the first login, whatever its name, so that the time says nothing of a name
         try:
-            return self._hasher.verify(kept, password)
+            return self._hasher.verify(kept or other, password)
         except (Argon2Error, InvalidHashError):
             return False
 
@@ -229,7 +230,9 @@ class Identity:
         return Person(name, _scopes(row["scopes"]) & owned, how, id_, is_user)
 
 
-_OF_NOBODY = PasswordHasher().hash(secrets.token_hex(16))
+@cache
+def _of_nobody() -> str:
+    return PasswordHasher().hash(secrets.token_hex(16))
 
 
 def _hash(secret: str) -> str:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import gammaincc
 
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
 from bench.metrology.results.budget import BudgetLine
@@ -158,7 +158,7 @@ def _fitted(
 
 def _excess(fit: LinearFit) -> float:
     """Ratio of the scatter of points about the curve to their expected scatter; 0 if that is by chance."""
-    chance = gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof else 1.0  # chi²
+    chance = scipy.special.gammaincc(fit.dof / 2, float(np.sum(fit.residuals**2)) / 2) if fit.dof else 1.0  # chi²
     return float(np.sqrt(fit.residual_sd**2 - 1)) if chance < DEPARTURE_PROBABILITY else 0.0
 
 

@@ -342,6 +342,10 @@ def test_help_loads_next_to_nothing():
     assert loaded(after_command("--help"), f"{HEAVY} asyncio pydantic pydantic_core yaml simpleeval") == []
 
 
+def test_a_station_begins_without_what_only_reports_and_reductions_need():
+    assert loaded("import bench.web.server", "matplotlib scipy.special scipy.spatial.transform scipy.linalg h5py") == []
+
+
 @pytest.mark.parametrize("sequence", SEQUENCES)
 def test_checking_a_sequence_loads_no_arithmetic_and_no_wires(sequence):
     bench = ELSEWHERE.get(sequence, ("simulated",))[0]
