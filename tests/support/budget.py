@@ -2,11 +2,14 @@
 
 Processor time is that of this process and of the children it has waited for, because a busy machine makes tests longer
 but costs them little of it. A folder that costs more than MARGIN times its budget fails the run.
+
+As a program, `python -m tests.support.budget PART`, it prints the folders that have tests of a part.
 """
 
 from __future__ import annotations
 
 import os
+import sys
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
@@ -98,3 +101,7 @@ class _Budget:
             terminalreporter.line(f"{every[test]:7.2f} s  {test}")
         for line in above(self.spent):
             terminalreporter.line(line, red=True)
+
+
+if __name__ == "__main__":
+    print(*(f"tests/{name}" for name in BUDGETS[sys.argv[1]]))

@@ -1,5 +1,7 @@
 """A folder of tests that costs more than its budget fails the run that it is in."""
 
+import re
+
 from tests.support.budget import BUDGETS, MARGIN, TESTS, above, folder_of
 
 
@@ -26,3 +28,9 @@ def test_a_folder_above_its_budget_is_named_and_one_within_the_margin_is_not():
 def test_a_test_in_no_folder_of_the_table_is_named():
     (line,) = above({"slow": {"tests/nowhere/test_a.py::test": 0.1}})
     assert line.startswith("tests/nowhere/test_a.py::test is in no folder of [slow]")
+
+
+def test_slow_tests_are_only_where_make_slow_looks_for_them():
+    slow = [path for path in TESTS.rglob("test_*.py") if re.search(r"mark\.slow\b", path.read_text("utf-8"))]
+    assert len(slow) > 20
+    assert [path for path in slow if folder_of(f"tests/{path.relative_to(TESTS)}::test", "slow") is None] == []
