@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import re
 import shutil
 import subprocess
@@ -21,16 +22,20 @@ PAGES = ["README", "docs/instruments/README", "bench/methods/tumble/README"]
 
 
 def build(source: Path, site: Path) -> subprocess.CompletedProcess[str]:
-    """Build as `make docs` does."""
+    """Build as `make docs` does; what has not changed since the last time in this folder is not built again."""
     command = ["sphinx", "-q", "-W", "--keep-going", "-j", "2", "-c", str(ROOT / "docs")]
     where = ["-d", str(site.with_name("doctrees")), str(source), str(site)]
     return subprocess.run([sys.executable, "-m", *command, *where], capture_output=True, text=True, check=False)
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("docs") / "site"
-    done = build(ROOT, folder)
+def site() -> Path:
+    """The site of `make docs`, up to date; workers of one test run build it once."""
+    folder = ROOT / "build/docs"
+    folder.parent.mkdir(exist_ok=True)
+    with (folder.parent / "docs.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        done = build(ROOT, folder)
     assert (done.returncode, done.stderr) == (0, "")
     return folder
 
@@ -93,7 +98,9 @@ def test_nothing_is_wider_than_the_window(site: Path, opened, page: str, width: 
     script = "<script>document.title = `${innerWidth} ${document.documentElement.scrollWidth}`</script></body>"
     measured.write_text((site / f"{page}.html").read_text("utf-8").replace("</body>", script), "utf-8")
     name = measured.relative_to(site).as_posix()
-    title = re.search(r"<title>(\d+) (\d+)</title>", opened(name, "--hide-scrollbars", f"--window-size={width},900"))
+    shown = opened(name, "--hide-scrollbars", f"--window-size={width},900")
+    measured.unlink()
+    title = re.search(r"<title>(\d+) (\d+)</title>", shown)
     assert title is not None
     assert title[1] == title[2] == str(width)
 
