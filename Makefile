@@ -83,15 +83,14 @@ benchmark: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.check_many
 
 # Programs that other people wrote, for the tests that let them talk to ours.
-peers: $(VENV)/.dev
+peers: $(VENV)/.docs
 	./.ci/install_peers
-	$(BIN)/pip install --quiet -e '.[peers,docs]'
+	$(BIN)/pip install --quiet -e '.[peers]'
 	$(BIN)/pip install --quiet --no-deps 'qcodes==0.58.*'  # with all that its drivers can do without, ten times as large
 	$(BIN)/pip install --quiet --no-deps 'dvg-devices==1.8.*' 'dvg-debug-functions==2.*' 'daqmon==0.1.*'  # without their windows
 
 # All pages as a site with a search, in build/docs; a broken link, picture or table of contents is an error.
-docs: $(VENV)/.dev
-	$(BIN)/pip install --quiet -e '.[docs]'
+docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -q -W --keep-going -j 2 -c docs -d build/doctrees . build/docs
 
 # One archive with all that a computer without a network needs, for this Python and this kind of machine.
@@ -124,6 +123,10 @@ $(VENV)/.dev: $(VENV)/.made pyproject.toml
 	$(BIN)/pip install --quiet -e '.[dev]'
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@ $(VENV)/.core $(VENV)/.station
+
+$(VENV)/.docs: $(VENV)/.dev pyproject.toml
+	$(BIN)/pip install --quiet -e '.[docs]'
+	touch $@
 
 clean:
 	rm -rf $(VENV) .venv-newest build dist bench/web/static/vendor .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .coverage*
