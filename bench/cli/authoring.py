@@ -2,52 +2,46 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
-from typing import Any
 
 from bench.cli.commands import Command, argument, arguments, flag, option
 from bench.cli.exits import INPUT_ERROR, PASS
+from bench.cli.streams import say, say_json
 
 
 def schema_of_sequences() -> None:
     """Print the JSON Schema of sequence files."""
     from bench.sequence.document.schema import sequence_schema
 
-    _print(sequence_schema())
+    say_json(sequence_schema(), indent=2)
 
 
 def schema_of_benches() -> None:
     """Print the JSON Schema of bench files, with the blocks of every installed driver."""
     from bench.config.schema import bench_schema
 
-    _print(bench_schema())
+    say_json(bench_schema(), indent=2)
 
 
 def schema_of_chamber_profiles() -> None:
     """Print the JSON Schema of the files that describe a chamber's Modbus registers."""
     from bench.config.schema import chamber_profile_schema
 
-    _print(chamber_profile_schema())
+    say_json(chamber_profile_schema(), indent=2)
 
 
 def schema_of_scenarios() -> None:
     """Print the JSON Schema of scenarios, the fault scripts for --scenario."""
     from bench.config.schema import scenario_schema
 
-    _print(scenario_schema())
+    say_json(scenario_schema(), indent=2)
 
 
 def schema_of_table_profiles() -> None:
     """Print the JSON Schema of the files that describe the frames of a rate table or a head."""
     from bench.config.schema import table_profile_schema
 
-    _print(table_profile_schema())
-
-
-def _print(schema: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
+    say_json(table_profile_schema(), indent=2)
 
 
 def format_files(files: tuple[Path, ...], *, check: bool) -> int:
@@ -60,7 +54,7 @@ def format_files(files: tuple[Path, ...], *, check: bool) -> int:
         if not check:
             with atomic_file(path) as draft:
                 draft.write_bytes(text.encode())
-        sys.stdout.write(f"{path}\n")
+        say(path)
     return INPUT_ERROR if check and changed else PASS
 
 
@@ -68,31 +62,28 @@ def new_driver(name: str, kind: str, out: Path) -> None:
     """Write the starter package of a plug-in driver, with simulator and passing tests."""
     from bench.app.new_package import write_driver
 
-    for path in write_driver(name, kind, out):
-        sys.stdout.write(f"{path}\n")
+    say(*write_driver(name, kind, out))
 
 
 def new_method(name: str, out: Path) -> None:
     """Write the starter package of a plug-in method, with words, case, truth and passing tests."""
     from bench.app.new_package import write_method
 
-    for path in write_method(name, out):
-        sys.stdout.write(f"{path}\n")
+    say(*write_method(name, out))
 
 
 def new_sequence(name: str, folder: Path) -> None:
     """Write a commented starter sequence that runs on the shipped simulated bench."""
     from bench.sequence.document.starter import write_starter
 
-    sys.stdout.write(f"{write_starter(name, folder)}\n")
+    say(write_starter(name, folder))
 
 
 def new_bench(name: str, source: str, folder: Path) -> None:
     """Write a starter bench file: a copy of a similar bench, with the files that it refers to."""
     from bench.config.new_bench import write_bench
 
-    for path in write_bench(name, source, folder):
-        sys.stdout.write(f"{path}\n")
+    say(*write_bench(name, source, folder))
 
 
 COMMANDS = (
