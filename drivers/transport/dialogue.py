@@ -161,7 +161,7 @@ class Dialogue:
         """Reconnect if the connection was lost; return whether it was."""
         if self._line is not None and not self._line.lost:
             return False
-        why = self._line.why_lost if self._line is not None else ""
+        why = self._line.lost if self._line is not None else ""
         await self._open()
         if why:
             self._note(f"connected and identified again at {self._address}: {why}")
