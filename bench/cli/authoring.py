@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from bench.cli.commands import Command, argument, arguments, flag, option
@@ -9,39 +10,16 @@ from bench.cli.exits import INPUT_ERROR, PASS
 from bench.cli.streams import say, say_json
 
 
-def schema_of_sequences() -> None:
-    """Print the JSON Schema of sequence files."""
-    from bench.sequence.document.schema import sequence_schema
+def _schema(of: str, target: str) -> Callable[[], None]:
+    """Return a command that prints a JSON Schema, which the function `target` returns."""
 
-    say_json(sequence_schema(), indent=2)
+    def print_schema() -> None:
+        from drivers.installed import loaded
 
+        say_json(loaded(target)(), indent=2)
 
-def schema_of_benches() -> None:
-    """Print the JSON Schema of bench files, with the blocks of every installed driver."""
-    from bench.config.schema import bench_schema
-
-    say_json(bench_schema(), indent=2)
-
-
-def schema_of_chamber_profiles() -> None:
-    """Print the JSON Schema of the files that describe a chamber's Modbus registers."""
-    from bench.config.schema import chamber_profile_schema
-
-    say_json(chamber_profile_schema(), indent=2)
-
-
-def schema_of_scenarios() -> None:
-    """Print the JSON Schema of scenarios, the fault scripts for --scenario."""
-    from bench.config.schema import scenario_schema
-
-    say_json(scenario_schema(), indent=2)
-
-
-def schema_of_table_profiles() -> None:
-    """Print the JSON Schema of the files that describe the frames of a rate table or a head."""
-    from bench.config.schema import table_profile_schema
-
-    say_json(table_profile_schema(), indent=2)
+    print_schema.__doc__ = f"Print the JSON Schema of {of}."
+    return print_schema
 
 
 def format_files(files: tuple[Path, ...], *, check: bool) -> int:
@@ -87,11 +65,19 @@ def new_bench(name: str, source: str, folder: Path) -> None:
 
 
 COMMANDS = (
-    Command("schema sequence", schema_of_sequences),
-    Command("schema bench", schema_of_benches),
-    Command("schema chamber-profile", schema_of_chamber_profiles),
-    Command("schema scenario", schema_of_scenarios),
-    Command("schema table-profile", schema_of_table_profiles),
+    Command("schema sequence", _schema("sequence files", "bench.sequence.document.schema:sequence_schema")),
+    Command("schema bench", _schema(
+        "bench files, with the blocks of every installed driver", "bench.config.schema:bench_schema"
+    )),
+    Command("schema chamber-profile", _schema(
+        "the files that describe a chamber's Modbus registers", "bench.config.schema:chamber_profile_schema"
+    )),
+    Command("schema scenario", _schema(
+        "scenarios, the fault scripts for --scenario", "bench.config.schema:scenario_schema"
+    )),
+    Command("schema table-profile", _schema(
+        "the files that describe the frames of a rate table or a head", "bench.config.schema:table_profile_schema"
+    )),
     Command("fmt", format_files, (
         arguments("FILE", "Sequence and bench files.", to="files", least=1, read=Path),
         flag("--check", "Change nothing; exit with 2 if a file would change."),
