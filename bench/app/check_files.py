@@ -15,6 +15,7 @@ from bench.errors import InputError
 from bench.sequence.checks.check import unmet_needs
 from bench.sequence.checks.output import INPUT_RULE, Shown
 from bench.sequence.load import load_judged_plan
+from drivers.installed import loaded
 
 Check = Callable[[Path], object]
 Benches = Mapping[str | None, LoadedBench | None]  # by name; None for one that cannot be loaded
@@ -43,10 +44,10 @@ def check_files(
 
     `others` are the checks of files that are no sequences, by kind.
     """
-    loaded = {name: _loaded(name) for name in benches}
+    on = {name: _loaded(name) for name in benches}
     for file in files:
         if file.kind == SEQUENCE:
-            yield from (_lines_alone(each) if file.is_called else each for each in _on_benches(file, request, loaded))
+            yield from (_lines_alone(each) if file.is_called else each for each in _on_benches(file, request, on))
         else:
             yield _checked_alone(file, others[file.kind])
 
@@ -129,48 +130,17 @@ def _placed(shown: Shown, path: Path) -> Shown:
     return shown._replace(file=str(path), text=shown.text.removeprefix(begins))
 
 
-def _check_scenario(path: Path) -> None:
-    from bench.config.scenario import ScenarioFile
-
-    load_file(path, ScenarioFile)
-
-
-def _check_answers(path: Path) -> None:
-    from bench.config.answers import AnswersFile
-
-    load_file(path, AnswersFile)
+def _beside(driver: str) -> Check:
+    """Return a check of the file that the options of a driver refer to."""
+    return lambda path: load_file(path, loaded("bench.config.schema:model_beside")(driver))
 
 
-def _check_chamber_profile(path: Path) -> None:
-    from bench.config.schema import model_beside
-
-    load_file(path, model_beside("modbus_chamber"))
-
-
-def _check_table_profile(path: Path) -> None:
-    from bench.config.schema import model_beside
-
-    load_file(path, model_beside("framed_table"))
-
-
-def _check_unit(path: Path) -> None:
-    from bench.app.laboratory import check_unit_file  # imports the simulators
-
-    check_unit_file(path)
-
-
-def _check_calibration(path: Path) -> None:
-    from bench.offline.calibration_file import read_calibration  # imports numpy
-
-    read_calibration(path)
-
-
-CHECKS: Mapping[str, Check] = {
+CHECKS: Mapping[str, Check] = {  # what they need is imported by them, because it takes long
     "bench": load_bench,
-    "scenario": _check_scenario,
-    "answers": _check_answers,
-    "chamber": _check_chamber_profile,
-    "table": _check_table_profile,
-    "uut": _check_unit,
-    "calibration": _check_calibration,
+    "scenario": lambda path: load_file(path, loaded("bench.config.scenario:ScenarioFile")),
+    "answers": lambda path: load_file(path, loaded("bench.config.answers:AnswersFile")),
+    "chamber": _beside("modbus_chamber"),
+    "table": _beside("framed_table"),
+    "uut": lambda path: loaded("bench.app.laboratory:check_unit_file")(path),
+    "calibration": lambda path: loaded("bench.offline.calibration_file:read_calibration")(path),
 }

@@ -35,6 +35,7 @@ from simulators.units.imu import SENSORS
 from simulators.units.imu_file import ImuFile
 from simulators.units.settings import ImuPlace, PlaceSettings, WorldSettings
 from simulators.units.unit_file import UnitFile, stream
+from simulators.units.unit_temperatures import ThermometerErrors
 from simulators.world import World
 
 AnyUnitFile = UnitFile | GyroFile | ImuFile
@@ -92,32 +93,26 @@ class _Draws:
     def _draw(self, sd: float, *path: str) -> float:
         return float(sd * stream(self._seed, "bench", *path).standard_normal())
 
-    def _thermometer(self, reading: str) -> tuple[float, float, Table, float]:
-        """Return offset, gain, corrections of the certificate, and change of the offset within a run."""
+    def _thermometer(self, reading: str) -> ThermometerErrors:
+        """Return the errors of a thermometer within its certificate, in addition to the corrections there."""
         offset_u, gain_u = self._stated.thermometer_u(reading)
-        table = columns(self._corrections.thermometers.get(reading))
-        drift_c = self._draw(self._stated.thermometer_drift(reading).u, reading, "drift")
-        return self._draw(offset_u, reading, "offset"), self._draw(gain_u, reading, "gain"), table, drift_c
+        return ThermometerErrors(
+            offset_c=self._draw(offset_u, reading, "offset"),
+            gain=self._draw(gain_u, reading, "gain"),
+            drift_c=self._draw(self._stated.thermometer_drift(reading).u, reading, "drift"),
+            table=columns(self._corrections.thermometers.get(reading)),
+        )
 
     def _place(self, name: str, unit: UnitFile | GyroFile, entry: PlaceEntry) -> PlaceSettings:
         simulation = self._bench.simulation
-        offset_c, gain, table, drift_c = self._thermometer(entry.temperature)
-        of_converter = self._thermometer(entry.converter_temperature or "")
-        converter_offset_c, converter_gain, converter_table, converter_drift_c = of_converter
         return PlaceSettings(
             unit=unit,
             channel=entry.channel,
             supply=entry.supply,
             mount_angle_deg=entry.mount_angle,
-            thermometer_offset_c=offset_c,
-            thermometer_gain=gain,
-            thermometer_table=table,
-            thermometer_drift_c=drift_c,
+            thermometer=self._thermometer(entry.temperature),
             load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
-            converter_offset_c=converter_offset_c,
-            converter_gain=converter_gain,
-            converter_table=converter_table,
-            converter_drift_c=converter_drift_c,
+            converter_thermometer=self._thermometer(entry.converter_temperature or ""),
             source=entry.source or "",
             arm_m=self._arm_m(name, entry),
             decoding=decoding_of(self._bench, entry.telemetry),

@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from bench.app.beginning import Register, instant, keep_inputs, write_beginning, write_manifest
 from bench.app.clock_record import ClockRecord
 from bench.app.credited import credit_of
 from bench.app.devices import open_devices
+from bench.app.drawn import AnyUnitFile
 from bench.app.faults import Faults
 from bench.app.finish import Finish
 from bench.app.laboratory import Laboratory, make_laboratory, unit_files
@@ -46,7 +46,6 @@ from bench.runner.quiet import Quiet
 from bench.runner.run import run_plan
 from bench.runner.signals import Signals
 from bench.runner.takeover import end_supervision
-from bench.store.chain import Link
 from bench.store.runs import RunDirectory
 from bench.store.unsafe import write_unsafe
 from bench.store.writer import RunWriter
@@ -113,26 +112,6 @@ def _execute(
     try:
         record = write_manifest(prepared, directory, started) if resumption is None else dict(resumption.manifest)
 
-        async def main() -> _Run:
-            laboratory, faults = None, None
-            if bench.needs_simulators:
-                laboratory = make_laboratory(
-                    bench,
-                    units,
-                    prepared.seed,
-                    asyncio.get_running_loop().time,
-                    prepared.serials,
-                    prepared.expected.total_s,
-                )
-                if bench.simulation.faults:
-                    faults = Faults(laboratory, bench.simulation.faults)
-                else:
-                    laboratory.leave_frames(HEALTHY_BLOCK_S)
-            world = _World(laboratory, faults)
-            if resumption is not None and bench.is_simulated:
-                await rebuild(resumption, prepared.seed, partial(_go_through, prepared, directory.path, world))
-            return await _run(prepared, directory.path, world, observer, keep, signals, resumption, left_on)
-
         origin_s = 0.0
         trace = prepared.request.trace
         register = Register(prepared.loaded, directory.path, observer.notice)
@@ -142,18 +121,19 @@ def _execute(
             origin_s = resumption.last_s + resumption.outage_s(now)
             resumption.past.credit = credit_of(resumption, prepared, left_on.held)
         with nullcontext() if trace is None else recording(trace, directory.path.name) as keep:
-            ran = run_loop(main(), prepared.speed, origin_s)
+            execution = _Execution(prepared, directory.path, observer, signals, resumption, left_on, keep)
+            ran = run_loop(execution.run(units), prepared.speed, origin_s)
         if ran.made_safe:
             register.end(ran.outcome)
         let_go()
-        if ran.folder != directory.path:
+        if ran.writer.folder != directory.path:
             _follow(prepared, directory, record, ran)
         record |= {"instruments": ran.instruments, "bench_s": ran.bench_s, "digest": ran.digest}
         if ran.clock_steps:
             record["clock_steps"] = ran.clock_steps
         finish = Finish(directory, record, ran.outcome, signals, watch)
         no_report = prepared.request.no_report
-        results = finish.results(ran.laboratory, ran.begun, ran.end, no_report=no_report)
+        results = finish.results(execution.laboratory, ran.writer.beginning, ran.writer.link, no_report=no_report)
         _alert(prepared, directory.path.name, ran.outcome, results, observer)
         elapsed_s = watch.elapsed_s()
         return RunResult(directory.path, ran.outcome, results, ran.bench_s, elapsed_s, finish.report, no_report)
@@ -161,140 +141,128 @@ def _execute(
         directory.release()
 
 
-class _World(NamedTuple):
-    """Simulated part of a run: laboratory and faults."""
-
-    laboratory: Laboratory | None
-    faults: Faults | None
-
-
-async def _go_through(
-    prepared: PreparedRun,
-    folder: Path,
-    world: _World,
-    journal: Journal,
-    signals: Signals,
-    past: Past | None,
-) -> None:
-    """Run the plan on a simulated bench, without display."""
-    await _with_devices(prepared, folder, world, Quiet(), None, signals, Hold(), journal, past)
-
-
 @dataclass(frozen=True)
 class _Run:
+    """Outcome of an executed plan, with its closed record; `digest` is "" if its data could not be written."""
+
     outcome: Outcome
     made_safe: bool  # from the outcome; False if it ended before it could open an instrument
     instruments: dict[str, Any]
-    laboratory: Laboratory | None
     bench_s: float
-    digest: str  # of the data; "" if they could not be written
-    begun: bytes  # head of the first link of the chain
-    end: Link  # last link of the chain
+    digest: str
     clock_steps: list[dict[str, float]]
-    folder: Path  # location of the record; different if the directory was moved or removed
+    writer: RunWriter  # with the location of the record; another one if the directory was moved or removed
 
 
-async def _run(
-    prepared: PreparedRun,
-    folder: Path,
-    world: _World,
-    observer: RunObserver,
-    keep: Keep | None,
-    signals: Signals,
-    resumption: Resumption | None,
-    left_on: LeftOn,
-) -> _Run:
-    bench = prepared.loaded.bench
-    began_s = asyncio.get_running_loop().time() if resumption is None else resumption.began_s
-    clock = Clock(instant(bench, resumption))
-    writer, digest = RunWriter(folder, resumed=resumption is not None), ""
-    past = None if resumption is None else resumption.past
-    journal = Journal(writer, None if past is None else past.state)
-    outcome, made_safe = Outcome(), False
-    identities: Mapping[str, Identity] = {}
-    wall = ClockRecord(journal, observer.notice)
-    try:
-        write_beginning(journal, clock, prepared, resumption)
-        observer.run_begins(folder, prepared.expected, clock)
-        power = None if bench.is_simulated else bench.power
-        async with (
-            wall.watched(),
-            power_watched(power, signals, journal, observer.notice) as hold,
-            guarded(prepared.loaded, folder, signals, writer) as guard,
-        ):
-            outcome, identities = await _with_devices(
-                prepared, folder, world, observer, keep, signals, hold, journal, past, left_on, guard.pulse
+@dataclass
+class _Execution:
+    """Execution of a plan in the running loop, on its devices and on the laboratory behind the simulated ones."""
+
+    prepared: PreparedRun
+    folder: Path
+    observer: RunObserver
+    signals: Signals
+    resumption: Resumption | None
+    left_on: LeftOn
+    keep: Keep | None
+    laboratory: Laboratory | None = None
+    faults: Faults | None = None
+
+    async def run(self, units: Mapping[str, AnyUnitFile]) -> _Run:
+        """Execute the plan with these simulated units; the world of an interrupted run is rebuilt before."""
+        prepared, resumption = self.prepared, self.resumption
+        bench, host_s = prepared.loaded.bench, asyncio.get_running_loop().time
+        if bench.needs_simulators:
+            self.laboratory = make_laboratory(
+                bench, units, prepared.seed, host_s, prepared.serials, prepared.expected.total_s
             )
-            guard.leaves(outcome)
-        made_safe = True
-        _keep_unsafe(folder, bench, outcome, observer)
-        if writer.ledger_problem:
-            observer.notice(writer.ledger_problem)
-            journal.write("warning", text=writer.ledger_problem)
-        journal.write("run_ended", how=outcome.how)
-    except Exception as problem:  # noqa: BLE001  the outcome, and what is not safe, must not be lost
-        outcome.failed(error_message(problem))
-    try:
-        writer.close()
-        digest = writer.digest()
-    except StoreError as problem:
-        outcome.failed(str(problem))
-    instruments, bench_s = manifest.instruments(bench, identities), clock.monotonic() - began_s
-    return _Run(
-        outcome,
-        made_safe,
-        instruments,
-        world.laboratory,
-        bench_s,
-        digest,
-        writer.beginning,
-        writer.link,
-        wall.steps,
-        writer.folder,
-    )
+            if bench.simulation.faults:
+                self.faults = Faults(self.laboratory, bench.simulation.faults)
+            else:
+                self.laboratory.leave_frames(HEALTHY_BLOCK_S)
+        if resumption is not None and bench.is_simulated:
+            await rebuild(resumption, prepared.seed, self._go_through)
+        return await self._recorded()
 
+    async def _go_through(self, journal: Journal, signals: Signals, past: Past | None) -> None:
+        """Run the plan on a simulated bench, without display."""
+        again = replace(self, observer=Quiet(), keep=None, signals=signals, left_on=NOTHING)
+        await again.with_devices(Hold(), journal, past)
 
-async def _with_devices(
-    prepared: PreparedRun,
-    folder: Path,
-    world: _World,
-    observer: RunObserver,
-    keep: Keep | None,
-    signals: Signals,
-    hold: Hold,
-    journal: Journal,
-    past: Past | None,
-    left_on: LeftOn = NOTHING,
-    pulse: Pulse | None = None,
-) -> tuple[Outcome, Mapping[str, Identity]]:
-    """Run the plan on the devices of the bench, with the faults of the bench file in simulated ones."""
-    bench, laboratory = prepared.loaded.bench, world.laboratory
-
-    def note(device: str, text: str) -> None:
-        with suppress(StoreError):  # reported by the step that it stops
-            journal.write("device_note", device=device, text=text)
-
-    with nullcontext(observer) if world.faults is None else world.faults.during(journal, observer) as watching:
-        people = People()
-        return await run_plan(
-            prepared.plan,
-            bench,
-            open_devices(bench, laboratory, keep, note, people),
-            journal,
-            watching,
-            watching.reading,
-            prepared.expected.of_phase("teardown"),
-            folder=folder,
-            can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
-            signals=signals,
-            hold=hold,
-            on_prompts=_technician(prepared, laboratory, watching),
-            places=tuple(prepared.serials),
-            people=people,
-            past=past,
-            left_on=left_on,
-            pulse=pulse,
+    async def _recorded(self) -> _Run:
+        """Run the plan with its record, its guardian and the watches on clock and power."""
+        prepared, observer, resumption, bench = (
+            self.prepared,
+            self.observer,
+            self.resumption,
+            self.prepared.loaded.bench,
         )
+        began_s = asyncio.get_running_loop().time() if resumption is None else resumption.began_s
+        clock = Clock(instant(bench, resumption))
+        writer, digest = RunWriter(self.folder, resumed=resumption is not None), ""
+        past = None if resumption is None else resumption.past
+        journal = Journal(writer, None if past is None else past.state)
+        outcome, made_safe = Outcome(), False
+        identities: Mapping[str, Identity] = {}
+        wall = ClockRecord(journal, observer.notice)
+        try:
+            write_beginning(journal, clock, prepared, resumption)
+            observer.run_begins(self.folder, prepared.expected, clock)
+            power = None if bench.is_simulated else bench.power
+            async with (
+                wall.watched(),
+                power_watched(power, self.signals, journal, observer.notice) as hold,
+                guarded(prepared.loaded, self.folder, self.signals, writer) as guard,
+            ):
+                outcome, identities = await self.with_devices(hold, journal, past, guard.pulse)
+                guard.leaves(outcome)
+            made_safe = True
+            _keep_unsafe(self.folder, bench, outcome, observer)
+            if writer.ledger_problem:
+                observer.notice(writer.ledger_problem)
+                journal.write("warning", text=writer.ledger_problem)
+            journal.write("run_ended", how=outcome.how)
+        except Exception as problem:  # noqa: BLE001  the outcome, and what is not safe, must not be lost
+            outcome.failed(error_message(problem))
+        try:
+            writer.close()
+            digest = writer.digest()
+        except StoreError as problem:
+            outcome.failed(str(problem))
+        instruments, bench_s = manifest.instruments(bench, identities), clock.monotonic() - began_s
+        return _Run(outcome, made_safe, instruments, bench_s, digest, wall.steps, writer)
+
+    async def with_devices(
+        self, hold: Hold, journal: Journal, past: Past | None, pulse: Pulse | None = None
+    ) -> tuple[Outcome, Mapping[str, Identity]]:
+        """Run the plan on the devices of the bench, with the faults of the bench file in simulated ones."""
+        prepared, bench, observer = self.prepared, self.prepared.loaded.bench, self.observer
+
+        def note(device: str, text: str) -> None:
+            with suppress(StoreError):  # reported by the step that it stops
+                journal.write("device_note", device=device, text=text)
+
+        with nullcontext(observer) if self.faults is None else self.faults.during(journal, observer) as watching:
+            people = People()
+            return await run_plan(
+                prepared.plan,
+                bench,
+                open_devices(bench, self.laboratory, self.keep, note, people),
+                journal,
+                watching,
+                watching.reading,
+                prepared.expected.of_phase("teardown"),
+                folder=self.folder,
+                can_pause=prepared.speed < AS_FAST_AS_POSSIBLE,
+                signals=self.signals,
+                hold=hold,
+                on_prompts=_technician(prepared, self.laboratory, watching),
+                places=tuple(prepared.serials),
+                people=people,
+                past=past,
+                left_on=self.left_on,
+                pulse=pulse,
+            )
 
 
 def _alert(prepared: PreparedRun, run: str, outcome: Outcome, results: Results | None, observer: RunObserver) -> None:
@@ -336,8 +304,8 @@ def _technician(
 
 def _follow(prepared: PreparedRun, directory: RunDirectory, record: dict[str, Any], ran: _Run) -> None:
     """Continue in the folder of the record; a rescued one gets inputs and manifest again."""
-    directory.path = ran.folder
-    if (ran.folder / "manifest.json").exists():
+    directory.path = ran.writer.folder
+    if (directory.path / "manifest.json").exists():
         return
     try:
         keep_inputs(prepared, directory)

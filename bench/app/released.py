@@ -48,15 +48,7 @@ def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[st
         raise InputError(f"{OPTION}: no method of {plan.document.path.name} uses a calibration")
     found: dict[str, Released] = {}
     for each in given:
-        place, equals, name = each.partition("=")
-        if not equals:
-            if len(bench.places) > 1:
-                raise InputError(
-                    f"{OPTION} {each}: the bench has places {', '.join(bench.places)}; write {OPTION} PLACE=FILE"
-                )
-            place, name = next(iter(bench.places)), each
-        if place not in bench.places:
-            raise InputError(f"{OPTION} {each}: the bench has no place '{place}'{did_you_mean(place, bench.places)}")
+        place, name = in_place(OPTION, each, "FILE", bench)
         if place in found:
             raise InputError(
                 f"{OPTION} {each}: place '{place}' has {found[place].path} already; a unit has only one calibration"
@@ -67,6 +59,19 @@ def read_released(given: Sequence[str], plan: Plan, bench: BenchFile) -> dict[st
     if problems:
         raise InputError(*problems)
     return found
+
+
+def in_place(option: str, given: str, what: str, bench: BenchFile) -> tuple[str, str]:
+    """Return the place and the value of an option, `PLACE=VALUE`, or `VALUE` with a single place. Raises InputError."""
+    place, equals, value = given.partition("=")
+    if not equals:
+        if len(bench.places) > 1:
+            places = ", ".join(bench.places)
+            raise InputError(f"{option} {given}: the bench has places {places}; write {option} PLACE={what}")
+        place, value = next(iter(bench.places)), given
+    if place not in bench.places:
+        raise InputError(f"{option} {given}: the bench has no place '{place}'{did_you_mean(place, bench.places)}")
+    return place, value
 
 
 def _read(path: Path) -> Released:

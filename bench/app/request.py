@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
-from bench.app.released import Released, of_units, read_released
+from bench.app.released import Released, in_place, of_units, read_released
 from bench.app.released import remarks as of_calibrations
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.document import Document
@@ -26,7 +26,6 @@ from bench.sequence.load import load_judged_plan
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.unit_places import occupied
 from drivers.schema.fields import Instant
-from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import error_text
 
 if TYPE_CHECKING:  # checking a sequence needs no simulators
@@ -282,22 +281,15 @@ def _speed(request: RunRequest, loaded: LoadedBench) -> float:
 
 def _named_units(units: Iterable[str], bench: BenchFile) -> dict[str, str]:
     """Return the named units by place: `--uut PLACE=SERIAL`, or `--uut SERIAL` with a single place."""
-    places = bench.places
     serials: dict[str, str] = {}
     for given in units:
-        place, equals, serial = given.partition("=")
-        if not equals:
-            if len(places) > 1:
-                raise InputError(f"--uut {given}: the bench has places {', '.join(places)}; write --uut PLACE=SERIAL")
-            place, serial = next(iter(places)), given
-        if place not in places:
-            raise InputError(f"--uut {given}: the bench has no place '{place}'{did_you_mean(place, places)}")
+        place, serial = in_place("--uut", given, "SERIAL", bench)
         if not serial.strip() or not serial.isprintable() or len(serial) > 64:
             raise InputError(f"--uut {given}: expected a serial number of up to 64 printable characters")
         if place in serials:
             raise InputError(f"--uut {given}: place '{place}' has '{serials[place]}' already; a place has one unit")
         serials[place] = serial.strip()
-    return {place: serials[place] for place in places if place in serials}
+    return {place: serials[place] for place in bench.places if place in serials}
 
 
 def _serials(checked: CheckedRun) -> Mapping[str, str]:

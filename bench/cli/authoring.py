@@ -2,52 +2,24 @@
 
 from __future__ import annotations
 
-import json
-import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from bench.cli.commands import Command, argument, arguments, flag, option
 from bench.cli.exits import INPUT_ERROR, PASS
+from bench.cli.streams import say, say_json
 
 
-def schema_of_sequences() -> None:
-    """Print the JSON Schema of sequence files."""
-    from bench.sequence.document.schema import sequence_schema
+def _schema(of: str, target: str) -> Callable[[], None]:
+    """Return a command that prints a JSON Schema, which the function `target` returns."""
 
-    _print(sequence_schema())
+    def print_schema() -> None:
+        from drivers.installed import loaded
 
+        say_json(loaded(target)(), indent=2)
 
-def schema_of_benches() -> None:
-    """Print the JSON Schema of bench files, with the blocks of every installed driver."""
-    from bench.config.schema import bench_schema
-
-    _print(bench_schema())
-
-
-def schema_of_chamber_profiles() -> None:
-    """Print the JSON Schema of the files that describe a chamber's Modbus registers."""
-    from bench.config.schema import chamber_profile_schema
-
-    _print(chamber_profile_schema())
-
-
-def schema_of_scenarios() -> None:
-    """Print the JSON Schema of scenarios, the fault scripts for --scenario."""
-    from bench.config.schema import scenario_schema
-
-    _print(scenario_schema())
-
-
-def schema_of_table_profiles() -> None:
-    """Print the JSON Schema of the files that describe the frames of a rate table or a head."""
-    from bench.config.schema import table_profile_schema
-
-    _print(table_profile_schema())
-
-
-def _print(schema: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(schema, ensure_ascii=False, indent=2) + "\n")
+    print_schema.__doc__ = f"Print the JSON Schema of {of}."
+    return print_schema
 
 
 def format_files(files: tuple[Path, ...], *, check: bool) -> int:
@@ -60,7 +32,7 @@ def format_files(files: tuple[Path, ...], *, check: bool) -> int:
         if not check:
             with atomic_file(path) as draft:
                 draft.write_bytes(text.encode())
-        sys.stdout.write(f"{path}\n")
+        say(path)
     return INPUT_ERROR if check and changed else PASS
 
 
@@ -68,39 +40,44 @@ def new_driver(name: str, kind: str, out: Path) -> None:
     """Write the starter package of a plug-in driver, with simulator and passing tests."""
     from bench.app.new_package import write_driver
 
-    for path in write_driver(name, kind, out):
-        sys.stdout.write(f"{path}\n")
+    say(*write_driver(name, kind, out))
 
 
 def new_method(name: str, out: Path) -> None:
     """Write the starter package of a plug-in method, with words, case, truth and passing tests."""
     from bench.app.new_package import write_method
 
-    for path in write_method(name, out):
-        sys.stdout.write(f"{path}\n")
+    say(*write_method(name, out))
 
 
 def new_sequence(name: str, folder: Path) -> None:
     """Write a commented starter sequence that runs on the shipped simulated bench."""
     from bench.sequence.document.starter import write_starter
 
-    sys.stdout.write(f"{write_starter(name, folder)}\n")
+    say(write_starter(name, folder))
 
 
 def new_bench(name: str, source: str, folder: Path) -> None:
     """Write a starter bench file: a copy of a similar bench, with the files that it refers to."""
     from bench.config.new_bench import write_bench
 
-    for path in write_bench(name, source, folder):
-        sys.stdout.write(f"{path}\n")
+    say(*write_bench(name, source, folder))
 
 
 COMMANDS = (
-    Command("schema sequence", schema_of_sequences),
-    Command("schema bench", schema_of_benches),
-    Command("schema chamber-profile", schema_of_chamber_profiles),
-    Command("schema scenario", schema_of_scenarios),
-    Command("schema table-profile", schema_of_table_profiles),
+    Command("schema sequence", _schema("sequence files", "bench.sequence.document.schema:sequence_schema")),
+    Command("schema bench", _schema(
+        "bench files, with the blocks of every installed driver", "bench.config.schema:bench_schema"
+    )),
+    Command("schema chamber-profile", _schema(
+        "the files that describe a chamber's Modbus registers", "bench.config.schema:chamber_profile_schema"
+    )),
+    Command("schema scenario", _schema(
+        "scenarios, the fault scripts for --scenario", "bench.config.schema:scenario_schema"
+    )),
+    Command("schema table-profile", _schema(
+        "the files that describe the frames of a rate table or a head", "bench.config.schema:table_profile_schema"
+    )),
     Command("fmt", format_files, (
         arguments("FILE", "Sequence and bench files.", to="files", least=1, read=Path),
         flag("--check", "Change nothing; exit with 2 if a file would change."),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import json
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from bench.cli.commands import Command, arguments, flag, option, options
 from bench.cli.exits import INPUT_ERROR, PASS
 from bench.cli.running import WISHES
+from bench.cli.streams import remark, say
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.app.check_files import FileCheck
@@ -63,7 +63,7 @@ def check(*, files: Sequence[str], benches: Sequence[str], strict: bool, form: s
         return _as_text(checks, ignored)
     done = list(checks)
     if text := _formatted(done, ignored, form):
-        sys.stdout.write(text + "\n")
+        say(text)
     return INPUT_ERROR if any(each.errors for each in done) else PASS
 
 
@@ -94,13 +94,13 @@ def _as_text(checks: Iterator[FileCheck], ignored: int) -> int:
         count, wrong = count + 1, wrong + bool(each.errors)
         for line in (found.in_words for found in each.found):
             if line not in shown:
-                sys.stderr.write(line + "\n")
+                remark(line)
                 shown.add(line)
         if not each.errors:
-            sys.stdout.write(_outcome(each) + "\n")
+            say(_outcome(each))
     if count > 1 or ignored:
         others = f"; {_counted(ignored, 'other file')} ignored" if ignored else ""
-        sys.stdout.write(f"{_counted(count, 'check')}, {wrong or 'none'} with errors{others}\n")
+        say(f"{_counted(count, 'check')}, {wrong or 'none'} with errors{others}")
     return INPUT_ERROR if wrong else PASS
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.cli.commands import Command, argument, flag, option
 from bench.cli.stored import RUN, RUNS
+from bench.cli.streams import say, say_json
 from bench.cli.through import Meant, meant, tell
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
@@ -79,10 +79,9 @@ def status(run: str, runs: Path, *, as_json: bool) -> None:
     found = summary(at.path)
     state = _state_of(found)
     if as_json:
-        sys.stdout.write(json.dumps(state, ensure_ascii=False) + "\n")
+        say_json(state)
         return
-    for line in status_lines(found, state):
-        sys.stdout.write(line + "\n")
+    say(*status_lines(found, state))
 
 
 def _status_there(at: Meant, *, as_json: bool) -> None:
@@ -93,11 +92,11 @@ def _status_there(at: Meant, *, as_json: bool) -> None:
     run = at.station.run(at.name)
     state = at.station.live(at.name) if run["state"] == "running" else None
     if as_json:
-        sys.stdout.write(json.dumps(run | (state or {}), ensure_ascii=False) + "\n")
+        say_json(run | (state or {}))
         return
-    sys.stdout.write(f"{at.name}: {run['state']}{', ' + run['verdict'] if run['verdict'] else ''}\n")
+    say(f"{at.name}: {run['state']}{', ' + run['verdict'] if run['verdict'] else ''}")
     if state is not None:
-        sys.stdout.write(f"  {state_text(state)}\n")
+        say(f"  {state_text(state)}")
 
 
 def _state_of(run: RunSummary) -> dict[str, Any]:
@@ -137,7 +136,7 @@ def acknowledge(run: str, runs: Path, reason: str, by: str) -> None:
 
     path = find_run(run, runs)
     why = acknowledged(path, by or getpass.getuser(), reason, is_followed)
-    sys.stdout.write(f"{path.name}: acknowledged: {why}\n")
+    say(f"{path.name}: acknowledged: {why}")
 
 
 COMMANDS = (

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from bench.cli.commands import Command, argument, arguments, flag, option, options, whole_number
 from bench.cli.exits import ABORTED, BENCH_ERROR, NOT_SAFE, PASS
 from bench.cli.running import BENCH, SCENARIO, SEED, SIMULATE
+from bench.cli.streams import remark, say
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.app.arrival import MadeSafe
@@ -20,8 +21,7 @@ def list_devices(bench: str | None, *, simulate: bool) -> int:
     from bench.app.inspect import inspect_devices
 
     looks = inspect_devices(bench, simulate=simulate)
-    for look in looks:
-        sys.stdout.write(look.line() + "\n")
+    say(*(look.line() for look in looks))
     return BENCH_ERROR if any(look.problem for look in looks) else PASS
 
 
@@ -33,10 +33,9 @@ def scan_for_devices(
     from bench.app.scan import scan_here
 
     places = scan_here(addresses, serial=serial or None, drivers=drivers, units=units or (1,), baud=baud)
-    for place in places:
-        sys.stderr.write(place.line() + "\n")
+    remark(*(place.line() for place in places))
     if not places:
-        sys.stderr.write("there is no serial port; give the addresses to scan\n")
+        remark("there is no serial port; give the addresses to scan")
     if any(place.candidates for place in places):
         sys.stdout.write(proposal(places))
 
@@ -45,7 +44,7 @@ def simulate(bench: str, seed: int | None, trace: Path | None, scenario: Path | 
     """Simulate the instruments behind all loopback and pty addresses of a bench file, in real time, until Ctrl-C."""
     from bench.app.serve import serve_bench
 
-    serve_bench(bench, seed, lambda line: sys.stderr.write(line + "\n"), trace, scenario)
+    serve_bench(bench, seed, remark, trace, scenario)
 
 
 def trace(out: Path, bench: str | None, for_s: float, *, simulate: bool) -> int:
@@ -53,9 +52,8 @@ def trace(out: Path, bench: str | None, for_s: float, *, simulate: bool) -> int:
     from bench.app.tracing import trace_bench
 
     lines, problems = trace_bench(bench, out, for_s, simulate=simulate)
-    sys.stdout.write(f"{lines} lines in {out}\n")
-    for problem in dict.fromkeys(problems):
-        sys.stderr.write(f"{problem}\n")
+    say(f"{lines} lines in {out}")
+    remark(*dict.fromkeys(problems))
     return BENCH_ERROR if problems else PASS
 
 
@@ -63,10 +61,6 @@ def console(device: str, bench: str | None, *, simulate: bool, write: bool) -> i
     """Communicate with one instrument by hand: in its own protocol, and through its driver (:help)."""
     from bench.app.console import talk
     from bench.runner.terminal import typed_lines
-
-    def say(text: str) -> None:
-        sys.stdout.write(text + "\n")
-        sys.stdout.flush()
 
     return BENCH_ERROR if talk(device, bench, typed_lines, say, simulate=simulate, write=write) else PASS
 
@@ -83,20 +77,16 @@ def make_safe(bench: str | None, *, if_left_on: bool, wait: bool) -> int:
     from bench.app.arrival import report_arrivals
     from bench.app.make_safe import make_safe as made_safe
 
-    def say(text: str) -> None:
-        sys.stderr.write(text + "\n")
-
     def show(lane: Lane) -> None:
         air = "" if lane.air_c is None or lane.why else f"commanded; its air is at {lane.air_c:.1f} °C"
-        sys.stdout.write(f"{lane.role:<16} {lane.state:<12} {lane.took_s:6.1f} s  {lane.why}{air}".rstrip() + "\n")
-        sys.stdout.flush()
+        say(f"{lane.role:<16} {lane.state:<12} {lane.took_s:6.1f} s  {lane.why}{air}".rstrip())
 
     made: list[MadeSafe] = []
-    lanes = list(made_safe(bench, say, show, made.append, if_left_on=if_left_on))
+    lanes = list(made_safe(bench, remark, show, made.append, if_left_on=if_left_on))
     left = [lane.role for lane in lanes if lane.state != "safe"]
     if left:
-        say(f"NOT MADE SAFE: {', '.join(left)}. Switch them off by hand, then try again.")
-    arrivals = report_arrivals(made, say, wait=wait)
+        remark(f"NOT MADE SAFE: {', '.join(left)}. Switch them off by hand, then try again.")
+    arrivals = report_arrivals(made, remark, wait=wait)
     if left or not arrivals.good:
         return NOT_SAFE
     return ABORTED if arrivals.ended else PASS
@@ -112,7 +102,7 @@ def lockout(bench: str | None, reason: str, by: str, *, lift: bool) -> int:
     from bench.app.lockout import lift_lockout, listed, set_lockout
 
     if bench is None:
-        sys.stdout.writelines(f"{line}\n" for line in listed())
+        say(*listed())
         return PASS
     signed = by or getpass.getuser(), reason
     if lift:

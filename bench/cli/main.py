@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from bench.cli.commands import Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
 from bench.cli.interrupts import end_at_once
+from bench.cli.streams import remark, say
 from bench.cli.table import COMMANDS
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
@@ -51,37 +52,37 @@ def main(words: Sequence[str]) -> int:
     except Helped:
         return 0
     except SystemExit:  # raised by a plug-in or another module; its code would pass for ours
-        _say("a module tried to end this program:\n" + traceback.format_exc())
+        remark("a module tried to end this program:", traceback.format_exc().rstrip())
         return BENCH_ERROR
     except InputError as problem:
-        _say(str(problem))
+        remark(problem)
         return INPUT_ERROR
     except (BenchError, DriverError) as problem:
-        _say(str(problem))
+        remark(problem)
         return BENCH_ERROR
     except KeyboardInterrupt:
-        _say("interrupted")
+        remark("interrupted")
         return ABORTED
     except BrokenPipeError:
         sys.stderr.close()  # the reader of our output has closed the pipe
         return BENCH_ERROR
     except OSError as problem:
-        _say(f"{problem.filename or 'standard output'}: {problem.strerror or problem}")
+        remark(f"{problem.filename or 'standard output'}: {problem.strerror or problem}")
         return BENCH_ERROR
     except Exception:  # noqa: BLE001  Python would exit with 1, which means that the unit failed
-        _say("an internal error of this program:\n" + traceback.format_exc())
+        remark("an internal error of this program:", traceback.format_exc().rstrip())
         return BENCH_ERROR
 
 
 def _done(words: Sequence[str]) -> int:
     first, *others = words or ["--help"]
     if first in ("--help", "-h", "help"):
-        sys.stdout.write(f"Usage: bench COMMAND ...\n\n{PURPOSE}\n\n{_listed('')}\n'bench COMMAND --help' has more.\n")
+        say(f"Usage: bench COMMAND ...\n\n{PURPOSE}\n\n{_listed('')}\n'bench COMMAND --help' has more.")
         return 0 if words else INPUT_ERROR
     if first == "--version":
         from importlib.metadata import version
 
-        sys.stdout.write(f"inertial-test-bench {version('inertial-test-bench')}\n")
+        say(f"inertial-test-bench {version('inertial-test-bench')}")
         return 0
     if first not in GROUPS:
         return _command(first, COMMANDS).called(others)
@@ -123,10 +124,6 @@ def _rows(group: str) -> Iterator[tuple[str, str]]:
             continue
         first = words.removeprefix(group).partition(" ")[0]
         yield first, command.help.partition("\n")[0] if group or first not in GROUPS else GROUPS[first]
-
-
-def _say(text: str) -> None:
-    sys.stderr.write(text.rstrip("\n") + "\n")
 
 
 def make_usable() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from bench.cli import exits
 from bench.cli.commands import Command, argument, option
 from bench.cli.running import ONLY_RESULTS
 from bench.cli.stored import DAMAGED, RUNS
+from bench.cli.streams import remark, say, say_json
 
 
 def reduce(case_or_run: str, out: Path | None, runs: Path, *, as_json: bool, damaged: bool) -> int:
@@ -30,8 +30,7 @@ def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> 
     from bench.offline.calibration_file import compensated, read_calibration
 
     known = read_calibration(calibration)
-    for warning in known.warnings:
-        sys.stderr.write(f"{calibration.name}: {warning}\n")
+    remark(*(f"{calibration.name}: {warning}" for warning in known.warnings))
     text = compensated(known, data, "hold" if beyond == "hold" else "reject")
     if out is None:
         sys.stdout.write(text)
@@ -50,15 +49,15 @@ def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
         raise InputError(f"{case}: give --out DIR to write result.json, or --json to print it")
     found = reduced_case(case)
     if as_json:
-        sys.stdout.write(json.dumps(found.content, ensure_ascii=False) + "\n")
+        say_json(found.content)
     if out is not None:
         with atomic_file(out / "result.json") as draft:
             draft.write_text(json_text(found.content), encoding="utf-8")
         if not as_json:
-            sys.stdout.write(f"{out / 'result.json'}\n")
+            say(out / "result.json")
     if found.outcome == "INCOMPLETE":
         why = ", ".join(found.lacking) or "a result with a limit could not be determined; see its notes"
-        sys.stderr.write(f"{case.name}: INCOMPLETE: {why}\n")
+        remark(f"{case.name}: INCOMPLETE: {why}")
     return exits.PASS if found.outcome == "REDUCED" else exits.OF_VERDICT[found.outcome]
 
 
@@ -78,9 +77,9 @@ def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damag
     with open_run(find_run(name, runs), damaged=damaged) as stored:
         found = reduced_again(stored)
     if as_json:
-        sys.stdout.write(json.dumps(found.to_json(), ensure_ascii=False) + "\n")
+        say_json(found.to_json())
         return
-    sys.stdout.writelines(f"{line}\n" for line in found.in_words())
+    say(*found.in_words())
 
 
 COMMANDS = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import getpass
-import json
 import os
 import stat
 import sys
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from bench.cli.commands import Command, argument, flag, option, options, whole_number
+from bench.cli.streams import remark, say, say_json
 from bench.errors import InputError
 
 PASSWORD_LIMIT_BYTES = 1000
@@ -40,7 +40,7 @@ def add_user(name: str, role: str, password_file: Path | None, folder: Path | No
     """Add a user, or change role and password; the password is asked for on the terminal."""
     with _people(folder) as people:
         people.set_user(name, role, _password(name, password_file))
-    sys.stdout.write(f"user {name}: {role}\n")
+    say(f"user {name}: {role}")
 
 
 def remove_user(name: str, folder: Path | None) -> None:
@@ -49,7 +49,7 @@ def remove_user(name: str, folder: Path | None) -> None:
         if name not in [each["name"] for each in people.users()]:
             raise InputError(f"there is no user '{name}'; 'bench users' lists them")
         people.remove_user(name)
-    sys.stdout.write(f"user {name}: removed\n")
+    say(f"user {name}: removed")
 
 
 def tokens(folder: Path | None, *, as_json: bool) -> None:
@@ -62,7 +62,7 @@ def new_token(label: str, scopes: tuple[str, ...], days: int, folder: Path | Non
     """Make a token for a program, and print its secret, which cannot be read again."""
     with _people(folder) as people:
         secret = people.new_token(label, list(scopes) or ["read"], days)
-    sys.stdout.write(f"{secret}\n")
+    say(secret)
 
 
 def revoke(token: str, folder: Path | None) -> None:
@@ -71,7 +71,7 @@ def revoke(token: str, folder: Path | None) -> None:
         if token not in [each["id"] for each in people.tokens()]:
             raise InputError(f"there is no token '{token}'; 'bench tokens' lists their ids")
         people.revoke(token)
-    sys.stdout.write(f"token {token}: revoked\n")
+    say(f"token {token}: revoked")
 
 
 @contextmanager
@@ -83,7 +83,7 @@ def _people(folder: Path | None) -> Iterator[_People]:
         from bench.client import Station
 
         station = Station.found(folder)
-        sys.stderr.write(f"through the station {station.url}\n")
+        remark(f"through the station {station.url}")
         yield station
         return
     folder = folder or default_folder()
@@ -129,10 +129,9 @@ def _write(rows: list[dict[str, Any]], names: tuple[str, ...], *, as_json: bool)
     from bench.figures.columns import in_columns
 
     if as_json:
-        sys.stdout.write(json.dumps(rows, ensure_ascii=False) + "\n")
+        say_json(rows)
         return
-    for line in in_columns([names, *([str(row[name]) for name in names] for row in rows)], "<" * len(names), indent=""):
-        sys.stdout.write(line + "\n")
+    say(*in_columns([names, *([str(row[name]) for name in names] for row in rows)], "<" * len(names), indent=""))
 
 
 _FOLDER = option("--folder DIR", "Folder of the station's own records.", read=Path)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from bench.cli.commands import Command, argument, flag, option, options, whole_number
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR, NOT_SAFE, OF_VERDICT
+from bench.cli.streams import remark, say, say_json
 from bench.cli.through import station_here
 from bench.errors import InputError
 
@@ -31,9 +30,12 @@ def submit(
         units=_pairs(units, "--uut", "a"), **given,
     )  # fmt: skip
     if not wait:
-        sys.stdout.write(json.dumps(item) + "\n" if as_json else f"{_submitted(station, item)}\n")
+        if as_json:
+            say_json(item)
+        else:
+            say(_submitted(station, item))
         return None
-    sys.stderr.write(f"{_submitted(station, item)}\n")
+    remark(_submitted(station, item))
     return _waited(station, item, as_json=as_json)
 
 
@@ -81,18 +83,18 @@ def _waited(station: Station, item: dict[str, Any], *, as_json: bool) -> int:
         nonlocal last
         text = f"item {found['number']} is {found['state']}" + (f": {found['reason']}" if found["reason"] else "")
         if text != last:
-            sys.stderr.write(f"{text}\n")
+            remark(text)
             last = text
 
     try:
         ended = station.wait(item["id"], seen=seen)
     except KeyboardInterrupt:
-        sys.stderr.write(f"item {item['number']} stays in the queue: bench queue\n")
+        remark(f"item {item['number']} stays in the queue: bench queue")
         return ABORTED
     if as_json:
-        sys.stdout.write(json.dumps(ended) + "\n")
+        say_json(ended)
     elif ended["run"]:
-        sys.stdout.write(f"{ended['run']}: {ended['outcome']}, {ended['verdict'] or 'no verdict'}\n")
+        say(f"{ended['run']}: {ended['outcome']}, {ended['verdict'] or 'no verdict'}")
     return code_of(ended)
 
 
@@ -112,14 +114,13 @@ def queue(*, past: bool, as_json: bool) -> None:
     station = running_station()
     found = station.queue(past=past)
     if as_json:
-        sys.stdout.write(json.dumps(found, ensure_ascii=False) + "\n")
+        say_json(found)
         return
-    for line in in_columns([HEADER, *map(_row, found)], "<<<<><<<<", indent="") if found else ["no item waits"]:
-        sys.stdout.write(line + "\n")
+    say(*in_columns([HEADER, *map(_row, found)], "<<<<><<<<", indent="") if found else ["no item waits"])
     for bench in station.state()["benches"]:
         if bench["stopped"]:
-            sys.stdout.write(f"\nbench {bench['name']} has stopped: {bench['stopped']}\n")
-            sys.stdout.write(f"look at it, then: bench queue go-on {bench['name']}\n")
+            name = bench["name"]
+            say(f"\nbench {name} has stopped: {bench['stopped']}", f"look at it, then: bench queue go-on {name}")
 
 
 def _row(each: dict[str, Any]) -> tuple[str, ...]:
@@ -189,11 +190,11 @@ def clone(item: str) -> None:
 def go_on(bench: str) -> None:
     """Let items begin again at a bench that has stopped, after somebody has looked at it."""
     running_station().go_on(bench)
-    sys.stdout.write(f"bench {bench}: items begin again\n")
+    say(f"bench {bench}: items begin again")
 
 
 def _say(item: dict[str, Any]) -> None:
-    sys.stdout.write(f"item {item['number']} is {item['state']}, priority {item['priority']}\n")
+    say(f"item {item['number']} is {item['state']}, priority {item['priority']}")
 
 
 _JSON = flag("--json", "Print only JSON on stdout.", to="as_json")

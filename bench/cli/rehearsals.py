@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from bench.app.check_files import FileCheck
 from bench.cli.exits import BENCH_ERROR, FAIL, INCOMPLETE, INPUT_ERROR, MEANINGS, NOT_JUDGED, PASS, worst
 from bench.cli.junit import Case, Problem, junit
+from bench.cli.streams import say, say_json
 from bench.clock import Stopwatch
 
 LINES_SHOWN = 20  # of a process that ended without an outcome
@@ -125,10 +126,9 @@ def show(outcomes: Iterable[Outcome], form: str) -> int:
     done = list(outcomes)
     code = worst(outcome.exit_code for outcome in done)
     if form == "json":
-        content = {"exit_code": code, "rehearsals": [outcome._asdict() for outcome in done]}
-        sys.stdout.write(json.dumps(content, ensure_ascii=False) + "\n")
+        say_json({"exit_code": code, "rehearsals": [outcome._asdict() for outcome in done]})
     else:
-        sys.stdout.write(junit("bench rehearse", list(map(_case, done))) + "\n")
+        say(junit("bench rehearse", list(map(_case, done))))
     return code
 
 
@@ -139,11 +139,10 @@ def _as_text(outcomes: Iterable[Outcome]) -> int:
     for outcome in outcomes:
         done.append(outcome)
         took = f", {duration(outcome.bench_s)} in {outcome.wall_s:.1f} s" if outcome.bench_s is not None else ""
-        sys.stdout.write(f"{outcome.name}: {outcome.meaning}{took}{f', {outcome.run}' if outcome.run else ''}\n")
-        sys.stdout.writelines(f"  {line}\n" for line in outcome.lines)
-        sys.stdout.flush()
+        run = f", {outcome.run}" if outcome.run else ""
+        say(f"{outcome.name}: {outcome.meaning}{took}{run}", *(f"  {line}" for line in outcome.lines))
     counts = Counter(outcome.meaning for outcome in done)
-    sys.stdout.write(f"{len(done)} rehearsals: {', '.join(f'{count} {what}' for what, count in counts.items())}\n")
+    say(f"{len(done)} rehearsals: {', '.join(f'{count} {what}' for what, count in counts.items())}")
     return worst(outcome.exit_code for outcome in done)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ from bench.cli.checking import BENCHES, FILES
 from bench.cli.commands import Command, flag, option, whole_number
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR, NOT_SAFE, of_run
 from bench.cli.running import ANSWERS, NEW_RUNS, SCENARIO, SEED, UUT_MODEL, WISHES, warn
+from bench.cli.streams import say
 from bench.errors import BenchError, InputError
 from drivers.errors import DriverError
 
@@ -131,8 +131,7 @@ def _rehearsed(request: RunRequest, faults: int | None, *, shown: bool = False) 
             with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
                 rehearsal = rehearsed(prepared, progress, faults, signals)
             with signals.not_waiting():
-                for line in _summary(rehearsal) if shown else ():
-                    sys.stdout.write(line + "\n")
+                say(*(_summary(rehearsal) if shown else ()))
         if rehearsal.result.outcome.how == "completed" and not rehearsal.unsafe and not rehearsal.lost:
             note_tried("rehearsal", rehearsal_key(prepared))
     return rehearsal, str(prepared.loaded.document.path)

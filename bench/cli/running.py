@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from bench.cli.commands import Command, argument, flag, option, options
 from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, NOT_SAFE, PASS, of_run
 from bench.cli.interrupts import raise_again
+from bench.cli.streams import remark, say, say_json
 from bench.errors import InputError
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
@@ -49,8 +49,7 @@ def warn(plan: Plan, warnings: Iterable[Remark]) -> None:
     """Write warnings before a run to stderr, one per line."""
     from bench.sequence.checks.output import warning_line
 
-    for warning in warnings:
-        sys.stderr.write(warning_line(warning, plan.document) + "\n")
+    remark(*(warning_line(warning, plan.document) for warning in warnings))
 
 
 def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
@@ -67,18 +66,14 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
 
         write_picture(picture, checked.plan, expected, checked.bench)
     if as_json:
-        sys.stdout.write(json.dumps(timeline_json(expected, checked.bench), ensure_ascii=False) + "\n")
+        say_json(timeline_json(expected, checked.bench))
         return
-    for line in plan_table(checked.plan, expected, checked.bench):
-        sys.stdout.write(line + "\n")
-    for role, times in turned_by_hand(expected, checked.bench).items():
-        sys.stdout.write(f"{role}: turned by hand {times} times\n")
+    say(*plan_table(checked.plan, expected, checked.bench))
+    turned = turned_by_hand(expected, checked.bench)
+    say(*(f"{role}: turned by hand {times} times" for role, times in turned.items()))
     if states := list(safe_states(checked.bench)):
-        sys.stdout.write("\nMade safe at the end, or if the run fails:\n")
-        sys.stdout.writelines(f"  {state}\n" for state in states)
-    sys.stdout.write(
-        f"\n{len(checked.plan)} steps, about {duration(expected.total_s)}, about {megabytes(expected.size_bytes)}\n"
-    )
+        say("\nMade safe at the end, or if the run fails:", *(f"  {state}" for state in states))
+    say(f"\n{len(checked.plan)} steps, about {duration(expected.total_s)}, about {megabytes(expected.size_bytes)}")
 
 
 def run(*, as_json: bool, **wishes: Any) -> int:
@@ -89,7 +84,7 @@ def run(*, as_json: bool, **wishes: Any) -> int:
 
     with tolerant_output():
         if wishes["bench"] is None:
-            sys.stderr.write("No --bench given: running on the shipped simulated bench.\n")
+            remark("No --bench given: running on the shipped simulated bench.")
         prepared = prepare(RunRequest(**wishes))
         expect_inputs(prepared)
         warn(prepared.plan, prepared.warnings)
@@ -99,8 +94,7 @@ def run(*, as_json: bool, **wishes: Any) -> int:
             raise_again()
 
             found = preflight(prepared)
-            for line in lines_of(found):
-                sys.stderr.write(line + "\n")
+            remark(*lines_of(found))
             if not found.is_green:
                 return INPUT_ERROR
             prepared = prepared._replace(preflight=tuple(line._asdict() for line in found.lines))
@@ -115,11 +109,9 @@ def preflight(*, as_json: bool, **wishes: Any) -> int:
 
     found = looked_at(prepare(RunRequest(past_due="mark", **wishes)))
     if as_json:
-        content = {"is_green": found.is_green, "lines": [line._asdict() for line in found.lines]}
-        sys.stdout.write(json.dumps(content, ensure_ascii=False) + "\n")
+        say_json({"is_green": found.is_green, "lines": [line._asdict() for line in found.lines]})
     else:
-        for line in lines_of(found):
-            sys.stdout.write(line + "\n")
+        say(*lines_of(found))
     return PASS if found.is_green else INPUT_ERROR
 
 
@@ -136,10 +128,10 @@ def alert(bench: str | None) -> int:
         raise InputError(f"{loaded.document.path}: names no program that reaches a person: alert: {{exec: [PROGRAM]}}")
     title = f"{loaded.bench.title}: test of the alert"
     if problem := alerted(entry.exec, title, f"{title}\n"):
-        sys.stderr.write(f"{problem}\n")
+        remark(problem)
         return BENCH_ERROR
     note_tried("alert", program_id(entry.exec))
-    sys.stdout.write(f"{entry.exec[0]} has taken the alert; check that it has arrived\n")
+    say(f"{entry.exec[0]} has taken the alert; check that it has arrived")
     return PASS
 
 
@@ -151,8 +143,7 @@ def resume_interrupted(path: Path, *, confirmed: bool) -> int:
     resumption = read_interrupted(path)
     prepared = prepare_again(resumption)
     with tolerant_output():
-        for line in summary_lines(resumption, prepared):
-            sys.stderr.write(line + "\n")
+        remark(*summary_lines(resumption, prepared))
         if not confirmed and not _is_confirmed():
             raise InputError(f"{path.name}: not resumed; confirm it with --interrupted, or answer yes on a terminal")
         return _executed(prepared, resumption, as_json=False)
@@ -164,23 +155,20 @@ def resume_pending(runs: Path) -> int:
     from bench.app.pending import pending
     from bench.runner.output import tolerant_output
 
-    def say(text: str) -> None:
-        sys.stderr.write(f"{text}\n")
-
     code = PASS
     with tolerant_output():
         for each in list(pending(runs)):
             if each.found is None:
-                say(f"{each.path.name}: not resumed: {each.why_not}")
+                remark(f"{each.path.name}: not resumed: {each.why_not}")
                 continue
             resumption, prepared = each.found
             bench = str(prepared.loaded.document.path)
-            lanes = list(make_safe(bench, say, lambda _lane: None, if_left_on=True))
+            lanes = list(make_safe(bench, remark, lambda _lane: None, if_left_on=True))
             if left := [lane.role for lane in lanes if lane.state != "safe"]:
-                say(f"{each.path.name}: not resumed: {', '.join(left)} could not be made safe")
+                remark(f"{each.path.name}: not resumed: {', '.join(left)} could not be made safe")
                 code = max(code, NOT_SAFE)
                 continue
-            say(f"{each.path.name}: resumed after the start of this computer")
+            remark(f"{each.path.name}: resumed after the start of this computer")
             code = max(code, _executed(prepared, resumption, as_json=False))
     return code
 
@@ -214,19 +202,15 @@ def _show(result: RunResult, shown: Collection[str], *, as_json: bool) -> None:
     from bench.report.terminal import results_text
 
     if as_json:
-        content = {"run": str(result.path), "results": result.results.to_json() if result.results else None}
-        sys.stdout.write(json.dumps(content, ensure_ascii=False) + "\n")
+        say_json({"run": str(result.path), "results": result.results.to_json() if result.results else None})
     else:
         sys.stdout.write(results_text(result.results))
-    for problem in result.problems:
-        if problem not in shown:
-            sys.stderr.write(f"\n{problem}\n")
-    sys.stderr.write(
+    remark(
+        *(f"\n{problem}" for problem in result.problems if problem not in shown),
         f"\n{result.bench_s:.0f} s of bench time in {result.wall_s:.1f} s, {result.bench_s / result.wall_s:.0f} times "
-        f"real time\nrun    {result.path}\n"
+        f"real time\nrun    {result.path}",
+        *([] if result.report is None else [f"report {result.report}"]),
     )
-    if result.report is not None:
-        sys.stderr.write(f"report {result.report}\n")
 
 
 COMMANDS = (

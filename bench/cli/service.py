@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from bench.cli.commands import Command, argument, flag, option
+from bench.cli.streams import say
 
 _LEFT = {"unchanged": "unchanged", "kept": "kept", "differs": "kept, though it differs; --replace writes ours"}
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
 
 
 def install_service(settings: Path | None, program: Path | None, root: Path, *, replace: bool, dry_run: bool) -> None:
@@ -28,12 +24,9 @@ def install_service(settings: Path | None, program: Path | None, root: Path, *, 
         if writes and not dry_run:
             file.write()
         done = {"new": "written", "differs": "replaced"}[file.state] if writes else _LEFT[file.state]
-        _say(f"{file.path}: {'would be ' if writes and dry_run else ''}{done}")
-        for line in file.difference():
-            _say(f"    {line}")
-    _say("\nBy hand, as root:")
-    for line in by_hand(ours):
-        _say(line)
+        say(f"{file.path}: {'would be ' if writes and dry_run else ''}{done}")
+        say(*(f"    {line}" for line in file.difference()))
+    say("\nBy hand, as root:", *by_hand(ours))
 
 
 def backup(folder: Path, out: Path | None, settings: Path | None, runs: Path | None) -> None:
@@ -46,8 +39,8 @@ def backup(folder: Path, out: Path | None, settings: Path | None, runs: Path | N
 
     if out is None:
         raise InputError("name the archive: --out FILE.tar.xz")
-    back_up(folder, out, _say, settings=settings, runs=runs)
-    _say(f"{out}: {out.stat().st_size} bytes, readable by this user only; it holds the hashes of passwords")
+    back_up(folder, out, say, settings=settings, runs=runs)
+    say(f"{out}: {out.stat().st_size} bytes, readable by this user only; it holds the hashes of passwords")
 
 
 def restore(archive: Path, folder: Path) -> None:
@@ -57,10 +50,10 @@ def restore(archive: Path, folder: Path) -> None:
 
     found = restored(archive, folder)
     for bench in found.benches:
-        _say(f"bench {bench} begins nothing until an engineer lets it go on: items of the backup may have run since")
+        say(f"bench {bench} begins nothing until an engineer lets it go on: items of the backup may have run since")
     words = ["bench serve", *([str(found.settings)] if found.settings else []), f"--folder {folder / STATION}"]
     runs = [f"--runs {found.runs}"] if found.runs else []
-    _say(f"{folder}: restored. Start it there: {' '.join([*words, *runs])}")
+    say(f"{folder}: restored. Start it there: {' '.join([*words, *runs])}")
 
 
 COMMANDS = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bench.cli.commands import Command, argument, flag, option, options, whole_number
+from bench.cli.streams import say
 
 
 def serve(
@@ -23,7 +24,6 @@ def serve(
 ) -> None:
     """Serve a station: the queue of its benches, the API and the pages. Runs go on when it ends."""
     import asyncio
-    import sys
 
     from bench.errors import InputError
     from bench.runner.output import tolerant_output
@@ -40,10 +40,6 @@ def serve(
         raise InputError(f"--launch {launch}: give process or service")
     named = {bench_name(bench): bench} if bench else None
     settings = read_station(file, folder, benches=named, runs=runs, launch=launch)
-
-    def say(text: str) -> None:
-        sys.stdout.write(f"{text}\n")
-        sys.stdout.flush()
 
     with tolerant_output():
         asyncio.run(served(settings, Listening(host, port, certificate, key, hosts, insecure), say))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 from bench.cli.commands import Command, argument, flag, option, whole_number
 from bench.cli.exits import BENCH_ERROR, PASS
+from bench.cli.streams import remark, say, say_json
 
 RUN = argument("RUN", "A run directory, an id, its first characters, or last.")
 RUNS = option("--runs DIR", "Directory that holds the run directories.", read=Path, default=Path("runs"))
@@ -39,10 +38,9 @@ def list_runs(
     ]
     shown = matching if last is None else matching[-last:]
     if as_json:
-        sys.stdout.write(json.dumps([run.to_json() for run in shown], ensure_ascii=False) + "\n")
+        say_json([run.to_json() for run in shown])
         return
-    for line in runs_table(shown) if shown else [f"{runs}: no run" + (" like this" if last is None else "")]:
-        sys.stdout.write(line + "\n")
+    say(*runs_table(shown) if shown else [f"{runs}: no run" + (" like this" if last is None else "")])
 
 
 def digest(run: str, runs: Path, *, damaged: bool) -> None:
@@ -52,8 +50,8 @@ def digest(run: str, runs: Path, *, damaged: bool) -> None:
 
     with open_run(find_run(run, runs), damaged=damaged) as stored:
         if stored.damage:
-            sys.stderr.write("the run is damaged: this is the digest of what is left of it\n")
-        sys.stdout.write(stored.reader.digest() + "\n")
+            remark("the run is damaged: this is the digest of what is left of it")
+        say(stored.reader.digest())
 
 
 def verify(run: str, runs: Path) -> int:
@@ -62,9 +60,8 @@ def verify(run: str, runs: Path) -> int:
     from bench.store.runs import find_run
 
     record = examined(find_run(run, runs))
-    sys.stdout.write(f"{record.folder}: {record.in_words}\n")
-    for line in (*record.damage, *record.remarks):
-        sys.stdout.write(f"  {line}\n")
+    remarks = (*record.damage, *record.remarks)
+    say(f"{record.folder}: {record.in_words}", *(f"  {line}" for line in remarks))
     return BENCH_ERROR if record.damage else PASS
 
 
@@ -78,7 +75,7 @@ def report(run: str, runs: Path, form: str, lang: str, *, damaged: bool) -> None
     _expect_one_of("--format", FORMS, form)
     _expect_one_of("--lang", LANGUAGES, lang)
     with open_run(find_run(run, runs), damaged=damaged) as stored:
-        sys.stdout.write(f"{write_report(stored, form, lang)}\n")
+        say(write_report(stored, form, lang))
 
 
 def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None, *, damaged: bool) -> None:
@@ -98,8 +95,7 @@ def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None,
         raise InputError("--all is for --format candump")
     with open_run(find_run(run, runs), damaged=damaged) as stored:
         written = FORMATS[form](stored, out) if every_frame is None else export_trace(stored, every_frame, out)
-        for path in (*written, *mark_damage(stored, out)):
-            sys.stdout.write(f"{path}\n")
+        say(*written, *mark_damage(stored, out))
 
 
 def _expect_one_of(option: str, known: Iterable[str], given: str) -> None:

@@ -22,6 +22,7 @@ from bench.cli import (
     watching,
 )
 from bench.cli.commands import Command, argument, option
+from bench.cli.streams import say
 
 
 def reference(page: str, out: Path | None) -> None:
@@ -31,8 +32,7 @@ def reference(page: str, out: Path | None) -> None:
     if out is None:
         sys.stdout.write(page_text(page, ALL))
         return
-    for path in write_pages(out, ALL):
-        sys.stdout.write(f"{path}\n")
+    say(*write_pages(out, ALL))
 
 
 REFERENCE = Command("reference", reference, (

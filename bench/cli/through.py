@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import getpass
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+from bench.cli.streams import remark, say
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.client import Station
@@ -48,7 +49,7 @@ def meant(run: str, runs: Path, limit_s: float = COMMAND_LIMIT_S) -> Meant:
     try:
         station = station_here(limit_s)
     except InputError as problem:  # a run must be reached whatever is wrong with a station
-        sys.stderr.write(f"without the station: {problem}\n")
+        remark(f"without the station: {problem}")
         station = None
     there = station.runs_folder if station is not None else None
     for folder in (runs, *([there] if there is not None else [])):
@@ -90,8 +91,9 @@ def tell(run: str, runs: Path, command: str, **arguments: str) -> None:
         answer, how = _directly(found, command, arguments), ""
     else:
         answer, how = _through(found.station, found, command, arguments)
-    sys.stderr.write(f"{how}\n" if how else "")
-    sys.stdout.write(f"{found.name}: {answer}\n")
+    if how:
+        remark(how)
+    say(f"{found.name}: {answer}")
 
 
 def _directly(found: Meant, command: str, arguments: dict[str, str]) -> str:

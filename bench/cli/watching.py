@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from bench.cli.commands import Command, argument
 from bench.cli.exits import BENCH_ERROR, NOT_SAFE, OF_VERDICT
 from bench.cli.stored import RUNS
+from bench.cli.streams import say
 from bench.cli.through import Meant, meant, station_here
 from bench.errors import BenchError, InputError
 
@@ -39,7 +40,7 @@ def watch(run: str, runs: Path) -> int:
     line.show("")
     info = _info(found)
     latched = f"; {info['latched']}" if info["latched"] else ""
-    sys.stdout.write(f"{found.name}: {info['state']}, {info['verdict'] or 'no verdict'}{latched}\n")
+    say(f"{found.name}: {info['state']}, {info['verdict'] or 'no verdict'}{latched}")
     return NOT_SAFE if info["latched"] else OF_VERDICT.get(info["verdict"], BENCH_ERROR)
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
 
 from bench.metrology.least_squares import Array
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
+from bench.metrology.rows import Rows
 
 
 @dataclass(frozen=True, slots=True)
-class Gates:
+class Gates(Rows):
     """Intervals between consecutive readings, all arrays (n,).
 
     Mid-time and duration, the pulses on either line, and the means of both temperatures. For volts or codes their
@@ -32,11 +30,6 @@ class Gates:
     def rate(self) -> Array:
         """Net pulses per second, or the mean of volts or codes."""
         return (self.positive - self.negative) / self.seconds
-
-    def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> Gates:
-        """A part of the gates, by index or mask."""
-        columns = {column.name: getattr(self, column.name) for column in fields(self)}
-        return replace(self, **{name: values[which] for name, values in columns.items() if values is not None})
 
     @property
     def resolution(self) -> Array:

@@ -9,6 +9,7 @@ from typing import Literal
 from drivers.discovery.recognition import NoSuchRegister
 from drivers.protocols.modbus_frames import frames_of, read_request
 from drivers.transport.address import Address
+from drivers.transport.stream_end import StreamEnd
 from drivers.transport.wires import Wires
 
 ANSWER_S = 1.0
@@ -17,47 +18,42 @@ ANSWER_LIMIT_BYTES = 65_536
 LINE_ENDS = (b"\r", b"\n")
 
 
-class Listener(asyncio.Protocol):
+class Listener(StreamEnd):
     """Buffers received bytes of a connection."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.received = bytearray()
-        self.lost = False
-        self.transport: asyncio.Transport | None = None
-        self._data_event = asyncio.Event()
 
     async def until_quiet(self, answer_s: float, quiet_s: float = QUIET_S) -> bytes:
         """Receive until the line was silent for `quiet_s`; b"" if nothing arrives within `answer_s`."""
         wait_s = answer_s
         while not self.lost and len(self.received) < ANSWER_LIMIT_BYTES:
-            self._data_event.clear()
             try:
                 async with asyncio.timeout(wait_s):
-                    await self._data_event.wait()
-            except TimeoutError:
+                    await self.more()
+            except (TimeoutError, ConnectionError):
                 break
             wait_s = quiet_s
         found = bytes(self.received)
         self.received.clear()
         return found
 
-    # asyncio.Protocol
+    def ask(self, question: bytes) -> None:
+        """Send a query; what has been received before is discarded."""
+        self.received.clear()
+        if self._transport is not None:
+            self._transport.write(question)
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Store the transport."""
-        if not isinstance(transport, asyncio.Transport):
-            raise TypeError("a stream transport is needed")
-        self.transport = transport
+    def close(self) -> None:
+        """Close the connection."""
+        if self._transport is not None:
+            self._transport.close()
 
     def data_received(self, data: bytes) -> None:
         """Buffer received bytes."""
         self.received += data
-        self._data_event.set()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Mark the connection as closed."""
-        self.lost = True
-        self._data_event.set()
+        super().data_received(data)
 
 
 class QueryPort:
@@ -81,8 +77,8 @@ class QueryPort:
 
     async def __aexit__(self, *exc: object) -> None:
         """Close the connection."""
-        if self._listener is not None and self._listener.transport is not None:
-            self._listener.transport.close()
+        if self._listener is not None:
+            self._listener.close()
 
     async def query(self, question: bytes, *, again: bool = False) -> bytes:
         """See Port.
@@ -99,10 +95,9 @@ class QueryPort:
 
     async def _exchange(self, question: bytes) -> bytes:
         listener = self._listener
-        if listener is None or listener.transport is None or listener.lost:
+        if listener is None or listener.lost:
             return b""
-        listener.received.clear()
-        listener.transport.write(question)
+        listener.ask(question)
         return await listener.until_quiet(ANSWER_S)
 
     async def registers(self, address: int, count: int, function: Literal[3, 4] = 3) -> Sequence[int]:

@@ -76,7 +76,7 @@ class Slcan(TextFrames):
     async def command(self, text: bytes, *, may_refuse: bool = False) -> None:
         """Send a command to the adapter itself; raises CannotConnect unless it acknowledges in time."""
         if self._transport is None:
-            raise LinkLost(self._device, self._lost)
+            raise LinkLost(self._device, self.lost)
         self._answer = asyncio.get_running_loop().create_future()
         self._transport.write(text + slcan.END)
         try:

@@ -161,7 +161,7 @@ class Dialogue:
         """Reconnect if the connection was lost; return whether it was."""
         if self._line is not None and not self._line.lost:
             return False
-        why = self._line.why_lost if self._line is not None else ""
+        why = self._line.lost if self._line is not None else ""
         await self._open()
         if why:
             self._note(f"connected and identified again at {self._address}: {why}")
@@ -197,13 +197,26 @@ class OverDialogue:
         """Connect and identify; raises CannotConnect, or WrongIdentity for another instrument."""
         await self._dialogue.open()
 
-    async def reopen(self) -> None:
-        """Connect and identify again if the wire was lost; else nothing."""
-        await self._dialogue.reopen()
+    async def reopen(self) -> bool:
+        """Connect and identify again if the wire was lost; return whether it was."""
+        return await self._dialogue.reopen()
 
     def close(self) -> None:
         """Close the wire; closing twice is harmless."""
         self._dialogue.close()
+
+    @property
+    def double_read(self) -> DoubleRead:
+        """Confirmation of readings that enter a result."""
+        return self._dialogue.double_read
+
+    async def query(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """Send a query that may be repeated; see Dialogue.query."""
+        return await self._dialogue.query(question, read, answer_s=answer_s)
+
+    async def query_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
+        """Send a query that the instrument answers only once, or that has an effect; see Dialogue.query_once."""
+        return await self._dialogue.query_once(question, read, answer_s=answer_s)
 
 
 @asynccontextmanager

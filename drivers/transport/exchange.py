@@ -20,6 +20,7 @@ from typing import TypeVar
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
 from drivers.timing.awake import fair_timeout
 from drivers.transport.memory import let_arrive
+from drivers.transport.stream_end import StreamEnd
 
 T = TypeVar("T")
 
@@ -64,7 +65,7 @@ def lines_ending(end: bytes) -> Framing:
     return first_line
 
 
-class LineExchange(asyncio.Protocol):
+class LineExchange(StreamEnd):
     """A line-terminated dialogue with one instrument; give it to a transport, then `query`.
 
     `framing` finds answers that are not lines. `wrap` encodes commands that are not lines. With `close_on_silence` a
@@ -78,6 +79,7 @@ class LineExchange(asyncio.Protocol):
         self, device: str, sync_query: SyncQuery, *, end: bytes = b"\n", framing: Framing | None = None,
         wrap: Wrap | None = None, pace: Pace | None = None, close_on_silence: bool = False,
     ) -> None:  # fmt: skip
+        super().__init__()
         self.device = device
         self._sync_query = sync_query
         self._wrap = wrap or (lambda command: command + end)
@@ -87,21 +89,8 @@ class LineExchange(asyncio.Protocol):
         self._turn = asyncio.Lock()
         self._received = bytearray()
         self._received_at_s = -math.inf
-        self._waiter: asyncio.Future[None] | None = None
-        self._transport: asyncio.Transport | None = None
-        self._lost = "not connected"
         self._preemptions = 0
         self._sync_errors = 0  # communication errors since the last sync query; in sync at 0
-
-    @property
-    def lost(self) -> bool:
-        """True if the connection is closed; it stays closed."""
-        return bool(self._lost)
-
-    @property
-    def why_lost(self) -> str:
-        """Reason why the connection is closed, "" while it is open."""
-        return self._lost
 
     async def query(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
         """Send `question` and a terminator; decode the answer, without its terminator, with `read`.
@@ -149,7 +138,7 @@ class LineExchange(asyncio.Protocol):
 
     def close(self) -> None:
         """Close the wire; closing twice is harmless."""
-        self._lost = self._lost or "the connection was closed by this program"
+        self.lost = self.lost or "the connection was closed by this program"
         if self._transport is not None:
             self._transport.close()
 
@@ -207,7 +196,7 @@ class LineExchange(asyncio.Protocol):
             await self._exchange(self._sync_query.question, self._sync_query.check)
         except NoAnswer:
             if self._close_on_silence:
-                self._lost = "no more answers"
+                self.lost = "no more answers"
                 self.close()
             raise
         self._sync_errors -= sync_errors
@@ -220,7 +209,7 @@ class LineExchange(asyncio.Protocol):
             self._received.clear()
             try:
                 async with fair_timeout(self._pace.quiet_s):
-                    await self._wait_for_bytes()
+                    await self.more()
             except TimeoutError:
                 return
             if loop.time() > deadline_s:
@@ -230,8 +219,8 @@ class LineExchange(asyncio.Protocol):
                 )  # fmt: skip
 
     def _send(self, command: bytes) -> None:
-        if self._transport is None or self._lost:
-            raise LinkLost(self.device, self._lost, sent=printable(command))
+        if self._transport is None or self.lost:
+            raise LinkLost(self.device, self.lost, sent=printable(command))
         self._transport.write(self._wrap(command))
 
     async def _line_until(self, until_s: float, deadline_s: float, question: bytes) -> bytes:
@@ -241,7 +230,7 @@ class LineExchange(asyncio.Protocol):
                 while (line := self._take_line()) is None:
                     if len(self._received) > ANSWER_LIMIT_BYTES:
                         raise BadAnswer(self.device, "an answer without an end", received=self._leftover())
-                    await self._wait_for_bytes()
+                    await self.more()
                 return line
         except TimeoutError:
             raise NoAnswer(
@@ -259,39 +248,17 @@ class LineExchange(asyncio.Protocol):
         del self._received[:whole]
         return line
 
-    async def _wait_for_bytes(self) -> None:
-        """Wait for the next bytes; raises LinkLost."""
-        if self._lost:
-            raise LinkLost(self.device, self._lost)
-        self._waiter = asyncio.get_running_loop().create_future()
-        try:
-            await self._waiter
-        finally:
-            self._waiter = None
+    def _loss(self) -> Exception:
+        return LinkLost(self.device, self.lost)
 
     def _leftover(self) -> str:
         return printable(bytes(self._received)) if self._received else ""
-
-    # asyncio.Protocol
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Store the transport."""
-        if not isinstance(transport, asyncio.Transport):
-            raise TypeError("a stream transport is needed")
-        self._transport, self._lost = transport, ""
 
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the instrument."""
         self._received += data
         self._received_at_s = asyncio.get_running_loop().time()
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Notify waiting tasks that the connection is closed."""
-        self._lost = self._lost or f"the connection was closed ({exc or 'by the other end'})"
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_exception(LinkLost(self.device, self._lost))
+        super().data_received(data)
 
 
 def printable(data: bytes) -> str:

@@ -11,6 +11,7 @@ from drivers.timing.awake import fair_timeout
 from drivers.transport.address import Address
 from drivers.transport.exchange import printable_hex
 from drivers.transport.memory import let_arrive
+from drivers.transport.stream_end import StreamEnd
 from drivers.transport.wires import Wires
 
 GAP_S = 0.03  # silence that a controller on a serial line needs between an answer and the next request
@@ -179,15 +180,13 @@ class ModbusLink:
         )  # fmt: skip
 
 
-class _Stream(asyncio.Protocol):
+class _Stream(StreamEnd):
     """Received bytes of a connection, and the time of the last."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.received = bytearray()
-        self.lost = False
         self._received_at_s = asyncio.get_running_loop().time()
-        self._waiter: asyncio.Future[None] | None = None
-        self._transport: asyncio.Transport | None = None
 
     @property
     def silent_s(self) -> float:
@@ -203,38 +202,13 @@ class _Stream(asyncio.Protocol):
         """Deliver data of a simulator in this process, if that is the next event; return whether it was."""
         return let_arrive(self._transport, before_s)
 
-    async def more(self) -> None:
-        """Wait for the next bytes; raises ConnectionError if the connection closes."""
-        if self.lost:
-            raise ConnectionError("closed")
-        self._waiter = asyncio.get_running_loop().create_future()
-        try:
-            await self._waiter
-        finally:
-            self._waiter = None
-
     def close(self) -> None:
         """Close the connection."""
         if self._transport is not None:
             self._transport.close()
 
-    # asyncio.Protocol
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Store the transport."""
-        if not isinstance(transport, asyncio.Transport):
-            raise TypeError("a stream transport is needed")
-        self._transport = transport
-
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the instrument."""
         self.received += data
         self._received_at_s = asyncio.get_running_loop().time()
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Notify waiting tasks that the connection is closed."""
-        self.lost = True
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_exception(ConnectionError("closed"))
+        super().data_received(data)

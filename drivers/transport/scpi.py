@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any
 
 from drivers.description import Setup
 from drivers.errors import NoAnswer, Refused
@@ -12,8 +12,6 @@ from drivers.recognised import Recognised
 from drivers.transport.dialogue import Dialogue, OverDialogue
 from drivers.transport.exchange import SyncQuery
 from drivers.values import Identity
-
-T = TypeVar("T")
 
 IDENTITY_QUERY = b"*IDN?"
 ReadError = Callable[[bytes], scpi.ErrorEntry]
@@ -46,19 +44,10 @@ class ScpiLink(OverDialogue):
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, sync_query, end=end, on_connect=self._forget_errors, note=setup.note
         )
-        self.double_read = self._dialogue.double_read
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""
         return await self.query(IDENTITY_QUERY, self._recognise)
-
-    async def query(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """Send a query that may be repeated; see Dialogue.query."""
-        return await self._dialogue.query(question, read, answer_s=answer_s)
-
-    async def query_once(self, question: bytes, read: Callable[[bytes], T], *, answer_s: float | None = None) -> T:
-        """Send a query that the instrument answers only once, or that has an effect; see Dialogue.query_once."""
-        return await self._dialogue.query_once(question, read, answer_s=answer_s)
 
     async def write(self, commands: str) -> None:
         """Send commands in one message, once; raises Refused with every error that they left in the queue.

@@ -118,8 +118,8 @@ class Socketcand(TextFrames):
 
     async def answered(self, request: bytes, wanted: bytes) -> None:
         """Send a request; raises CannotConnect unless the next text is the expected one, and in time."""
-        if self._transport is None or self._lost:
-            raise LinkLost(self._device, self._lost)
+        if self._transport is None or self.lost:
+            raise LinkLost(self._device, self.lost)
         self._answer, self._wanted = asyncio.get_running_loop().create_future(), wanted
         self._transport.write(request)
         self._find_answer()

@@ -8,29 +8,23 @@ from collections.abc import Callable
 from drivers.can.frame_block import FrameBlock
 from drivers.errors import LinkLost
 from drivers.transport.frame_link import DURABLE_BLOCK_S
+from drivers.transport.stream_end import StreamEnd
 
 Parse = Callable[[bytes, float], tuple[FrameBlock, bytes, int]]
 """Parses bytes received at a time: frames, rest of an incomplete one, and number of invalid ones."""
 
 
-class TextFrames(asyncio.Protocol):
+class TextFrames(StreamEnd):
     """A connection as a frame link; `adapter` names its other end, `farewell` is sent before it is closed."""
 
     block_s = DURABLE_BLOCK_S
 
     def __init__(self, device: str, parse: Parse, adapter: str, farewell: bytes = b"") -> None:
+        super().__init__()
         self._device, self._parse, self._adapter, self._farewell = device, parse, adapter, farewell
         self._chunks: list[tuple[float, bytes]] = []
         self._rest = b""
-        self._lost = "not connected"
         self._answer: asyncio.Future[bool] | None = None  # answers to commands before the first frame
-        self._transport: asyncio.Transport | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Store the transport."""
-        if not isinstance(transport, asyncio.Transport):
-            raise TypeError("a stream transport is needed")
-        self._transport, self._lost = transport, ""
 
     def data_received(self, data: bytes) -> None:
         """Buffer bytes of the adapter, with their time of arrival."""
@@ -38,13 +32,9 @@ class TextFrames(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Note the loss of the connection."""
-        self._lost = (
-            f"{self._adapter} has closed the connection ({exc})"
-            if exc
-            else f"{self._adapter} has closed the connection"
-        )
+        self.lost = f"{self._adapter} has closed the connection" + (f" ({exc})" if exc else "")
         if self._answer is not None and not self._answer.done():
-            self._answer.set_exception(LinkLost(self._device, self._lost))
+            self._answer.set_exception(LinkLost(self._device, self.lost))
 
     def take(self) -> FrameBlock:
         """Frames since the last call; LinkLost if there is none and the connection is lost."""
@@ -53,8 +43,8 @@ class TextFrames(asyncio.Protocol):
         for at_s, data in chunks:
             block, self._rest, _ = self._parse(self._rest + data, at_s)
             blocks.append(block)
-        if self._lost and not blocks:
-            raise LinkLost(self._device, self._lost, remedy="Check the adapter's cable, then run again.")
+        if self.lost and not blocks:
+            raise LinkLost(self._device, self.lost, remedy="Check the adapter's cable, then run again.")
         return FrameBlock.joined(blocks)
 
     def close(self) -> None:

@@ -48,12 +48,7 @@ def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, 
         "levels": {level.key: _level(world, level) for level in levels if world.units[level.place].board.history},
         "sources": {role: asdict(feed.errors) for role, feed in sorted(world.sources.items())},
         "converter_thermometers": {
-            name: {
-                "offset_c": place.converter_offset_c,
-                "gain": place.converter_gain,
-                "drift_c": place.converter_drift_c,
-            }
-            for name, place in sorted(world.settings.places.items())
+            name: asdict(place.converter_thermometer) for name, place in sorted(world.settings.places.items())
         },
     }
 

@@ -87,15 +87,7 @@ def truth_record(
             "axes": {role: asdict(errors) for role, errors in settings.axes.items()},
             "level_deg": settings.level_deg,
             "level_drift_deg": settings.level_drift_deg,
-            "thermometers": {
-                name: {
-                    "offset_c": place.thermometer_offset_c,
-                    "gain": place.thermometer_gain,
-                    "drift_c": place.thermometer_drift_c,
-                    "table": place.thermometer_table,
-                }
-                for name, place in sorted(settings.places.items())
-            },
+            "thermometers": {name: asdict(place.thermometer) for name, place in sorted(settings.places.items())},
             **_table(world),
             **({"voltmeters": {role: asdict(meter) for role, meter in voltmeters.items()}} if voltmeters else {}),
             **_decodings(world),

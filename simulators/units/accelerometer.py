@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulators.physics.dynamics import Dynamics
 from simulators.physics.noise import Noise
-from simulators.units.unit_file import Draw, Polynomial, UnitFile, stream
+from simulators.units.drawn import At, drawn
+from simulators.units.unit_file import Polynomial, UnitFile, stream
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -42,58 +44,58 @@ Through = float | Decoding | None
 class UnitTruth:
     """One unit as drawn for one run, in g, A, °C, s, rad, pulse/s."""
 
-    reference_c: float
-    bias: Polynomial
-    scale_a_per_g: float
-    scale: Polynomial  # relative, its first term 1
-    k2: float
-    k3: float
-    kip: float
-    kio: float
-    misalignment_o: float
-    misalignment_p: float
-    kd: float
-    hysteresis_g: float
-    thresholds_c: tuple[float, ...]
-    drift_g_per_s: float
-    warm_up_g: float
-    warm_up_s: float
-    noise_density: float
-    instability_g: float
-    range_g: float
-    pulses_per_a: float
-    alpha: float
-    asymmetry: float
-    nonlinearity: float
-    full_scale_a: float
-    zero_pps: float
-    zero_drift_pps: float
-    dead_band_a: float
-    max_rate_pps: float
-    counter_bits: int
-    converter_c: float
-    supply_a: float
-    turn_on_g: float = 0.0  # standard deviation of the bias step at each power-on
-    turn_on_scale: float = 0.0  # the same of the relative step of the scale factor
+    reference_c: Annotated[float, At("accelerometer.reference_temperature")]
+    bias: Annotated[Polynomial, At("accelerometer.K0")]
+    scale_a_per_g: Annotated[float, At("accelerometer.K1.at_reference")]
+    scale: Annotated[Polynomial, At("accelerometer.K1")]  # relative, its first term 1
+    k2: Annotated[float, At("accelerometer.K2")]
+    k3: Annotated[float, At("accelerometer.K3")]
+    kip: Annotated[float, At("accelerometer.Kip")]
+    kio: Annotated[float, At("accelerometer.Kio")]
+    misalignment_o: Annotated[float, At("accelerometer.misalignment_o")]
+    misalignment_p: Annotated[float, At("accelerometer.misalignment_p")]
+    kd: Annotated[float, At("accelerometer.Kd")]
+    hysteresis_g: Annotated[float, At("accelerometer.hysteresis.amplitude")]
+    thresholds_c: Annotated[tuple[float, ...], At("accelerometer.hysteresis.thresholds")]
+    drift_g_per_s: Annotated[float, At("accelerometer.drift")]
+    warm_up_g: Annotated[float, At("accelerometer.warm_up.amplitude")]
+    warm_up_s: Annotated[float, At("accelerometer.warm_up.time_constant")]
+    noise_density: Annotated[float, At("accelerometer.noise.density")]
+    instability_g: Annotated[float, At("accelerometer.noise.instability")]
+    range_g: Annotated[float, At("accelerometer.range")]
+    pulses_per_a: Annotated[float, At("converter.S")]
+    alpha: Annotated[float, At("converter.alpha")]
+    asymmetry: Annotated[float, At("converter.asymmetry")]
+    nonlinearity: Annotated[float, At("converter.nonlinearity")]
+    full_scale_a: Annotated[float, At("converter.full_scale")]
+    zero_pps: Annotated[float, At("converter.zero")]
+    zero_drift_pps: Annotated[float, At("converter.zero_drift")]
+    dead_band_a: Annotated[float, At("converter.dead_band")]
+    max_rate_pps: Annotated[float, At("converter.max_rate")]
+    counter_bits: Annotated[int, At("converter.counter_bits")]
+    converter_c: Annotated[float, At("converter.temperature")]
+    supply_a: Annotated[float, At("supply.current")]
+    turn_on_g: Annotated[float, At("accelerometer.turn_on")] = 0.0  # standard deviation of the step at each power-on
+    turn_on_scale: Annotated[float, At("accelerometer.turn_on_scale")] = 0.0  # the same of the scale factor, relative
     jumps: tuple[tuple[float, float], ...] = ()  # the temperature in °C and the size in g of each
-    alpha2: float = 0.0
-    bandwidth_hz: float = 300.0
-    damping: float | None = None
-    delay_s: float = 0.0
-    codes_per_a: float = 0.0  # for a unit that sends none
-    zero_code: float = 0.0
-    noise_code: float = 0.0
-    code_bits: int = 24
-    clock: float = 0.0
-    code_alpha: float = 0.0
-    code_alpha2: float = 0.0
-    zero_drift_code: float = 0.0
-    resistor_alpha: float = 0.0
-    resistor_alpha2: float = 0.0
-    zero_v: float = 0.0
-    zero_drift_v: float = 0.0
-    input_hysteresis_g: float = 0.0
-    input_thresholds_g: tuple[float, ...] = ()
+    alpha2: Annotated[float, At("converter.alpha2")] = 0.0
+    bandwidth_hz: Annotated[float, At("accelerometer.bandwidth")] = 300.0
+    damping: Annotated[float | None, At("accelerometer.damping")] = None
+    delay_s: Annotated[float, At("accelerometer.delay")] = 0.0
+    codes_per_a: Annotated[float, At("telemetry.S")] = 0.0  # for a unit that sends none
+    zero_code: Annotated[float, At("telemetry.zero")] = 0.0
+    noise_code: Annotated[float, At("telemetry.noise")] = 0.0
+    code_bits: Annotated[int, At("telemetry.bits")] = 24
+    clock: Annotated[float, At("telemetry.clock")] = 0.0
+    code_alpha: Annotated[float, At("telemetry.alpha")] = 0.0
+    code_alpha2: Annotated[float, At("telemetry.alpha2")] = 0.0
+    zero_drift_code: Annotated[float, At("telemetry.zero_drift")] = 0.0
+    resistor_alpha: Annotated[float, At("resistor.alpha")] = 0.0
+    resistor_alpha2: Annotated[float, At("resistor.alpha2")] = 0.0
+    zero_v: Annotated[float, At("resistor.zero")] = 0.0
+    zero_drift_v: Annotated[float, At("resistor.zero_drift")] = 0.0
+    input_hysteresis_g: Annotated[float, At("accelerometer.input_hysteresis.amplitude")] = 0.0
+    input_thresholds_g: Annotated[tuple[float, ...], At("accelerometer.input_hysteresis.thresholds")] = ()
 
     @property
     def dynamics(self) -> Dynamics | None:
@@ -159,75 +161,13 @@ def coded(codes: Array, bits: int) -> Array:
 
 
 def draw_unit(unit: UnitFile, seed: int, place: str) -> UnitTruth:
-    """Draw the unit of one run: every `{mean, sd}` from its own stream."""
-    a, c, t, r = unit.accelerometer, unit.converter, unit.telemetry, unit.resistor
-
-    def value(draw: Draw, *path: str) -> float:
-        return draw.value(stream(seed, "uut", place, *path))
-
-    def polynomial(model: str, *names: str) -> Polynomial:
-        block = getattr(a, model)
-        low = [value(getattr(block, name), "accelerometer", model, name) for name in names]
-        return (low[0], low[1], low[2], low[3], low[4])
-
-    orders = ("at_reference", "linear", "quadratic", "cubic", "quartic")
-    scale = polynomial("K1", *orders)
-    return UnitTruth(
-        reference_c=a.reference_temperature,
-        bias=polynomial("K0", *orders),
-        scale_a_per_g=scale[0],
-        scale=(1.0, *scale[1:]),
-        k2=value(a.K2, "accelerometer", "K2"),
-        k3=value(a.K3, "accelerometer", "K3"),
-        kip=value(a.Kip, "accelerometer", "Kip"),
-        kio=value(a.Kio, "accelerometer", "Kio"),
-        misalignment_o=value(a.misalignment_o, "accelerometer", "misalignment_o"),
-        misalignment_p=value(a.misalignment_p, "accelerometer", "misalignment_p"),
-        kd=value(a.Kd, "accelerometer", "Kd"),
-        hysteresis_g=value(a.hysteresis.amplitude, "accelerometer", "hysteresis", "amplitude"),
-        thresholds_c=a.hysteresis.thresholds,
-        drift_g_per_s=value(a.drift, "accelerometer", "drift"),
-        warm_up_g=value(a.warm_up.amplitude, "accelerometer", "warm_up", "amplitude"),
-        warm_up_s=a.warm_up.time_constant,
-        noise_density=value(a.noise.density, "accelerometer", "noise", "density"),
-        instability_g=value(a.noise.instability, "accelerometer", "noise", "instability"),
-        range_g=a.range,
-        pulses_per_a=value(c.S, "converter", "S"),
-        alpha=value(c.alpha, "converter", "alpha"),
-        alpha2=value(c.alpha2, "converter", "alpha2"),
-        asymmetry=value(c.asymmetry, "converter", "asymmetry"),
-        nonlinearity=value(c.nonlinearity, "converter", "nonlinearity"),
-        full_scale_a=c.full_scale,
-        zero_pps=value(c.zero, "converter", "zero"),
-        zero_drift_pps=value(c.zero_drift, "converter", "zero_drift"),
-        dead_band_a=value(c.dead_band, "converter", "dead_band"),
-        max_rate_pps=c.max_rate,
-        counter_bits=c.counter_bits,
-        converter_c=c.temperature,
-        supply_a=unit.supply.current,
-        turn_on_g=value(a.turn_on, "accelerometer", "turn_on"),
-        turn_on_scale=value(a.turn_on_scale, "accelerometer", "turn_on_scale"),
-        jumps=tuple(
-            (jump.at, value(jump.size, "accelerometer", "jumps", str(number))) for number, jump in enumerate(a.jumps)
-        ),
-        bandwidth_hz=a.bandwidth,
-        damping=a.damping,
-        delay_s=a.delay,
-        codes_per_a=value(t.S, "telemetry", "S") if t is not None else 0.0,
-        zero_code=value(t.zero, "telemetry", "zero") if t is not None else 0.0,
-        noise_code=value(t.noise, "telemetry", "noise") if t is not None else 0.0,
-        code_bits=t.bits if t is not None else 24,
-        clock=value(t.clock, "telemetry", "clock") if t is not None else 0.0,
-        code_alpha=value(t.alpha, "telemetry", "alpha") if t is not None else 0.0,
-        code_alpha2=value(t.alpha2, "telemetry", "alpha2") if t is not None else 0.0,
-        zero_drift_code=value(t.zero_drift, "telemetry", "zero_drift") if t is not None else 0.0,
-        resistor_alpha=value(r.alpha, "resistor", "alpha"),
-        resistor_alpha2=value(r.alpha2, "resistor", "alpha2"),
-        zero_v=value(r.zero, "resistor", "zero"),
-        zero_drift_v=value(r.zero_drift, "resistor", "zero_drift"),
-        input_hysteresis_g=value(a.input_hysteresis.amplitude, "accelerometer", "input_hysteresis", "amplitude"),
-        input_thresholds_g=a.input_hysteresis.thresholds,
+    """Draw the unit of one run."""
+    jumps = tuple(
+        (jump.at, jump.size.value(stream(seed, "uut", place, "accelerometer", "jumps", str(number))))
+        for number, jump in enumerate(unit.accelerometer.jumps)
     )
+    found = drawn(UnitTruth, unit, seed, place, jumps=jumps)
+    return replace(found, scale=(1.0, *found.scale[1:]))
 
 
 def noise_of(truth: UnitTruth, seed: int, place: str) -> Noise:

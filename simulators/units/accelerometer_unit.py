@@ -17,7 +17,7 @@ from simulators.units.accelerometer import Hysteresis, Sent, UnitTruth, draw_uni
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import UnitFile, stream
-from simulators.units.unit_temperatures import Board, Thermometer, UnitTemperatures, followed_c
+from simulators.units.unit_temperatures import Board, Thermometer, ThermometerErrors, UnitTemperatures, followed_c
 
 Array = NDArray[np.float64]
 Input = Literal["accelerometer", "source"]  # connection of a converter
@@ -90,22 +90,17 @@ class SimulatedUnit:
 
     def _thermometers(self, settings: WorldSettings) -> tuple[Thermometer, Thermometer]:
         """Thermometers at the unit and at its converter."""
-        own, start_c, noise_c = self.settings, settings.chamber.start_c, settings.thermometer_noise_c
+        own, start_c = self.settings, settings.chamber.start_c
 
-        def noise(name: str) -> np.random.Generator:
-            return stream(settings.seed, "noise", self.place, name)
+        def made(name: str, at_c: float, errors: ThermometerErrors) -> Thermometer:
+            noise = stream(settings.seed, "noise", self.place, name)
+            return Thermometer(at_c, errors, settings.thermometer_noise_c, noise, settings.run_s)
 
+        board_c = start_c if self.temperatures.board_in_chamber else self.temperatures.board_c
         return (
-            Thermometer(
-                start_c, own.thermometer_offset_c, own.thermometer_gain, noise_c, noise("thermometer"),
-                own.thermometer_table, own.thermometer_drift_c, settings.run_s,
-            ),
-            Thermometer(
-                start_c if self.temperatures.board_in_chamber else self.temperatures.board_c,
-                own.converter_offset_c, own.converter_gain, noise_c, noise("converter thermometer"),
-                own.converter_table, own.converter_drift_c, settings.run_s,
-            ),
-        )  # fmt: skip
+            made("thermometer", start_c, own.thermometer),
+            made("converter thermometer", board_c, own.converter_thermometer),
+        )
 
     @property
     def sent(self) -> Sent:

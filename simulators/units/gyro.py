@@ -19,6 +19,7 @@ from drivers.schema.fields import Celsius, Hertz, InUnit, Seconds, StrictModel
 from drivers.schema.wording import telling
 from simulators.physics.dynamics import Dynamics
 from simulators.physics.noise import Noise
+from simulators.units.drawn import At, drawn
 from simulators.units.unit_file import Draw, DrawIn, Ratio, stream
 
 Array = NDArray[np.float64]
@@ -84,23 +85,23 @@ class GyroModel(StrictModel):
 class GyroTruth:
     """One gyro as drawn for one run, in °, s, g, °C, rad and pulses."""
 
-    reference_c: float
-    scale_ppd: float
-    scale_per_c: float
-    bias_dps: float
-    bias_dps_per_c: float
-    asymmetry: float
-    q3_s2_per_deg2: float
-    force_dps_per_g: tuple[float, float, float]  # along input, pendulous and output axis
-    misalignment_o: float
-    misalignment_p: float
-    random_walk: float  # °/√s
-    instability_dps: float
-    range_dps: float
-    bandwidth_hz: float | None
-    damping: float | None
-    delay_s: float
-    counter_bits: int
+    reference_c: Annotated[float, At("reference_temperature")]
+    scale_ppd: Annotated[float, At("KG.at_reference")]
+    scale_per_c: Annotated[float, At("KG.linear")]
+    bias_dps: Annotated[float, At("D0.at_reference")]
+    bias_dps_per_c: Annotated[float, At("D0.linear")]
+    asymmetry: Annotated[float, At("asymmetry")]
+    q3_s2_per_deg2: Annotated[float, At("q3")]
+    force_dps_per_g: Annotated[tuple[float, float, float], At("g_sensitivity")]  # along input, pendulous, output axis
+    misalignment_o: Annotated[float, At("misalignment_o")]
+    misalignment_p: Annotated[float, At("misalignment_p")]
+    random_walk: Annotated[float, At("noise.random_walk")]  # °/√s
+    instability_dps: Annotated[float, At("noise.instability")]
+    range_dps: Annotated[float, At("range")]
+    bandwidth_hz: Annotated[float | None, At("bandwidth")]
+    damping: Annotated[float | None, At("damping")]
+    delay_s: Annotated[float, At("delay")]
+    counter_bits: Annotated[int, At("counter_bits")]
     supply_a: float = 0.0
     codes_per_pps: float = 0.0  # for a gyro that sends none
     zero_code: float = 0.0
@@ -148,35 +149,7 @@ class GyroTruth:
 
 def draw_gyro(gyro: GyroModel, seed: int, *path: str, supply_a: float = 0.0) -> GyroTruth:
     """Draw the gyro of one run; `path` names it: the place, and in an inertial unit its axis."""
-
-    def value(draw: Draw, *key: str) -> float:
-        return draw.value(stream(seed, "uut", *path, "gyro", *key))
-
-    force = gyro.g_sensitivity
-    return GyroTruth(
-        reference_c=gyro.reference_temperature,
-        scale_ppd=value(gyro.KG.at_reference, "KG", "at_reference"),
-        scale_per_c=value(gyro.KG.linear, "KG", "linear"),
-        bias_dps=value(gyro.D0.at_reference, "D0", "at_reference"),
-        bias_dps_per_c=value(gyro.D0.linear, "D0", "linear"),
-        asymmetry=value(gyro.asymmetry, "asymmetry"),
-        q3_s2_per_deg2=value(gyro.q3, "q3"),
-        force_dps_per_g=(
-            value(force.input, "g_sensitivity", "input"),
-            value(force.pendulous, "g_sensitivity", "pendulous"),
-            value(force.output, "g_sensitivity", "output"),
-        ),
-        misalignment_o=value(gyro.misalignment_o, "misalignment_o"),
-        misalignment_p=value(gyro.misalignment_p, "misalignment_p"),
-        random_walk=value(gyro.noise.random_walk, "noise", "random_walk"),
-        instability_dps=value(gyro.noise.instability, "noise", "instability"),
-        range_dps=gyro.range,
-        bandwidth_hz=gyro.bandwidth,
-        damping=gyro.damping,
-        delay_s=gyro.delay,
-        counter_bits=gyro.counter_bits,
-        supply_a=supply_a,
-    )
+    return drawn(GyroTruth, gyro, seed, *path, "gyro", supply_a=supply_a)
 
 
 def noise_of_gyro(truth: GyroTruth, seed: int, *path: str) -> Noise:

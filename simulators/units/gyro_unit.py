@@ -56,11 +56,9 @@ class SimulatedGyro:
         self._noise = noise_of_gyro(self.truth, settings.seed, place)
         dynamics = self.truth.dynamics
         self._follower = Follower(dynamics) if dynamics is not None else None
-        own = self.settings
         self._thermometer = Thermometer(
-            settings.chamber.start_c, own.thermometer_offset_c, own.thermometer_gain, settings.thermometer_noise_c,
-            stream(settings.seed, "noise", place, "thermometer"), own.thermometer_table,
-            own.thermometer_drift_c, settings.run_s,
+            settings.chamber.start_c, self.settings.thermometer, settings.thermometer_noise_c,
+            stream(settings.seed, "noise", place, "thermometer"), settings.run_s,
         )  # fmt: skip
         self.powered_at_s: float | None = None
 

@@ -64,10 +64,10 @@ class SimulatedImu:
         self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
         self._thermometers = [
             Thermometer(
-                settings.chamber.start_c, offset_c, gain, settings.thermometer_noise_c,
-                stream(settings.seed, "noise", place, sensor, "thermometer"), table, drift_c, settings.run_s,
+                settings.chamber.start_c, errors, settings.thermometer_noise_c,
+                stream(settings.seed, "noise", place, sensor, "thermometer"), settings.run_s,
             )
-            for sensor, (offset_c, gain, table, drift_c) in self.settings.thermometers.items()
+            for sensor, errors in self.settings.thermometers.items()
         ]  # fmt: skip
         self._last_c = np.full(2, settings.chamber.start_c)
         self._cached_for: tuple[float, float, int] = (-1.0, -1.0, 0)

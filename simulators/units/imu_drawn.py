@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulators.units.accelerometer import UnitTruth, coded, draw_unit
+from simulators.units.drawn import At, drawn
 from simulators.units.gyro import GyroTruth, draw_gyro
-from simulators.units.imu_file import NAMES, GyroCodes, ImuFile
-from simulators.units.unit_file import Draw, stream
+from simulators.units.imu_file import NAMES, ImuFile
 
 Array = NDArray[np.float64]
 OF_EACH = (
@@ -26,19 +26,19 @@ OF_EACH = (
 class ZeroDrift:
     """Bias drift of a gyro: linear in °/s², and from power-on in °/s with a time constant in s."""
 
-    drift_dps2: float
-    warm_up_dps: float
-    warm_up_s: float
+    drift_dps2: Annotated[float, At("drift")]
+    warm_up_dps: Annotated[float, At("warm_up.amplitude")]
+    warm_up_s: Annotated[float, At("warm_up.time_constant")]
 
 
 @dataclass(frozen=True, slots=True)
 class GyroSends:
     """Codes of a gyro in place of pulses: codes per pulse/s, zero and noise in codes."""
 
-    codes_per_pps: float
-    zero_code: float
-    noise_code: float
-    code_bits: int
+    codes_per_pps: Annotated[float, At("S")]
+    zero_code: Annotated[float, At("zero")]
+    noise_code: Annotated[float, At("noise")]
+    code_bits: Annotated[int, At("bits")]
 
     def codes(self, rate_pps: Array) -> Array:
         """Codes for a pulse rate, without noise and before rounding."""
@@ -55,9 +55,9 @@ class ImuTruth:
     accelerometers: tuple[UnitTruth, ...]
     gyros: tuple[GyroTruth, ...]
     gyro_drifts: tuple[ZeroDrift, ...]
-    supply_a: float
+    supply_a: Annotated[float, At("supply.current")]
     gyros_send: tuple[GyroSends, ...] = ()
-    clock: float = 0.0
+    clock: Annotated[float, At("telemetry.clock")] = 0.0
 
 
 Truth = TypeVar("Truth", UnitTruth, GyroTruth, ZeroDrift, GyroSends)
@@ -65,30 +65,15 @@ Truth = TypeVar("Truth", UnitTruth, GyroTruth, ZeroDrift, GyroSends)
 
 def draw_imu(unit: ImuFile, seed: int, place: str) -> ImuTruth:
     """Draw the unit of one run; each channel has streams of its own."""
-
-    def drift(axis: str) -> ZeroDrift:
-        model, path = unit.gyro(axis), (place, f"gyro_{axis}", "gyro")
-        return ZeroDrift(
-            drift_dps2=model.drift.value(stream(seed, "uut", *path, "drift")),
-            warm_up_dps=model.warm_up.amplitude.value(stream(seed, "uut", *path, "warm_up", "amplitude")),
-            warm_up_s=model.warm_up.time_constant,
-        )
-
-    def sends(axis: str, model: GyroCodes) -> GyroSends:
-        def value(draw: Draw, name: str) -> float:
-            return draw.value(stream(seed, "uut", place, f"gyro_{axis}", "telemetry", name))
-
-        return GyroSends(value(model.S, "S"), value(model.zero, "zero"), value(model.noise, "noise"), model.bits)
-
-    telemetry = unit.telemetry
-    return ImuTruth(
-        tuple(draw_unit(unit.accelerometer(axis), seed, f"{place}/acc_{axis}") for axis in NAMES),
-        tuple(draw_gyro(unit.gyro(axis), seed, place, f"gyro_{axis}") for axis in NAMES),
-        tuple(map(drift, NAMES)),
-        unit.supply.current,
-        tuple(sends(axis, telemetry.gyros) for axis in NAMES) if telemetry else (),
-        telemetry.clock.value(stream(seed, "uut", place, "telemetry", "clock")) if telemetry else 0.0,
-    )
+    gyros = {f"gyro_{axis}": unit.gyro(axis) for axis in NAMES}
+    codes = unit.telemetry.gyros if unit.telemetry else None
+    return drawn(
+        ImuTruth, unit, seed, place,
+        accelerometers=tuple(draw_unit(unit.accelerometer(axis), seed, f"{place}/acc_{axis}") for axis in NAMES),
+        gyros=tuple(draw_gyro(gyro, seed, place, name) for name, gyro in gyros.items()),
+        gyro_drifts=tuple(drawn(ZeroDrift, gyro, seed, place, name, "gyro") for name, gyro in gyros.items()),
+        gyros_send=tuple(drawn(GyroSends, codes, seed, place, name, "telemetry") for name in gyros if codes),
+    )  # fmt: skip
 
 
 def stacked(truths: tuple[Truth, ...]) -> Truth:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from simulators.physics.attitude import Fixture, Mount, Vector
-from simulators.physics.corrections import Table
 from simulators.physics.motion import AxisErrors
 from simulators.physics.table_kinematics import NOWHERE, TableErrors
 from simulators.physics.thermal import ChamberPhysics
@@ -14,33 +13,27 @@ from simulators.units.accelerometer import Decoding, Through
 from simulators.units.gyro_file import GyroFile
 from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile
+from simulators.units.unit_temperatures import ThermometerErrors
+
+PERFECT = ThermometerErrors()
 
 
 @dataclass(frozen=True, slots=True)
 class PlaceSettings:
-    """One unit in its place. `thermometer_offset_c` and `thermometer_gain` are the errors drawn for its reading.
+    """One unit in its place.
 
-    `thermometer_drift_c` is the change of that offset within a run.
-
-    They are in addition to those corrected by `thermometer_table`, °C to be added at readings in °C. Outputs are pulses
-    on a `channel`, the voltage across `load_ohm`, or codes with their `decoding`. The errors of `converter_` are for
-    the thermometer at its converter; `source` is the device that may feed that. `arm_m` is its true position relative
-    to the intersection of the table's axes, in the fixture's frame.
+    Outputs are pulses on a `channel`, the voltage across `load_ohm`, or codes with their `decoding`; `source` is the
+    device that may feed its converter. `arm_m` is its true position relative to the intersection of the table's axes,
+    in the fixture's frame.
     """
 
     unit: UnitFile | GyroFile
     channel: str
     supply: str
     mount_angle_deg: float = 0.0
-    thermometer_offset_c: float = 0.0
-    thermometer_gain: float = 0.0
-    thermometer_table: Table = ((), ())
-    thermometer_drift_c: float = 0.0
+    thermometer: ThermometerErrors = PERFECT
     load_ohm: float | None = None
-    converter_offset_c: float = 0.0
-    converter_gain: float = 0.0
-    converter_table: Table = ((), ())
-    converter_drift_c: float = 0.0
+    converter_thermometer: ThermometerErrors = PERFECT
     source: str = ""
     arm_m: Vector = NOWHERE
     decoding: Decoding | None = None
@@ -56,14 +49,14 @@ class ImuPlace:
     """An inertial unit in its place.
 
     `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` those of sent codes;
-    `thermometers` are offset (°C), gain, corrections and drift within a run (°C), by SENSORS.
+    `thermometers` are their errors, by SENSORS.
     """
 
     unit: ImuFile
     channels: Mapping[str, str]
     supply: str
     mount_angle_deg: float
-    thermometers: Mapping[str, tuple[float, float, Table, float]]
+    thermometers: Mapping[str, ThermometerErrors]
     decodings: Mapping[str, Decoding] = field(default_factory=dict)
 
 

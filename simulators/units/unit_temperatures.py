@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -120,36 +121,37 @@ def followed_c(faults: FaultPlan, at_unit_c: float, room_c: float) -> float:
     return room_c if faults.active("detached_thermometer") else at_unit_c
 
 
-class Thermometer:
-    """Readings of a thermometer from those of an ideal one: with offset, gain error and noise.
+@dataclass(frozen=True, slots=True)
+class ThermometerErrors:
+    """Errors of a thermometer as drawn, in addition to the corrections of its `table`.
 
-    Errors are in addition to the corrections of its `table`. The offset is that in the middle of a run of `run_s`; it
-    changes linearly, by `drift_c` from start to end. A run of 0 s has no drift.
+    These are °C to be added at readings in °C. The offset is that in the middle of a run; it changes linearly, by
+    `drift_c` from start to end.
     """
 
+    offset_c: float = 0.0
+    gain: float = 0.0
+    drift_c: float = 0.0
+    table: Table = ((), ())
+
+
+class Thermometer:
+    """Readings of a thermometer from those of an ideal one, with errors and noise; a run of 0 s has no drift."""
+
     def __init__(
-        self,
-        start_c: float,
-        offset_c: float,
-        gain: float,
-        noise_c: float,
-        noise: Generator,
-        table: Table = ((), ()),
-        drift_c: float = 0.0,
-        run_s: float = 0.0,
+        self, start_c: float, errors: ThermometerErrors, noise_c: float, noise: Generator, run_s: float = 0.0
     ) -> None:
-        self._offset_c, self._gain, self._noise_c, self._noise = offset_c, gain, noise_c, noise
-        self._table, self._drift_c, self._run_s = table, drift_c, run_s
+        self._errors, self._noise_c, self._noise, self._run_s = errors, noise_c, noise, run_s
         self._read_at_s, self._read_c = 0.0, start_c
 
     def readings_c(self, at_s: Array, now_s: float, now_c: float) -> Array:
         """Readings at times since the last call, for an ideal thermometer that has reached `now_c`."""
         true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
         self._read_at_s, self._read_c = now_s, now_c
-        right_c = true_c * (1 + self._gain) + self._offset_c
+        right_c = true_c * (1 + self._errors.gain) + self._errors.offset_c
         if self._run_s:
-            right_c = right_c + self._drift_c * (at_s / self._run_s - 0.5)
-        return read_of(right_c, self._table) + self._noise_c * self._noise.standard_normal(len(at_s))
+            right_c = right_c + self._errors.drift_c * (at_s / self._run_s - 0.5)
+        return read_of(right_c, self._errors.table) + self._noise_c * self._noise.standard_normal(len(at_s))
 
 
 class Thermostat:

@@ -278,9 +278,7 @@ def test_a_status_of_before_a_command_is_not_taken_for_one_after_it() -> None:
         await driver.stop()
         later(framed, "rate")
         framed.wire.lose = framed.is_a("stop")
-        await driver._axis._controller.line.send_command(
-            "rate", [(FICTIONAL.number(FICTIONAL.commands.rate.rate), 500_000)]
-        )
+        await driver._axis.line.send_command("rate", [(FICTIONAL.number(FICTIONAL.commands.rate.rate), 500_000)])
         with pytest.raises(NoAnswer, match="is not proved safe"):
             await driver.make_safe()
         assert framed.moving
@@ -290,7 +288,7 @@ def test_a_status_of_before_a_command_is_not_taken_for_one_after_it() -> None:
 
 def test_a_command_that_waits_for_its_turn_is_not_sent_when_the_table_is_made_safe() -> None:
     async def use(framed: Framed, driver: Any) -> None:
-        line = driver._axis._controller.line
+        line = driver._axis.line
         framed.faults.begin("silent")
         looking = asyncio.create_task(line.status())
         await asyncio.sleep(0.1)
@@ -588,7 +586,7 @@ FLOATS = FrameProfile.model_validate(
 
 def test_an_angle_that_is_no_number_is_an_error_and_frames_keep_their_distance() -> None:
     async def use(framed: Framed, driver: Any) -> None:
-        line, heard_at_s = driver._axis._controller.line, list[float]()
+        line, heard_at_s = driver._axis.line, list[float]()
         framed.wire.lose = lambda _request: heard_at_s.append(now_s()) is not None
         await line.send_command("stop")
         await line.send_command("stop")

@@ -107,7 +107,7 @@ def test_every_form_of_errors_has_the_stated_standard_deviation(form, tmp_path):
     loaded = load_bench(full_bench(tmp_path)).bench
     files = unit_files(loaded, None)
     with bench_errors(form):
-        offsets_c = [world_settings(loaded, files, seed).places["a"].thermometer_offset_c for seed in range(400)]
+        offsets_c = [world_settings(loaded, files, seed).places["a"].thermometer.offset_c for seed in range(400)]
     drifted = math.sqrt(1 + DRIFT**2 / 3) if form == "drifting" else 1.0
     assert drifted * np.std(offsets_c) == pytest.approx(0.3, rel=0.1)
     assert np.max(np.abs(offsets_c)) <= {"rectangular": 0.52, "at the limit": 0.3001}.get(form, np.inf)

@@ -5,6 +5,7 @@ import pytest
 from drivers.dialects.espec_p300 import wire
 from drivers.dialects.espec_p300.wire import Monitor, Temperatures
 from drivers.kinds.chamber.refusal import Refusal
+from drivers.kinds.chamber.tenths import as_stored
 from simulators.instruments.chambers.espec_p300 import SimulatedP300
 from tests.support.chambers_ascii import at_25_c
 from tests.support.clock import Clock
@@ -34,7 +35,7 @@ def talk(chamber: SimulatedP300, *lines: bytes) -> list[bytes]:
 )
 def test_a_set_point_is_sent_with_one_decimal(temperature_c: float, command: str) -> None:
     assert wire.set_point(temperature_c) == command
-    assert wire.as_stored(temperature_c) == float(command.rpartition("S")[2])
+    assert as_stored(temperature_c) == float(command.rpartition("S")[2])
 
 
 def test_a_command_may_carry_an_address() -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
@@ -13,7 +16,7 @@ from bench.report.export.csv_cells import harmless
 from bench.report.export.hdf5 import export_hdf5
 from bench.report.export.matlab import export_matlab
 from bench.report.export.parquet import export_parquet
-from bench.report.export.tables import JOURNAL, READINGS, TIMES, Acquired, acquired, journal, readings
+from bench.report.export.tables import TIMES, Table, tables
 
 Exporter = Callable[[StoredRun, Path], list[Path]]
 
@@ -23,47 +26,31 @@ def export_csv(run: StoredRun, out: Path) -> list[Path]:
 
     Times are seconds of bench time. Text that a spreadsheet would take for a formula is made harmless.
     """
-    writers: dict[str, Iterator[Iterable[object]]] = {
-        "readings": _readings(run),
-        **{name: _acquired(run, table) for name, table in acquired(run).items()},
-        "journal": _journal(run),
-        "columns": _columns(run),
-    }
-    return [_write_csv(out / f"{name}.csv", rows) for name, rows in writers.items()]
+    found = tables(run)
+    written = [_write_csv(out / f"{name}.csv", _rows(table)) for name, table in found.items()]
+    return [*written, _write_csv(out / "columns.csv", _columns(found))]
 
 
-def _readings(run: StoredRun) -> Iterator[Iterable[object]]:
-    yield READINGS
-    for series in readings(run):
-        name, unit = harmless(series.name), harmless(series.unit)
-        for at_s, value in zip(series.at_s.tolist(), series.values.tolist(), strict=True):
-            yield (name, unit, f"{at_s:.6f}", repr(value))
-
-
-def _acquired(run: StoredRun, table: Acquired) -> Iterator[Iterable[object]]:
+def _rows(table: Table) -> Iterator[Iterable[object]]:
     yield table.columns
-    for words, columns in table.parts(run):
-        spelled = [
-            [f"{value:.6f}" for value in values.tolist()] if name in TIMES else map(repr, values.tolist())
-            for name, values in columns.items()
-        ]
+    for words, columns in table.parts():
         cells = [harmless(word) for word in words.values()]
-        for row in zip(*spelled, strict=True):
+        for row in zip(*(_spelled(name, values) for name, values in columns.items()), strict=True):
             yield (*cells, *row)
 
 
-def _journal(run: StoredRun) -> Iterator[Iterable[object]]:
-    yield JOURNAL
-    for event, data in journal(run):
-        yield (event.seq, f"{event.at_s:.6f}", harmless(event.kind), harmless(event.step), harmless(data))
+def _spelled(name: str, values: Any) -> Iterator[object]:
+    if name in TIMES:
+        return (f"{value:.6f}" for value in values)
+    every = values.tolist() if isinstance(values, np.ndarray) else values
+    return (harmless(value) if isinstance(value, str) else repr(value) for value in every)
 
 
-def _columns(run: StoredRun) -> Iterator[Iterable[object]]:
+def _columns(found: Mapping[str, Table]) -> Iterator[Iterable[object]]:
     """Unit and meaning of each column of the other files."""
     yield ("table", "column", "unit", "description")
-    outputs = {name: table.columns for name, table in acquired(run).items()}
-    for table, columns in {"readings": READINGS, **outputs, "journal": JOURNAL}.items():
-        yield from ((table, name, column.unit, column.meaning) for name, column in columns.items())
+    for name, table in found.items():
+        yield from ((name, key, column.unit, column.meaning) for key, column in table.columns.items())
 
 
 def _write_csv(path: Path, rows: Iterable[Iterable[object]]) -> Path:

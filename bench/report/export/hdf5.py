@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
-from bench.report.export.tables import JOURNAL, READINGS, Column, acquired, journal, readings
+from bench.report.export.tables import Column, Table, tables
 from bench.report.optional import imported
 
 HDF5 = "run.h5"
@@ -23,7 +22,6 @@ _ROWS = {
     "first_row": Column("", "where its rows begin in the group rows"),
     "row_count": Column("", "how many there are"),
 }
-Values = Mapping[str, Any]
 
 
 def export_hdf5(run: StoredRun, out: Path) -> list[Path]:
@@ -36,48 +34,30 @@ def export_hdf5(run: StoredRun, out: Path) -> list[Path]:
     path = out / HDF5
     with atomic_file(path) as draft, h5py.File(draft, "w") as file:
         file.attrs.update(run=run.manifest["run"], title=run.manifest["title"], began=run.began.isoformat())
-        _write_series(h5py, file.create_group("readings"), READINGS, _readings(run))
-        for name, table in acquired(run).items():
-            _write_series(h5py, file.create_group(name), table.columns, table.parts(run))
-        _write_journal(h5py, file.create_group("journal"), run)
+        for name, table in tables(run).items():
+            _write(h5py, file.create_group(name), table)
     return [path]
 
 
-def _readings(run: StoredRun) -> Iterator[tuple[Values, Values]]:
-    for series in readings(run):
-        yield {"name": series.name, "unit": series.unit}, {"t_s": series.at_s, "value": series.values}
-
-
-def _write_series(h5py: Any, group: Any, columns: Mapping[str, Column], parts: Iterator[tuple[Values, Values]]) -> None:
-    """Write parts, each with its words and rows, one after the other."""
-    heads: list[Values] = []
-    below = group.create_group("rows")
+def _write(h5py: Any, group: Any, table: Table) -> None:
+    """Write parts, one after the other: each with its words and rows, or only with rows."""
+    heads: list[Mapping[str, Any]] = []
     first_row = 0
-    for words, rows in parts:
+    for words, rows in table.parts():
+        at = group.require_group("rows") if words else group
         for name, values in rows.items():
-            _append(below, name, columns[name], values)
+            _append(h5py, at, name, table.columns[name], values)
         count = len(next(iter(rows.values())))
-        heads.append({**words, "first_row": first_row, "row_count": count})
+        heads.append({**words, "first_row": first_row, "row_count": count} if words else {})
         first_row += count
     for name in heads[0] if heads else ():
-        values = [head[name] for head in heads]
-        _append(group, name, {**columns, **_ROWS}[name], _of_words(h5py, values) if name in columns else values)
+        _append(h5py, group, name, {**table.columns, **_ROWS}[name], [head[name] for head in heads])
 
 
-def _write_journal(h5py: Any, group: Any, run: StoredRun) -> None:
-    rows = ((event.seq, event.at_s, event.kind, event.step, data) for event, data in journal(run))
-    while some := list(islice(rows, ROWS_OF_CHUNK)):
-        for (name, column), values in zip(JOURNAL.items(), zip(*some, strict=True), strict=True):
-            _append(group, name, column, _of_words(h5py, values) if isinstance(values[0], str) else values)
-
-
-def _of_words(h5py: Any, words: Sequence[str]) -> Any:
-    return np.array(words, h5py.string_dtype())
-
-
-def _append(group: Any, name: str, column: Column, values: Any) -> None:
+def _append(h5py: Any, group: Any, name: str, column: Column, values: Any) -> None:
     """Append values (n,) to a dataset, which is created with the first ones."""
-    values = np.asarray(values)
+    is_text = not isinstance(values, np.ndarray) and isinstance(values[0], str)
+    values = np.array(values, h5py.string_dtype()) if is_text else np.asarray(values)
     if name not in group:
         form = _WORDS if values.dtype == object else _NUMBERS
         dataset = group.create_dataset(name, (0,), values.dtype, maxshape=(None,), **form)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bench.errors import InputError
 from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
-from bench.report.export.tables import JOURNAL, READINGS, Column, acquired, journal, readings
+from bench.report.export.tables import Table, tables
 
 MATLAB = "run.mat"
 
@@ -27,17 +27,8 @@ def export_matlab(run: StoredRun, out: Path) -> list[Path]:
     from scipy.io import savemat
     from scipy.io.matlab import MatWriteError
 
-    content = {
-        "run": _about(run),
-        "readings": _structs(READINGS, ((each.name, each.unit, each.at_s, each.values) for each in readings(run))),
-        **{
-            name: _structs(table.columns, ((*words.values(), *rows.values()) for words, rows in table.parts(run)))
-            for name, table in acquired(run).items()
-        },
-        "journal": _structs(
-            JOURNAL, ((event.seq, event.at_s, event.kind, event.step, data) for event, data in journal(run))
-        ),
-    }
+    found = tables(run)
+    content = {"run": _about(run, found), **{name: _structs(table) for name, table in found.items()}}
     path = out / MATLAB
     try:
         with atomic_file(path) as draft:
@@ -47,20 +38,21 @@ def export_matlab(run: StoredRun, out: Path) -> list[Path]:
     return [path]
 
 
-def _about(run: StoredRun) -> Mapping[str, Any]:
+def _about(run: StoredRun, found: Mapping[str, Table]) -> Mapping[str, Any]:
     """Content of `run` in MATLAB: identification of the run, and the unit of each column with one."""
-    outputs = {name: table.columns for name, table in acquired(run).items()}
     units = {
-        table: {name: column.unit for name, column in columns.items() if column.unit}
-        for table, columns in {"readings": READINGS, **outputs, "journal": JOURNAL}.items()
+        name: {key: column.unit for key, column in table.columns.items() if column.unit}
+        for name, table in found.items()
     }
     return {"id": run.manifest["run"], "title": run.manifest["title"], "began": run.began.isoformat(), "units": units}
 
 
-def _structs(columns: Mapping[str, Column], rows: Iterable[tuple[object, ...]]) -> NDArray[Any]:
+def _structs(table: Table) -> NDArray[Any]:
     """A struct array (n, 1) with a field for each column; names are valid in MATLAB."""
-    found = list(rows)
-    array = np.empty((len(found), 1), dtype=[(name, object) for name in columns])
+    found: list[tuple[object, ...]] = []
+    for words, rows in table.parts():
+        found += [(*words.values(), *rows.values())] if words else zip(*rows.values(), strict=True)
+    array = np.empty((len(found), 1), dtype=[(name, object) for name in table.columns])
     for index, row in enumerate(found):
         array[index, 0] = row
     return array

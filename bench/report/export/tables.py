@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.gaps import EVENT, gap_columns
 from bench.reduce.acquisitions import acquisitions
 from bench.reduce.stored_run import StoredRun
-from bench.store.reader import Event, Series
 from drivers.can.sent_frames import Sampled
 
 
@@ -91,106 +91,92 @@ JOURNAL: Mapping[str, Column] = {
 WHOLE_NUMBERS = ("seq", "sequence", "tick", "positive", "negative", "position", "first", "last")
 FIXED = ("tick_period_s", "resolution_deg")
 TIMES = ("t_s", "from_s", "to_s", "device_s")
-Part = tuple[Mapping[str, str], Mapping[str, NDArray[Any]]]
+JOURNAL_ROWS = 1 << 14  # of a part
+Part = tuple[Mapping[str, str], Mapping[str, Any]]
 """Words constant for some rows, and these rows by their columns."""
 
 
-Units = Mapping[str, str]
-"""Unit of the values of channels that send codes or decoded values."""
+@dataclass(frozen=True)
+class Table:
+    """A table of a run: its columns, and its data part by part; reading a part raises StoreError."""
+
+    columns: Mapping[str, Column]
+    parts: Callable[[], Iterator[Part]]
 
 
 @dataclass(frozen=True)
-class Acquired:
-    """A table of acquired data: its columns, and the rows of an acquisition."""
+class _Kind:
+    """A kind of acquired data: its columns, the attribute of an acquisition, and columns with another name there."""
 
     columns: Mapping[str, Column]
-    rows: Callable[[Acquisition, Units], Iterator[Part]]
-
-    def parts(self, run: StoredRun) -> Iterator[Part]:
-        """Raw data of every acquisition, one after the other; raises StoreError."""
-        units = _units(run)
-        labels = dict.fromkeys(event.data.get("label") for event in run.reader.events("step_ended"))
-        for label in filter(None, labels):
-            for acquisition in acquisitions(run.reader, run.bench, (), label):
-                yield from self.rows(acquisition, units)
+    kept_in: str
+    kept_as: Mapping[str, str] = field(default_factory=dict)
 
 
-def readings(run: StoredRun) -> Iterator[Series]:
-    """Readings of every channel, one after the other."""
-    return map(run.reader.series, run.reader.channels())
-
-
-def acquired(run: StoredRun) -> dict[str, Acquired]:
-    """Tables of acquired data: counters always, other instruments of the bench, gaps if there are any."""
-    also = {
-        "samples": bool(_units(run)),
-        "positions": any(entry.encoders for entry in run.bench.devices.values()),
-        "voltages": bool(run.bench.with_capability("voltmeter")),
-        "currents": bool(run.bench.with_capability("ammeter")),
-        "gaps": any(True for _ in run.reader.events(EVENT)),
-    }
-    return {name: table for name, table in ACQUIRED.items() if also.get(name, True)}
-
-
-def _units(run: StoredRun) -> Units:
-    every = (output for entry in run.bench.devices.values() for output in entry.outputs.items())
-    return {name: output.unit for name, output in every if isinstance(output, Sampled)}
-
-
-def _latches(acquisition: Acquisition, _: Units) -> Iterator[Part]:
-    for channel, counts in acquisition.counts.items():
-        yield _part(LATCHES, (acquisition.step, channel), counts)
-
-
-def _positions(acquisition: Acquisition, _: Units) -> Iterator[Part]:
-    for device, read in acquisition.positions.items():
-        yield _part(POSITIONS, (acquisition.step, device), read)
-
-
-def _samples(acquisition: Acquisition, units: Units) -> Iterator[Part]:
-    for channel, codes in acquisition.codes.items():
-        words, rows = _part(SAMPLES, (acquisition.step, channel), codes, t_s="host_s", value="values")
-        yield {**words, "unit": units[channel]}, rows
-
-
-def _gaps(acquisition: Acquisition, _: Units) -> Iterator[Part]:
-    for (device, channel), missed in acquisition.missed.items():
-        found = acquisition.codes[channel] if missed.what == "samples" else acquisition.counts[channel]
-        yield {"step": acquisition.step, "channel": f"{device}.{channel}"}, gap_columns(found)
-
-
-def _voltages(acquisition: Acquisition, _: Units) -> Iterator[Part]:
-    for meter, read in acquisition.voltages.items():
-        yield _part(VOLTAGES, (acquisition.step, meter), read, t_s="at_s", value="values_v")
-
-
-def _currents(acquisition: Acquisition, _: Units) -> Iterator[Part]:
-    for meter, read in acquisition.currents.items():
-        yield _part(CURRENTS, (acquisition.step, meter), read, t_s="at_s", value="values_a")
-
-
-def _part(columns: Mapping[str, Column], words: tuple[str, str], of: object, **kept_as: str) -> Part:
-    """Part of a table: the first two columns are the words, the others have their names, or another.
-
-    A number valid for the whole acquisition is repeated in every row.
-    """
-    names = tuple(columns)
-    rows = {name: getattr(of, kept_as.get(name, name)) for name in names[2:] if name != "unit"}
-    count = len(next(iter(rows.values())))
-    repeated = {name: np.full(count, rows[name]) for name in FIXED if name in rows}
-    return dict(zip(names[:2], words, strict=True)), rows | repeated
-
-
-ACQUIRED: Mapping[str, Acquired] = {
-    "acquisitions": Acquired(LATCHES, _latches),
-    "samples": Acquired(SAMPLES, _samples),
-    "positions": Acquired(POSITIONS, _positions),
-    "voltages": Acquired(VOLTAGES, _voltages),
-    "currents": Acquired(CURRENTS, _currents),
-    "gaps": Acquired(GAPS, _gaps),
+_ACQUIRED: Mapping[str, _Kind] = {
+    "acquisitions": _Kind(LATCHES, "counts"),
+    "samples": _Kind(SAMPLES, "codes", {"t_s": "host_s", "value": "values"}),
+    "positions": _Kind(POSITIONS, "positions"),
+    "voltages": _Kind(VOLTAGES, "voltages", {"t_s": "at_s", "value": "values_v"}),
+    "currents": _Kind(CURRENTS, "currents", {"t_s": "at_s", "value": "values_a"}),
 }
 
 
-def journal(run: StoredRun) -> Iterator[tuple[Event, str]]:
-    """Every event, and its data as JSON."""
-    return ((event, json.dumps(event.data, ensure_ascii=False)) for event in run.reader.events())
+def tables(run: StoredRun) -> dict[str, Table]:
+    """Tables of a run: readings, counters, other instruments of the bench, gaps if there are any, and the journal."""
+    every = (output for entry in run.bench.devices.values() for output in entry.outputs.items())
+    units = {name: output.unit for name, output in every if isinstance(output, Sampled)}
+    there = {
+        "samples": bool(units),
+        "positions": any(entry.encoders for entry in run.bench.devices.values()),
+        "voltages": bool(run.bench.with_capability("voltmeter")),
+        "currents": bool(run.bench.with_capability("ammeter")),
+    }
+    kinds = {name: kind for name, kind in _ACQUIRED.items() if there.get(name, True)}
+    found = {"readings": Table(READINGS, partial(_readings, run))}
+    found |= {name: Table(kind.columns, partial(_acquired, run, kind, units)) for name, kind in kinds.items()}
+    if any(True for _ in run.reader.events(EVENT)):
+        found["gaps"] = Table(GAPS, partial(_gaps, run))
+    return found | {"journal": Table(JOURNAL, partial(_journal, run))}
+
+
+def _readings(run: StoredRun) -> Iterator[Part]:
+    for series in map(run.reader.series, run.reader.channels()):
+        yield {"name": series.name, "unit": series.unit}, {"t_s": series.at_s, "value": series.values}
+
+
+def _acquisitions(run: StoredRun) -> Iterator[Acquisition]:
+    labels = dict.fromkeys(event.data.get("label") for event in run.reader.events("step_ended"))
+    for label in filter(None, labels):
+        yield from acquisitions(run.reader, run.bench, (), label)
+
+
+def _acquired(run: StoredRun, kind: _Kind, units: Mapping[str, str]) -> Iterator[Part]:
+    """Data of a kind; the first two columns are words. A number valid for a whole acquisition is in every row.
+
+    `units` are those of the values of channels that send codes or decoded values.
+    """
+    first, second, *others = (name for name in kind.columns if name != "unit")
+    for acquisition in _acquisitions(run):
+        for channel, found in getattr(acquisition, kind.kept_in).items():
+            rows = {name: getattr(found, kind.kept_as.get(name, name)) for name in others}
+            count = len(next(iter(rows.values())))
+            rows |= {name: np.full(count, rows[name]) for name in FIXED if name in rows}
+            words = {first: acquisition.step, second: channel}
+            yield words | ({"unit": units[channel]} if "unit" in kind.columns else {}), rows
+
+
+def _gaps(run: StoredRun) -> Iterator[Part]:
+    for acquisition in _acquisitions(run):
+        for (device, channel), missed in acquisition.missed.items():
+            found = acquisition.codes[channel] if missed.what == "samples" else acquisition.counts[channel]
+            yield {"step": acquisition.step, "channel": f"{device}.{channel}"}, gap_columns(found)
+
+
+def _journal(run: StoredRun) -> Iterator[Part]:
+    rows = (
+        (event.seq, event.at_s, event.kind, event.step, json.dumps(event.data, ensure_ascii=False))
+        for event in run.reader.events()
+    )
+    while some := list(islice(rows, JOURNAL_ROWS)):
+        yield {}, dict(zip(JOURNAL, zip(*some, strict=True), strict=True))

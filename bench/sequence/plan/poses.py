@@ -6,17 +6,7 @@ import math
 from collections.abc import Iterator
 
 from bench.config.models import BenchFile
-from bench.sequence.plan.plan import (
-    Alternatives,
-    Attempts,
-    Branches,
-    Meanwhile,
-    Nodes,
-    Passes,
-    Plan,
-    PlannedStep,
-    Section,
-)
+from bench.sequence.plan.plan import Alternatives, Meanwhile, Nodes, Passes, Plan, PlannedStep, within
 from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
 from bench.sequence.steps.stimulus import Move, Rotate
 from bench.sequence.steps.talk import Prompt
@@ -57,28 +47,19 @@ class _Travel:
 
     def nodes(self, nodes: Nodes) -> Iterator[tuple[PlannedStep, Pose]]:
         for node in nodes:
-            match node:
-                case PlannedStep():
-                    yield self._step(node)
-                case Meanwhile():
-                    yield self._step(node.step)
-                    yield from self.nodes(node.body)
-                case Section():
-                    yield from self.nodes(node.body)
-                    yield from self.nodes(node.teardown)
-                case Alternatives():
-                    before = dict(self._angles_deg)
-                    yield from self.nodes(node.then)
-                    after, self._angles_deg = self._angles_deg, before
-                    yield from self.nodes(node.otherwise)
-                    self._angles_deg = {**after, **self._angles_deg}
-                case Passes():
-                    yield from self._passes(node)
-                case Attempts():
-                    yield from self.nodes(node.body)
-                case Branches():
-                    for branch in node.branches.values():
-                        yield from self.nodes(branch)
+            if isinstance(node, Alternatives):
+                before = dict(self._angles_deg)
+                yield from self.nodes(node.then)
+                after, self._angles_deg = self._angles_deg, before
+                yield from self.nodes(node.otherwise)
+                self._angles_deg = {**after, **self._angles_deg}
+            elif isinstance(node, Passes):
+                yield from self._passes(node)
+            else:
+                if isinstance(node, (PlannedStep, Meanwhile)):
+                    yield self._step(node.step if isinstance(node, Meanwhile) else node)
+                for inner in within(node):
+                    yield from self.nodes(inner)
 
     def _passes(self, node: Passes) -> Iterator[tuple[PlannedStep, Pose]]:
         """Maximum number of passes; fewer if a pass ends where it began."""

@@ -45,7 +45,6 @@ class EnsembleAxis(OverDialogue):
             on_connect=self._do_not_wait,
             note=setup.note,
         )
-        self.double_read = self._dialogue.double_read
 
     async def identify(self) -> Identity:
         """Names stated in the bench file, because the controller has none, and the fingerprint that it reports.

@@ -55,10 +55,6 @@ class _Controller(Connected):
         """Set point as stored: the nearest float32."""
         return value_c(words(temperature_c))
 
-    async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Never called: these controllers do not ramp outside a program."""
-        raise NotImplementedError
-
     async def _set(self, temperature_c: float) -> None:
         await self._registers.set(self._at.set_point, words(temperature_c), "set point", _spelled)
 

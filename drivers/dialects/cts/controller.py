@@ -13,44 +13,35 @@ from drivers.dialects.cts import wire
 from drivers.dialects.cts.description import CtsOptions
 from drivers.dialects.cts.wire import Ramp, Status
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
-from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.lines import VerifiedLine
+from drivers.kinds.chamber.lines import TextController, VerifiedLine
 from drivers.kinds.chamber.ramp import OwnRamp
-from drivers.recognised import Recognised
+from drivers.kinds.chamber.tenths import as_stored
 from drivers.timing.awake import now_s
 from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, SyncQuery, lines_ending
-from drivers.values import Identity
 
 T = TypeVar("T")
 
 
-class CtsController(Connected):
+class CtsController(TextController):
     """A Controller that ramps by itself, in tenths of a degree per minute, from its present set point.
 
     It reports no limits, and versions instead of names; unless the bench file pins those, any CTS chamber is accepted.
     A running program is recognised only by its set points.
     """
 
-    can_start = True
-
     def __init__(self, setup: Setup[CtsOptions, ChamberLimits, ChamberSafe]) -> None:
-        self._device, self._pin, self._options = setup.name, setup.identity, setup.options
+        self._options = setup.options
         self._address = address = setup.options.address
-        self._ramp: OwnRamp | None = None  # last commanded set point
-        self._recognised = Recognised(setup.name, setup.identity)
         sync_query = SyncQuery(wire.STATUS_QUERY.encode(), wire.of_address(address, wire.read_status))
-        self._line = VerifiedLine(
+        self._ramp: OwnRamp | None = None  # last commanded set point
+        super().__init__(setup, VerifiedLine(
             setup, sync_query, self._identify, Pace(answer_s=setup.options.answer_timeout),
             framing=lines_ending(bytes([wire.ETX])), wrap=partial(wire.frame, address),
-        )  # fmt: skip
-        super().__init__(self._line)
-
-    def _identity(self) -> Identity:
-        """Names as stated in the bench file, versions as reported."""
-        return self._recognised.identity or Identity()
+        ))  # fmt: skip
 
     async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read temperatures, end of the ramp, and state of the chamber."""
@@ -60,7 +51,7 @@ class CtsController(Connected):
 
     async def command(self, temperature_c: float) -> None:
         """Send the set point and read it back."""
-        target_c = wire.as_stored(temperature_c)
+        target_c = as_stored(temperature_c)
         process_value_c, set_point_c, ramp = await self._temperatures()
         control, _ = await self._control()
         start_c = process_value_c if control is Control.IDLE else set_point_c
@@ -74,10 +65,6 @@ class CtsController(Connected):
                 self._device, "the chamber did not take a new set point", sent=command,
                 received=f"set point {stored_c:g} °C", remedy="Look at the chamber for a lock or a running program.",
             )  # fmt: skip
-
-    def as_stored(self, temperature_c: float) -> float:
-        """Set point as stored: rounded to a tenth of a degree."""
-        return wire.as_stored(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
         """Set both rates and read them back; BeyondLimit unless a multiple of 0.1 °C/min."""
@@ -110,16 +97,9 @@ class CtsController(Connected):
                 self._device, "the chamber has an error", received=f"number '{status.error}'",
                 remedy="Remove the cause and acknowledge it at the chamber.",
             )  # fmt: skip
-        if status.running:
-            await self._send_command(wire.RESUME)
-        else:
-            await self._send_command(wire.START)
-        control, why = await read_back(self._control, lambda found: found[0] is Control.SET_POINT)
-        if control is not Control.SET_POINT:
-            raise Refused(
-                self._device, "the chamber did not start", sent=wire.RESUME if status.running else wire.START,
-                received=why, remedy="Start it by hand at the chamber.",
-            )  # fmt: skip
+        start = wire.RESUME if status.running else wire.START
+        await self._send_command(start)
+        await self._expect_started(self._control, start)
         if self._ramp is not None:
             self._ramp = replace(self._ramp, began_s=now_s())  # it was paused until now
             await self.command(self._ramp.target_c)

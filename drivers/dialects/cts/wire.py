@@ -15,6 +15,8 @@ from functools import reduce
 from operator import xor
 from typing import Literal, TypeVar
 
+from drivers.kinds.chamber.tenths import as_stored
+
 T = TypeVar("T")
 RampChannel = Literal[0, 1]
 
@@ -24,7 +26,7 @@ ADDRESSES = range(1, 33)
 TEMPERATURE_QUERY, STATUS_QUERY, VERSIONS_QUERY = "A0", "S", "C"
 START, RESUME = "s1 1", "s3 1"
 COLDEST_C, HOTTEST_C = -99.9, 999.9  # range of set points in the format of the protocol
-STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 10
+STEPS_PER_C_PER_MIN = 10
 FULL_SPEED_C_PER_MIN = 999.9  # no ramp
 
 _TEMPERATURES = re.compile(r"A0 (\d{3}\.\d|-\d{2}\.\d) (\d{3}\.\d|-\d{2}\.\d)", re.ASCII)
@@ -85,11 +87,6 @@ def of_address(address: int, read: Callable[[str], T]) -> Callable[[bytes], T]:
 def set_point(temperature_c: float) -> str:
     """Command: set point."""
     return f"a0 {as_stored(temperature_c):05.1f}"
-
-
-def as_stored(temperature_c: float) -> float:
-    """Set point rounded to the transmitted tenth of a degree."""
-    return round(temperature_c * STEPS_PER_C) / STEPS_PER_C
 
 
 def ramp_rates(channel: RampChannel, rate_c_per_min: float) -> tuple[str, str]:

@@ -11,14 +11,13 @@ from drivers.dialects.espec_p300 import wire
 from drivers.dialects.espec_p300.description import P300Options
 from drivers.dialects.espec_p300.wire import Monitor, Temperatures
 from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState, as_stated
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.lines import VerifiedLine
-from drivers.recognised import Recognised
+from drivers.kinds.chamber.lines import TextController, VerifiedLine
+from drivers.kinds.chamber.tenths import as_stored
 from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, SyncQuery
-from drivers.values import Identity
 
 T = TypeVar("T")
 
@@ -29,27 +28,22 @@ _CONTROL: Mapping[str, Control] = {
 }  # fmt: skip
 
 
-class P300(Connected):
+class P300(TextController):
     """A Controller with one set point and no ramp.
 
     It reports its kind and firmware version, but no serial number.
     """
 
-    can_start = True
-
     def __init__(self, setup: Setup[P300Options, ChamberLimits, ChamberSafe]) -> None:
-        self._device, self._pin, self._address = setup.name, setup.identity, setup.options.address
+        self._address = setup.options.address
         self._commanded_c = math.nan
         self._kind = ""  # answer to TYPE?
-        self._recognised = Recognised(setup.name, setup.identity)
         sync_query = SyncQuery(self._addressed(wire.TYPE_QUERY).encode(), self._recognise)
         pace = Pace(answer_s=setup.options.answer_timeout, gap_s=QUERY_GAP_S)
-        self._line = VerifiedLine(setup, sync_query, self._identify, pace, end=wire.END, order_gap_s=SETTING_GAP_S)
-        super().__init__(self._line)
-
-    def _identity(self) -> Identity:
-        """Kind and version as reported, serial number as stated in the bench file."""
-        return self._recognised.identity or Identity()
+        super().__init__(
+            setup,
+            VerifiedLine(setup, sync_query, self._identify, pace, end=wire.END, order_gap_s=SETTING_GAP_S),
+        )
 
     async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read temperatures, then the state of the chamber.
@@ -81,7 +75,7 @@ class P300(Connected):
         command = wire.set_point(temperature_c)
         try:
             await self._send_command(command)
-            stored_c = wire.as_stored(temperature_c)
+            stored_c = as_stored(temperature_c)
             reported = await read_back(self._temperatures, lambda reported: reported.set_point_c == stored_c)
             if (set_point_c := reported.set_point_c) != stored_c:
                 raise Refused(
@@ -92,13 +86,6 @@ class P300(Connected):
         except Refused:
             if (await self._monitor()).mode in _CONTROL:
                 raise
-
-    def as_stored(self, temperature_c: float) -> float:
-        """Set point as stored: rounded to a tenth of a degree."""
-        return wire.as_stored(temperature_c)
-
-    async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Do nothing: the controller has no ramp; the driver sends a series of set points."""
 
     async def take_control(self) -> None:
         """Switch on constant operation, which ends a program, and send the set point again.

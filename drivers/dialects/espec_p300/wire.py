@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from drivers.kinds.chamber.refusal import Refusal
+from drivers.kinds.chamber.tenths import as_stored
 
 T = TypeVar("T")
 
@@ -22,7 +23,6 @@ TEMPERATURE_QUERY, MONITOR_QUERY, ALARM_QUERY = "TEMP?", "MON?", "ALARM?"
 POWER_ON, CONSTANT_MODE = "POWER,ON", "MODE,CONSTANT"
 OFF, STANDBY, CONSTANT = "OFF", "STANDBY", "CONSTANT"
 
-TENTHS = 10
 STEADY_WITHIN_C = 0.25  # possible change of the air temperature between two answers: two steps of its resolution
 REFUSALS: Mapping[str, str] = {
     "ADDR ERR": "wrong address",
@@ -74,11 +74,6 @@ def agree(one: Temperatures, other: Temperatures) -> bool:
 def set_point(temperature_c: float) -> str:
     """Command: set point."""
     return f"TEMP, S{as_stored(temperature_c):.1f}"
-
-
-def as_stored(temperature_c: float) -> float:
-    """Set point rounded to the transmitted tenth of a degree."""
-    return round(temperature_c * TENTHS) / TENTHS
 
 
 def addressed(command: str, address: int | None) -> str:

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from drivers.description import Setup
 from drivers.dialects.fluke_5700a import wire
 from drivers.errors import BadAnswer, Refused, WrongIdentity
 from drivers.protocols import scpi
 from drivers.recognised import Recognised
-from drivers.transport.dialogue import Dialogue, retry_once
+from drivers.transport.dialogue import Dialogue, OverDialogue, retry_once
 from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity
-
-T = TypeVar("T")
 
 ANSWER_S = 5.0  # a calibrator delays commands while it changes its range
 MAX_FAULTS = 32
 
 
-class FlukeLink:
+class FlukeLink(OverDialogue):
     """The line to one calibrator.
 
     Every message is one command or one query, and the next one waits for an answer: the input buffer of 128 bytes never
@@ -36,12 +33,11 @@ class FlukeLink:
         self._dialogue = Dialogue(
             setup.name, setup.wires, setup.address, sync_query, end=end, pace=pace, note=setup.note
         )
-        self.double_read = self._dialogue.double_read
 
     async def open(self) -> None:
         """Connect, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""
         try:
-            await self._dialogue.open()
+            await super().open()
             await retry_once(self.faults, self._note)  # errors of earlier sessions
         except BadAnswer as problem:
             self.close()
@@ -56,26 +52,14 @@ class FlukeLink:
 
     async def reopen(self) -> bool:
         """Connect and identify again if the connection was lost; return whether it was."""
-        lost = await self._dialogue.reopen()
+        lost = await super().reopen()
         if lost:
             await retry_once(self.faults, self._note)
         return lost
 
-    def close(self) -> None:
-        """Close the wire; closing twice is harmless."""
-        self._dialogue.close()
-
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""
         return await self.query(wire.IDENTITY_QUERY, self._recognise)
-
-    async def query(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        """Send a query that may be repeated; see Dialogue.query."""
-        return await self._dialogue.query(question, read)
-
-    async def query_once(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        """Send a query that the instrument answers only once; see Dialogue.query_once."""
-        return await self._dialogue.query_once(question, read)
 
     async def write(self, command: str) -> list[str]:
         """Send a command once; return the faults in the queue after it.

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from drivers.description import Nothing, Setup
-from drivers.dialects.framed.controller import FramedController
+from drivers.dialects.framed.controller import FramedAxis
 from drivers.dialects.framed.description import FramedHeadOptions, FramedTableOptions
 from drivers.dialects.framed.status import Status
 from drivers.errors import InstrumentFault, Refused
@@ -19,55 +19,29 @@ from drivers.kinds.table.description import TableLimits
 from drivers.kinds.table.driver import Table
 from drivers.kinds.table.turns import LONGEST_LEG_DEG, TURN_DEG, TurnCounter
 from drivers.transport.double_read import DoubleRead
-from drivers.values import Identity, Reading
+from drivers.values import Reading
 
 _MODES = {"off": Mode.OFF, "position": Mode.POSITION, "rate": Mode.RATE, "sine": Mode.SYNTHESIS}
 
 
-class _FramedAxis:
-    """Common part of head and table axes."""
-
-    def __init__(self, controller: FramedController) -> None:
-        self._controller = controller
-
-    async def open(self) -> None:
-        """Connect and identify; raises CannotConnect, NoAnswer, WrongIdentity."""
-        await self._controller.line.open()
-
-    async def reopen(self) -> None:
-        """Connect again if the wire was lost; else nothing."""
-        await self._controller.line.reopen()
-
-    def close(self) -> None:
-        """Close the wire; closing twice is harmless."""
-        self._controller.line.close()
-
-    async def identify(self) -> Identity:
-        """Query the identity; raises WrongIdentity if it has changed."""
-        return await self._controller.identify()
-
-    def _at_once(self) -> None:
-        self._controller.line.preempt("stop")
-
-
-class FramedHeadAxis(_FramedAxis):
+class FramedHeadAxis(FramedAxis):
     """An Axis of a head; `acceleration_dps2` is sent with every move whose frame has a field for it."""
 
     limits: OwnLimits | None = None  # the controller does not report it
 
     def __init__(self, setup: Setup[FramedHeadOptions, Any, Any]) -> None:
-        super().__init__(FramedController(setup, setup.options))
+        super().__init__(setup, setup.options)
         self.double_read = DoubleRead(setup.name, setup.note, checked=True)  # every frame has a checksum
         self._acceleration_dps2 = setup.options.acceleration
 
     async def angle(self) -> Reading:
         """Encoder angle (°)."""
-        status = await self._controller.read_state()
+        status = await self._status()
         return Reading(asyncio.get_running_loop().time(), status.angle_deg)
 
     async def state(self) -> AxisState:
         """Status bits."""
-        status = await self._controller.read_state()
+        status = await self._status()
         return AxisState(
             homed=status.homed, enabled=status.enabled, moving=status.moving, in_position=status.in_position,
             words=str(status),
@@ -75,42 +49,36 @@ class FramedHeadAxis(_FramedAxis):
 
     async def check_faults(self) -> None:
         """Raise InstrumentFault with the names of the present faults, or if another master commands the axis."""
-        status = await self._controller.read_state()
-        self._controller.check_faults(status)
+        status = await self._status()
+        self._check_faults(status)
         if not status.remote:
             raise InstrumentFault(
-                self._controller.device, "the controller does not obey this line", received=str(status),
+                self._device, "the controller does not obey this line", received=str(status),
                 remedy="Switch it to remote control.",
             )  # fmt: skip
-
-    async def enable(self) -> None:
-        """Energise the motor; raises Refused unless the status confirms it."""
-        await self._controller.enable()
 
     async def prepare(self, rate_dps: float) -> None:
         """Do nothing: the rate is sent with each move."""
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
         """Start a move to an angle, sent once; return when the status after it was read. Raises Refused."""
-        await self._controller.send_command(
-            "move", angle=angle_deg, rate=rate_dps, acceleration=self._acceleration_dps2
-        )
+        await self._send_command("move", angle=angle_deg, rate=rate_dps, acceleration=self._acceleration_dps2)
 
     async def abort(self) -> None:
         """Decelerate and hold."""
-        await self._controller.send_command("stop")
+        await self._send_command("stop")
 
     def abort_at_once(self) -> None:
         """As `abort`, ahead of any queued message; raises LinkLost."""
-        self._at_once()
+        self.line.preempt("stop")
 
 
-class FramedTableAxis(_FramedAxis):
+class FramedTableAxis(FramedAxis):
     """A TableAxis. If the status reports no mode, it is that of the last command; initially derived from the motion."""
 
     def __init__(self, setup: Setup[FramedTableOptions, TableLimits, Any]) -> None:
-        super().__init__(FramedController(setup, setup.options))
-        self._wraps, self._endless = self._controller.profile.angle_wraps, setup.limits.angle is None
+        super().__init__(setup, setup.options)
+        self._wraps, self._endless = self.profile.angle_wraps, setup.limits.angle is None
         self.longest_leg_deg = LONGEST_LEG_DEG if self._wraps else math.inf
         self._turns = TurnCounter(setup.limits.angle)
         self._commanded_mode = Mode.OFF
@@ -119,25 +87,25 @@ class FramedTableAxis(_FramedAxis):
 
     async def read_state(self) -> State:
         """State of the axis, its angle over whole turns."""
-        return self._understood(await self._controller.read_state())
+        return self._understood(await self._status())
 
     async def check_fault(self, state: State, sent: str = "") -> None:
         """Raise InstrumentFault with its reasons if the state has a fault, met by `sent`; clears nothing."""
         if state.drive is Drive.FAULT:
-            raise self._controller.fault(state.words, sent, str(state))
+            raise self._fault(state.words, sent, str(state))
 
     async def make_ready(self) -> State:
         """Energise the motor, unless that is so already; return the state after it. Raises InstrumentFault, Refused."""
-        status = await self._controller.read_state()
-        self._controller.check_faults(status)
+        status = await self._status()
+        self._check_faults(status)
         if not status.homed:
             raise InstrumentFault(
-                self._controller.device, "the axis has not been homed, so its angles are undefined",
+                self._device, "the axis has not been homed, so its angles are undefined",
                 received=str(status), remedy="Home it at the controller, where you can see it move.",
             )  # fmt: skip
         if not status.enabled:
             self._commanded_mode = Mode.OFF
-            status = await self._controller.enable()
+            status = await self.enable()
         return self._understood(status)
 
     async def release_control(self) -> None:
@@ -154,9 +122,9 @@ class FramedTableAxis(_FramedAxis):
 
     async def demand_sine(self, amplitude_deg: float, frequency_hz: float, run_up_s: float) -> None:
         """Store the sine; its run-up is the controller's own. Raises Refused if the axis cannot oscillate."""
-        if self._controller.profile.commands.sine is None:
+        if self.profile.commands.sine is None:
             raise Refused(
-                self._controller.device, "the controller cannot oscillate: its profile has no commands.sine",
+                self._device, "the controller cannot oscillate: its profile has no commands.sine",
                 remedy="Remove the sine from the sequence, or use a table that can oscillate.",
             )  # fmt: skip
         self._sine = (amplitude_deg, frequency_hz)
@@ -166,7 +134,7 @@ class FramedTableAxis(_FramedAxis):
         self._commanded_mode = mode
         if mode is Mode.SYNTHESIS:
             amplitude_deg, frequency_hz = self._sine
-            await self._controller.send_command("sine", amplitude=amplitude_deg, frequency=frequency_hz)
+            await self._send_command("sine", amplitude=amplitude_deg, frequency=frequency_hz)
         elif mode is Mode.RATE:
             await self.turn(0.0)
         else:
@@ -175,23 +143,23 @@ class FramedTableAxis(_FramedAxis):
     async def go(self, angle_deg: float) -> None:
         """Move the axis to an angle, within a turn if angles wrap."""
         within_deg = angle_deg % TURN_DEG if self._wraps and self._endless else angle_deg
-        await self._controller.send_command(
+        await self._send_command(
             "move", angle=within_deg, rate=self._rate_dps, acceleration=self._acceleration_dps2
         )  # fmt: skip
 
     async def turn(self, rate_dps: float) -> None:
         """Turn the axis at a rate."""
-        await self._controller.send_command("rate", rate=rate_dps, acceleration=self._acceleration_dps2)
+        await self._send_command("rate", rate=rate_dps, acceleration=self._acceleration_dps2)
 
     async def stop(self) -> None:
         """Decelerate and hold."""
         self._commanded_mode = Mode.OFF
-        await self._controller.send_command("stop")
+        await self._send_command("stop")
 
     def stop_at_once(self) -> None:
         """As `stop`, ahead of all queued messages; raises LinkLost."""
         self._commanded_mode = Mode.OFF
-        self._at_once()
+        self.line.preempt("stop")
 
     def _understood(self, status: Status) -> State:
         mode = _MODES.get(status.mode, Mode.OTHER) if status.mode else self._commanded_mode

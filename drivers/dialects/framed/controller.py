@@ -17,8 +17,8 @@ from drivers.timing.readback import read_back
 from drivers.values import Identity
 
 
-class FramedController:
-    """Reads the status and sends commands; every command is proved by the status after it.
+class FramedAxis:
+    """Common part of head and table axes: reads the status and sends commands, each proved by the status after it.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue for the line.
     """
@@ -30,7 +30,7 @@ class FramedController:
                 setup.name, f"the profile {options.profile.path} of its controller is gone",
                 remedy="Put the file back beside the bench file.",
             )  # fmt: skip
-        self.device, self.profile, self._pin = setup.name, profile, setup.identity
+        self._device, self.profile, self._pin = setup.name, profile, setup.identity
         self._recognised = Recognised(setup.name, setup.identity)
         self._last: Status | None = None
         self.line = FramedLine(
@@ -38,25 +38,37 @@ class FramedController:
             note=setup.note,
         )  # fmt: skip
 
+    async def open(self) -> None:
+        """Connect and identify; raises CannotConnect, NoAnswer, WrongIdentity."""
+        await self.line.open()
+
+    async def reopen(self) -> None:
+        """Connect again if the wire was lost; else nothing."""
+        await self.line.reopen()
+
+    def close(self) -> None:
+        """Close the wire; closing twice is harmless."""
+        self.line.close()
+
     async def identify(self) -> Identity:
         """Query the identity: names as stated, the status compared with them. Raises WrongIdentity."""
-        return self._recognise(await self.read_state())
+        return self._recognise(await self._status())
 
-    async def read_state(self) -> Status:
+    async def _status(self) -> Status:
         """State of the axis; raises WrongIdentity if the status comes from another controller."""
         status = await self.line.status()
         self._take(status)
         return status
 
-    def check_faults(self, status: Status, sent: str = "") -> None:
+    def _check_faults(self, status: Status, sent: str = "") -> None:
         """Raise InstrumentFault with the names of the present faults, met by `sent`; clears nothing."""
         if status.faults:
-            raise self.fault(", ".join(status.faults), sent, str(status))
+            raise self._fault(", ".join(status.faults), sent, str(status))
 
-    def fault(self, names: str, sent: str, received: str) -> InstrumentFault:
+    def _fault(self, names: str, sent: str, received: str) -> InstrumentFault:
         """Exception for a fault reported by the controller."""
         return InstrumentFault(
-            self.device, f"the controller reports a fault: {names}", sent=sent, received=received,
+            self._device, f"the controller reports a fault: {names}", sent=sent, received=received,
             remedy="Remove the cause, clear the fault at the controller, then run again.",
         )  # fmt: skip
 
@@ -64,16 +76,16 @@ class FramedController:
         """Energise the motor, if there is a command for it; Refused unless the status confirms it."""
         if self.profile.commands.enable is not None:
             await self.line.send_command("enable")
-        status = await read_back(self.read_state, lambda status: status.enabled or status.faults)
-        self.check_faults(status, "enable")
+        status = await read_back(self._status, lambda status: status.enabled or status.faults)
+        self._check_faults(status, "enable")
         if not status.enabled:
             raise Refused(
-                self.device, "the motor stays off", sent="enable", received=str(status),
+                self._device, "the motor stays off", sent="enable", received=str(status),
                 remedy="Check the emergency stop and the amplifier, then run again.",
             )  # fmt: skip
         return status
 
-    async def send_command(self, name: str, **values: float) -> None:
+    async def _send_command(self, name: str, **values: float) -> None:
         """Send a command once, with those values that its frame has a field for.
 
         If the status reports the active command, it must not differ from the one sent; a command that seems lost is not
@@ -86,8 +98,8 @@ class FramedController:
         await self.line.send_command(name, commanded.values())
         if before is None or echo is None:
             return
-        after = await self.read_state()
-        self.check_faults(after, name)
+        after = await self._status()
+        self._check_faults(after, name)
         self._check_taken(name, commanded[echo[0]], echo[1], before, after)
 
     def _check_limits(self, values: Mapping[str, float]) -> None:
@@ -101,7 +113,7 @@ class FramedController:
             problem = f"the angle {angle_deg:g}° is outside the {angles.min:g}° to {angles.max:g}° of the profile"
         if problem:
             raise BeyondLimit(
-                self.device, problem, remedy="No motion was sent. Correct the sequence, or limits in the profile."
+                self._device, problem, remedy="No motion was sent. Correct the sequence, or limits in the profile."
             )  # fmt: skip
 
     def _raw(self, name: str, values: Mapping[str, float]) -> dict[str, tuple[NumberFormat, Raw]]:
@@ -115,7 +127,7 @@ class FramedController:
                     found[key] = (form, form.raw(value))
                 except OverflowError as problem:
                     raise Refused(
-                        self.device, f"this {key} does not fit its frame: {problem}; nothing was sent", sent=name,
+                        self._device, f"this {key} does not fit its frame: {problem}; nothing was sent", sent=name,
                         remedy="Correct the sequence, or type and scale in the profile if they are wrong.",
                     ) from problem  # fmt: skip
         return found
@@ -131,7 +143,7 @@ class FramedController:
         wanted, kept = form.raw(sent_form.value(sent)), getattr(after, key)
         if kept not in (wanted, getattr(before, key)):
             raise Refused(
-                self.device, f"the controller took another {key.replace('_', ' ')} than commanded",
+                self._device, f"the controller took another {key.replace('_', ' ')} than commanded",
                 sent=f"{name} {sent_form.value(sent):g} ({wanted})", received=f"{form.value(kept):g} ({kept})",
                 remedy="Look for a limit of the controller, or for another master.",
             )  # fmt: skip

@@ -8,11 +8,12 @@ import math
 from drivers.dialects.framed.status import StatusReader
 from drivers.dialects.framed.wire import FrameFormat, Raw, Splitter
 from drivers.errors import Refused
+from drivers.transport.stream_end import StreamEnd
 
 SPLICE_S = 0.05  # the rest of a frame that has not arrived by then is lost
 
 
-class StatusStream(asyncio.Protocol):
+class StatusStream(StreamEnd):
     """Receives status frames: the expected one is `fresh`, others are `unsolicited`; `expect` resets both.
 
     A status with the counter of the last one is neither, because it has nothing new: `repeated` counts those, `missing`
@@ -21,6 +22,7 @@ class StatusStream(asyncio.Protocol):
     """
 
     def __init__(self, device: str, status: FrameFormat, reader: StatusReader, rest_s: float) -> None:
+        super().__init__()
         self._device, self._reader, self._rest_s = device, reader, max(rest_s, SPLICE_S)
         self._splitter = Splitter([status])
         self._counter: Raw | None = None
@@ -29,9 +31,6 @@ class StatusStream(asyncio.Protocol):
         self.fresh: bytes | None = None
         self.unsolicited = self.repeated = self.missing = 0
         self._received_at_s = -math.inf
-        self._waiter: asyncio.Future[None] | None = None
-        self._transport: asyncio.Transport | None = None
-        self.lost = "not connected"
 
     def expect(self, answers: Raw | None = None) -> None:
         """Take the next status as fresh, or the next that answers a request with this counter."""
@@ -59,23 +58,12 @@ class StatusStream(asyncio.Protocol):
     def send(self, frame: bytes) -> None:
         """Send a frame; ConnectionError when the connection is closed."""
         if self._transport is None or self.lost:
-            raise ConnectionError(self.lost)
+            raise self._loss()
         self._transport.write(frame)
 
-    async def more(self) -> None:
-        """Wait for the next bytes; ConnectionError if the connection closes, Refused after `interrupt`."""
-        if self.lost:
-            raise ConnectionError(self.lost)
-        self._waiter = asyncio.get_running_loop().create_future()
-        try:
-            await self._waiter
-        finally:
-            self._waiter = None
-
     def interrupt(self) -> None:
-        """End a wait for bytes."""
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_exception(Refused(self._device, "aborted, the instrument is being made safe"))
+        """End a wait for bytes: it raises Refused."""
+        self._end_wait(Refused(self._device, "aborted, the instrument is being made safe"))
 
     def forget(self) -> None:
         """Drop received frames that were not expected."""
@@ -101,14 +89,6 @@ class StatusStream(asyncio.Protocol):
         else:
             self.unsolicited += 1
 
-    # asyncio.Protocol
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Store the transport."""
-        if not isinstance(transport, asyncio.Transport):
-            raise TypeError("a stream transport is needed")
-        self._transport, self.lost = transport, ""
-
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the controller."""
         now_s = asyncio.get_running_loop().time()
@@ -117,11 +97,4 @@ class StatusStream(asyncio.Protocol):
         self._received_at_s = now_s
         for _, frame in self._splitter.feed(data):
             self._take(frame)
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Notify waiting tasks that the connection is closed."""
-        self.lost = self.lost or f"the connection was closed ({exc or 'by the other end'})"
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_exception(ConnectionError(self.lost))
+        super().data_received(data)

@@ -12,13 +12,13 @@ from drivers.dialects.simserv import wire
 from drivers.dialects.simserv.description import SimservOptions
 from drivers.dialects.simserv.wire import Function, Info, Status, message
 from drivers.errors import InstrumentFault, NoAnswer, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, ControllerState
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.lines import VerifiedLine
+from drivers.kinds.chamber.lines import TextController, VerifiedLine
 from drivers.kinds.chamber.ramp import OwnRamp
 from drivers.kinds.chamber.refusal import Refusal
-from drivers.recognised import Recognised
+from drivers.kinds.chamber.tenths import as_stored
 from drivers.timing.awake import now_s
 from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, SyncQuery, lines_ending
@@ -33,30 +33,21 @@ _GRADIENTS = (
 )  # fmt: skip
 
 
-class Simpac(Connected):
+class Simpac(TextController):
     """A Controller that ramps by itself, from its present set point.
 
     It reports only one set point. If that is the end of a ramp, the active set point is computed from gradient and
     time; if it is the active one, it is compared with the computed one.
     """
 
-    can_start = True
-
     def __init__(self, setup: Setup[SimservOptions, ChamberLimits, ChamberSafe]) -> None:
-        self._device, self._pin = setup.name, setup.identity
         self._reports_target = setup.options.set_point_reads == "target"
-        self._ramp: OwnRamp | None = None  # last commanded set point
         self._serial = ""
-        self._recognised = Recognised(setup.name, setup.identity)
-        self._line = VerifiedLine(
+        self._ramp: OwnRamp | None = None  # last commanded set point
+        super().__init__(setup, VerifiedLine(
             setup, SyncQuery(_SERIAL_QUERY.encode("latin-1"), self._recognise), self._identify,
             Pace(answer_s=setup.options.answer_timeout), end=wire.END, framing=lines_ending(wire.ANSWER_END),
-        )  # fmt: skip
-        super().__init__(self._line)
-
-    def _identity(self) -> Identity:
-        """Type and serial number as reported."""
-        return self._recognised.identity or Identity()
+        ))  # fmt: skip
 
     async def read_state(self, commanded_c: float | None) -> ControllerState:
         """Read process value, set point and status."""
@@ -72,17 +63,13 @@ class Simpac(Connected):
         While a program runs it may be refused, or the program's set point is read back: then `take_control` sends it
         again.
         """
-        target_c = wire.as_stored(temperature_c)
+        target_c = as_stored(temperature_c)
         self._ramp = await self._ramp_to(target_c)
         try:
             await self._send(self._ramp)
         except Refused:
             if not await self._program_status():
                 raise
-
-    def as_stored(self, temperature_c: float) -> float:
-        """Set point as stored: rounded to a tenth of a degree."""
-        return wire.as_stored(temperature_c)
 
     async def set_ramp(self, rate_c_per_min: float) -> None:
         """Set both gradients, each read back."""
@@ -105,12 +92,7 @@ class Simpac(Connected):
             await self._send_command(message(Function.STOP_PROGRAM))
         start = message(Function.SWITCH, wire.START, 1)
         await self._send_command(start)
-        control, why = await read_back(self._control, lambda found: found[0] is Control.SET_POINT)
-        if control is not Control.SET_POINT:
-            raise Refused(
-                self._device, "the chamber did not start", sent=start, received=why,
-                remedy="Start it by hand at the chamber.",
-            )  # fmt: skip
+        await self._expect_started(self._control, start)
         if self._ramp is not None:
             self._ramp = replace(self._ramp, began_s=now_s())  # it was stopped until now
             await self.command(self._ramp.target_c)

@@ -13,6 +13,7 @@ from enum import IntEnum, IntFlag
 from typing import Literal, TypeVar
 
 from drivers.kinds.chamber.refusal import Refusal
+from drivers.kinds.chamber.tenths import as_stored
 
 T = TypeVar("T")
 Reads = Literal["target", "in_force"]
@@ -23,7 +24,7 @@ DONE = 1
 TEMPERATURE = 1  # the first control variable
 START = 1  # the digital output that starts and stops
 
-STEPS_PER_C, STEPS_PER_C_PER_MIN = 10, 1000  # resolution of set points and gradients here
+STEPS_PER_C_PER_MIN = 1000  # resolution of gradients here
 REFUSALS: Mapping[int, str] = {
     -1: "an empty message",
     -2: "missing chamber number",
@@ -95,11 +96,6 @@ def message(function: Function, *arguments: int | str) -> str:
 def temperature(value_c: float) -> str:
     """Format a set point."""
     return f"{as_stored(value_c):.1f}"
-
-
-def as_stored(value_c: float) -> float:
-    """Set point rounded to the transmitted tenth of a degree."""
-    return round(value_c * STEPS_PER_C) / STEPS_PER_C
 
 
 def gradient(rate_c_per_min: float) -> str:

@@ -92,10 +92,6 @@ class F4Channel(Connected):
         except OverflowError:
             return temperature_c
 
-    async def set_ramp(self, rate_c_per_min: float) -> None:
-        """Never called: this controller cannot ramp a set point."""
-        raise NotImplementedError
-
     async def take_control(self) -> None:
         """End a profile and switch the chamber on; InstrumentFault during an alarm."""
         found = self._form.measured(await self._registers.read(MEASURED_FIRST, MEASURED_COUNT))

@@ -101,6 +101,10 @@ class Connected:
         await self._connection.identify()
         return self._identity()
 
+    async def set_ramp(self, rate_c_per_min: float) -> None:
+        """Never called for a controller that does not ramp by itself; others override it."""
+        raise NotImplementedError
+
     def _identity(self) -> Identity:
         raise NotImplementedError
 

@@ -1,4 +1,4 @@
-"""Text line to a chamber's controller, on a connection that is identified before use."""
+"""Text line to a chamber's controller, on a connection that is identified before use, and controllers on it."""
 
 from __future__ import annotations
 
@@ -9,9 +9,14 @@ from typing import Any, TypeVar
 
 from drivers.description import Setup
 from drivers.errors import NoAnswer, Refused
+from drivers.kinds.chamber.controller import Connected, Control
 from drivers.kinds.chamber.refusal import Refusal
+from drivers.kinds.chamber.tenths import as_stored
+from drivers.recognised import Recognised
+from drivers.timing.readback import read_back
 from drivers.transport.dialogue import Dialogue, retry_once
 from drivers.transport.exchange import Framing, Pace, SyncQuery, Wrap
+from drivers.values import Identity
 
 T = TypeVar("T")
 Read = Callable[[bytes], T | Refusal]
@@ -94,3 +99,29 @@ class VerifiedLine:
 
     async def _rest(self) -> None:
         await asyncio.sleep(max(0.0, self._busy_until_s - asyncio.get_running_loop().time()))
+
+
+class TextController(Connected):
+    """Part of a Controller on such a line: recognised by its answers, its set points in tenths of a degree."""
+
+    can_start = True
+
+    def __init__(self, setup: Setup[Any, Any, Any], line: VerifiedLine) -> None:
+        self._device, self._pin, self._line = setup.name, setup.identity, line
+        self._recognised = Recognised(setup.name, setup.identity)
+        super().__init__(line)
+
+    def _identity(self) -> Identity:
+        return self._recognised.identity or Identity()
+
+    def as_stored(self, temperature_c: float) -> float:
+        """Set point as stored: rounded to a tenth of a degree."""
+        return as_stored(temperature_c)
+
+    async def _expect_started(self, control: Callable[[], Awaitable[tuple[Control, str]]], sent: str) -> None:
+        found, why = await read_back(control, lambda found: found[0] is Control.SET_POINT)
+        if found is not Control.SET_POINT:
+            raise Refused(
+                self._device, "the chamber did not start", sent=sent, received=why,
+                remedy="Start it by hand at the chamber.",
+            )  # fmt: skip

@@ -39,12 +39,15 @@ class Axis(Protocol):
     """
 
     limits: OwnLimits | None
-    double_read: DoubleRead
+
+    @property
+    def double_read(self) -> DoubleRead:
+        """Confirmation of readings that enter a result."""
 
     async def open(self) -> None:
         """Connect and identify; raises CannotConnect, WrongIdentity."""
 
-    async def reopen(self) -> None:
+    async def reopen(self) -> object:
         """Reconnect if the connection was lost; else do nothing."""
 
     def close(self) -> None:
@@ -62,7 +65,7 @@ class Axis(Protocol):
     async def check_faults(self) -> None:
         """Raise InstrumentFault with the faults reported for the axis; acknowledges nothing."""
 
-    async def enable(self) -> None:
+    async def enable(self) -> object:
         """Energise the motor; raises Refused unless the state confirms it."""
 
     async def prepare(self, rate_dps: float) -> None:

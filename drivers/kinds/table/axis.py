@@ -60,7 +60,7 @@ class TableAxis(Protocol):
     async def open(self) -> None:
         """Connect and identify; raises CannotConnect, WrongIdentity."""
 
-    async def reopen(self) -> None:
+    async def reopen(self) -> object:
         """Connect and identify again if the wire was lost; else nothing."""
 
     def close(self) -> None:

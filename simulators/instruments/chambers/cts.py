@@ -13,6 +13,7 @@ from typing import ClassVar, Literal, Self
 
 from drivers.dialects.cts import wire
 from drivers.dialects.cts.wire import ETX, FULL_SPEED_C_PER_MIN, STX, RampChannel
+from drivers.kinds.chamber.tenths import as_stored
 from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.setup import InstrumentSetup
@@ -40,7 +41,7 @@ class SimulatedCts(SimulatedChamber):
         super().__init__(world, faults)
         self.address, self.versions = address, versions
         self.running, self.paused, self.error, self.program = True, False, "", False
-        self.set_point_c = wire.as_stored(world.thermal.set_point_c)
+        self.set_point_c = as_stored(world.thermal.set_point_c)
         self.rates = {"u": FULL_SPEED_C_PER_MIN, "d": FULL_SPEED_C_PER_MIN}
         self._ramp_channel, self._limits_c, self._reads = ramp_channel, limits_c, set_point_reads
         self._settings: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], bool]], ...] = (

@@ -12,7 +12,8 @@ from functools import partial
 from typing import ClassVar, Self
 
 from drivers.dialects.espec_p300 import wire
-from drivers.dialects.espec_p300.wire import CONSTANT, OFF, STANDBY, TENTHS
+from drivers.dialects.espec_p300.wire import CONSTANT, OFF, STANDBY
+from drivers.kinds.chamber.tenths import as_stored
 from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan, sets
 from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.scpi import LineSession
@@ -50,7 +51,7 @@ class SimulatedP300(SimulatedChamber):
     ) -> None:  # fmt: skip
         super().__init__(world, faults)
         self.mode, self.alarms, self.protected, self.hurried = mode, list[int](), False, 0
-        self.set_point_c = round(world.thermal.set_point_c * TENTHS) / TENTHS
+        self.set_point_c = as_stored(world.thermal.set_point_c)
         self._address, self._humidity_percent = address, humidity_percent
         self._kind, self._rom, (self._lowest_c, self._highest_c) = kind, rom, limits_c
         self._ready_s = -math.inf

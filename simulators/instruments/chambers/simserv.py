@@ -12,6 +12,7 @@ from typing import ClassVar, Self
 
 from drivers.dialects.simserv import wire
 from drivers.dialects.simserv.wire import Function, Info, Reads, Status
+from drivers.kinds.chamber.tenths import as_stored
 from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.chambers.chamber import CHAMBER_FAULT_EFFECTS, SimulatedChamber
 from simulators.instruments.scpi import LineSession
@@ -51,7 +52,7 @@ class SimulatedSimserv(SimulatedChamber):
     ) -> None:  # fmt: skip
         super().__init__(world, faults)
         self.kind, self.serial, self.limits_c = kind, serial, limits_c
-        self.set_point_c = wire.as_stored(world.thermal.set_point_c)
+        self.set_point_c = as_stored(world.thermal.set_point_c)
         self.gradients: dict[Function, float] = {Function.GRADIENT_UP: 0.0, Function.GRADIENT_DOWN: 0.0}
         self.outputs = {1: True}
         self.program = 0

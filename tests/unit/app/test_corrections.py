@@ -58,7 +58,7 @@ def test_an_angle_is_corrected_alike_in_every_turn(bench):
 def test_the_simulated_instruments_need_what_their_certificates_say(bench):
     known, settings = corrections_of(bench), world_settings(bench, unit_files(bench, None), 1)
     true_c = np.linspace(-60, 90, 301)
-    read_c = read_of(true_c, settings.places["a"].thermometer_table)
+    read_c = read_of(true_c, settings.places["a"].thermometer.table)
     assert known.temperatures(series(*read_c)).values == pytest.approx(true_c, abs=1e-9)
     assert not np.allclose(read_c, true_c, atol=0.1)
     read_deg = np.linspace(-400, 800, 97)

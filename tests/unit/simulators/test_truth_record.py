@@ -16,6 +16,7 @@ from simulators.physics.motion import AxisErrors
 from simulators.truth.constants import DwellAsMeasured, Orientation, channel_constants, truth_record
 from simulators.units.accelerometer import draw_unit
 from simulators.units.unit_file import UnitFile
+from simulators.units.unit_temperatures import ThermometerErrors
 from tests.support.laboratory import ARCSEC_DEG, Laboratory, counter_form, place, unit
 from tests.support.planar import planar
 
@@ -206,7 +207,7 @@ def test_a_dwell_has_the_hysteresis_drift_and_warm_up_of_its_middle_though_the_u
 def test_the_record_tells_the_errors_of_the_bench_and_the_unit_as_drawn() -> None:
     axis = AxisErrors(zero_deg=0.001, cosines=(0.002,), sines=(0.003,), backlash_deg=0.004, repeatability_deg=0.005)
     lab = Laboratory(
-        place(unit=unit(**LIKE_REAL), thermometer_offset_c=0.3, thermometer_gain=0.001),
+        place(unit=unit(**LIKE_REAL), thermometer=ThermometerErrors(0.3, 0.001)),
         seed=7, device_clock=1e-6, host_clock=2e-5, level_deg=0.006, axes={"head": axis},
     )  # fmt: skip
     record = json.loads(json.dumps(truth_record(lab.world, [])))

@@ -16,6 +16,7 @@ from drivers.errors import LinkLost
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.physics.motion import AxisErrors
 from simulators.units.accelerometer import UnitTruth
+from simulators.units.unit_temperatures import ThermometerErrors
 from tests.support.laboratory import ARCSEC_DEG, ROOT, Laboratory, counter_form, place, unit
 from tests.support.planar import planar
 
@@ -275,7 +276,7 @@ def readings_c(lab: Laboratory, duration_s: float) -> np.ndarray:
 
 
 def test_temperatures_come_once_a_second_in_hundredths() -> None:
-    lab = Laboratory(place(thermometer_offset_c=0.1234), thermometer_noise_c=0.05)
+    lab = Laboratory(place(thermometer=ThermometerErrors(0.1234)), thermometer_noise_c=0.05)
     counter = lab.counter()
     lab.wait(1000.05)
     found = temperatures(FORM, counter.take())
@@ -295,7 +296,7 @@ def test_a_counter_slower_than_a_second_sends_a_temperature_with_each_latch() ->
 
 
 def test_a_thermometer_has_an_offset_a_gain_and_a_lag() -> None:
-    lab = Laboratory(place(thermometer_offset_c=0.3, thermometer_gain=0.002))
+    lab = Laboratory(place(thermometer=ThermometerErrors(0.3, 0.002)))
     lab.world.ramp(-40, math.inf)
     lab.wait(1e5)
     assert readings_c(lab, 5)[-1] == pytest.approx(-40 * 1.002 + 0.3, abs=0.006)
@@ -387,8 +388,8 @@ def test_the_errors_that_certificates_bound_are_drawn_with_their_standard_uncert
     for order in range(4):
         assert sd(lambda s, n=order: s.axes["head"].cosines[n]) == pytest.approx(1 * ARCSEC_DEG, **wide)
         assert sd(lambda s, n=order: s.axes["head"].sines[n]) == pytest.approx(1 * ARCSEC_DEG, **wide)
-    assert sd(lambda s: s.places["a"].thermometer_offset_c) == pytest.approx(0.3, **wide)
-    assert sd(lambda s: s.places["a"].thermometer_gain) == pytest.approx(1e-3, **wide)
+    assert sd(lambda s: s.places["a"].thermometer.offset_c) == pytest.approx(0.3, **wide)
+    assert sd(lambda s: s.places["a"].thermometer.gain) == pytest.approx(1e-3, **wide)
     heads = [s.axes["head"] for s in drawn]
     errors = np.array([
         [s.gravity_mps2, s.host_clock, s.device_clock, s.level_deg, head.zero_deg, *head.cosines, *head.sines]

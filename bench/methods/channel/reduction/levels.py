@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -145,7 +145,7 @@ def is_ramp(acquisition: Acquisition) -> bool:
 
 def _record(ramps: Sequence[Acquisition], unit: UnitUnderTest, gate_s: float) -> ChannelRecord | Means:
     if unit.is_counted:
-        return _joined([read_out(acquisition, unit, gate_s) for acquisition in ramps])
+        return ChannelRecord.joined([read_out(acquisition, unit, gate_s) for acquisition in ramps])
     return joined([read_means(acquisition, unit, gate_s) for acquisition in ramps])
 
 
@@ -203,18 +203,6 @@ def _means_between(acquisition: Acquisition, reading: str, edges_s: Array) -> Ar
     if reading not in acquisition.temperatures_c:
         return np.full(max(len(edges_s) - 1, 0), np.nan)
     return means_between(acquisition.temperatures_at_s[reading], acquisition.temperatures_c[reading], edges_s)
-
-
-def _joined(records: Iterable[ChannelRecord]) -> ChannelRecord:
-    parts = [_columns(record) for record in records]
-    return ChannelRecord(**{name: np.concatenate([np.zeros(0), *(part[name] for part in parts)]) for name in _COLUMNS})
-
-
-_COLUMNS = ("time_s", "positive", "negative", "converter_c", "accelerometer_c")
-
-
-def _columns(record: ChannelRecord) -> Mapping[str, Array]:
-    return {name: getattr(record, name) for name in _COLUMNS}
 
 
 def _point(acquisition: Acquisition, unit: UnitUnderTest) -> Point:

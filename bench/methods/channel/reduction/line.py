@@ -8,7 +8,7 @@ in V or codes.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from bench.metrology.least_squares import (
 )
 from bench.metrology.pulse_counts import LEAST_SHARE, STANDSTILL_PERIODS
 from bench.metrology.results.flag import INVALID, Flag
+from bench.metrology.rows import Rows
 from bench.metrology.temperature_checks import broken_on_a_ramp, rates_c_per_s
 
 NARROW, FAST = "insufficient_temperature_span", "ramp_too_fast"
@@ -39,7 +40,7 @@ LARGEST_READING = 2.0**53  # a double beyond this is not exact to the count; nor
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelRecord:
+class ChannelRecord(Rows):
     """One row per reading of one run in any order, all arrays (n,); a missing number is NaN.
 
     `positive` and `negative` are cumulative counts, `converter_c` and `accelerometer_c` temperatures.
@@ -50,10 +51,6 @@ class ChannelRecord:
     negative: Array
     converter_c: Array
     accelerometer_c: Array
-
-    def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> ChannelRecord:
-        """A part of the record, by row numbers or by a mask."""
-        return ChannelRecord(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
 
 
 @dataclass(frozen=True, slots=True)

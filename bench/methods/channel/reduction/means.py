@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,11 +51,7 @@ def _quantisation_u(found: Voltages | Codes, edges_s: Array) -> float:
 
 def joined(parts: Sequence[Means]) -> Means:
     """Gates of several ramps as those of one run."""
-    gates = Gates(**{
-        column.name: np.concatenate([np.zeros(0), *(getattr(part.gates, column.name) for part in parts)])
-        for column in fields(Gates)
-    })  # fmt: skip
-    return Means(gates, sum((part.problems for part in parts), Counter()))
+    return Means(Gates.joined([part.gates for part in parts]), sum((part.problems for part in parts), Counter()))
 
 
 def reduce_means(means: Means, rules: ChannelRules) -> ChannelRun:

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from bench.methods.indexing.reduction.model import SweepModel, fit_sweeps
-from bench.methods.indexing.reduction.sweep import EndSweep, SweepRecord, bias_drifts, joined, reduce_end, usable_rows
+from bench.methods.indexing.reduction.sweep import EndSweep, SweepRecord, bias_drifts, reduce_end, usable_rows
 from bench.methods.indexing.reduction.two_ends import (
     Agreement,
     Clocking,
@@ -124,7 +124,7 @@ def _swept(record: SweepRecord) -> Iterator[str]:
 def _model(ends: Mapping[str, EndSweep | None], settings: CalibrationSettings, first: float) -> SweepModel:
     """Model of all dwells kept by the lines of the ends, with a drift if one of them has it."""
     swept = [end for end in ends.values() if end]
-    dwells = joined([end.dwells for end in swept])
+    dwells = SweepRecord.joined([end.dwells for end in swept])
     drifts = any(end.fit and end.fit.drift_v is not None for end in swept)
     return fit_sweeps(
         dwells.angle_rad,

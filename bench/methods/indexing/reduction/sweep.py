@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from bench.metrology.least_squares import (
     reject_outliers,
 )
 from bench.metrology.results.flag import Flag
+from bench.metrology.rows import Rows
 from bench.metrology.temperature_checks import broken_at_rest
 
 LEAST_ANGLES = 3
@@ -40,7 +41,7 @@ DRIFT_SHARE = 0.5  # minimum share of the scatter of below minus above; the rest
 
 
 @dataclass(frozen=True, slots=True)
-class SweepRecord:
+class SweepRecord(Rows):
     """One row per dwell in any order, all arrays (n,); a missing number is NaN, a missing word empty.
 
     `end` is "up" or "down", `direction` "fwd" or "rev", `sequence` numbers the dwells in time order. The temperature
@@ -57,10 +58,6 @@ class SweepRecord:
     temperature_c: Array
     side: NDArray[np.str_]
     stand: NDArray[np.int_]
-
-    def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> SweepRecord:
-        """A part of the record, by row numbers or by a mask."""
-        return SweepRecord(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
 
     def __len__(self) -> int:
         return len(self.end)
@@ -94,12 +91,6 @@ def by_travel(record: SweepRecord) -> SweepRecord:
         came = np.where(last < 0, "", np.where(moved_deg[last] > 0, "below", "above"))
         side[rows] = np.where(side[rows] == "", came, side[rows])
     return replace(record, side=side, stand=stand)
-
-
-def joined(parts: Sequence[SweepRecord]) -> SweepRecord:
-    """Join parts of a record; without any it has no rows."""
-    columns = {c.name: [getattr(part, c.name) for part in parts] or [np.zeros(0)] for c in fields(SweepRecord)}
-    return SweepRecord(**{name: np.concatenate(column) for name, column in columns.items()})
 
 
 def usable_rows(record: SweepRecord, output_limit_v: float) -> tuple[SweepRecord, Counter[str]]:

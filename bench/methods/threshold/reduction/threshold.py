@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from bench.metrology.least_squares import Array
 from bench.metrology.results.coverage import coverage_factor
+from bench.metrology.rows import Rows
 
 PASSING_SHARE = 0.5  # of the expected output change
 COUNT_SHARE = 0.2  # of a step: maximum size of one count
@@ -32,7 +33,7 @@ Relation = Literal["equal", "at_most", "more_than"]
 
 
 @dataclass(frozen=True, slots=True)
-class LadderRecord:
+class LadderRecord(Rows):
     """The readings of one ladder, in any order, arrays (n,); a missing number is NaN.
 
     `time_s` is the middle of a reading. `step` is the step commanded, with its sense, the same number for all repeats;
@@ -48,10 +49,6 @@ class LadderRecord:
     output_g: Array
     u_g: Array
     count_g: Array
-
-    def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> LadderRecord:
-        """A part of the record, by row numbers or by a mask."""
-        return LadderRecord(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
 
 
 @dataclass(frozen=True, slots=True)

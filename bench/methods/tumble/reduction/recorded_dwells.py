@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,14 @@ from bench.methods.tumble.reduction.solution import (
 )
 from bench.metrology.least_squares import Array
 from bench.metrology.results.flag import Flag
+from bench.metrology.rows import Rows
 from bench.metrology.temperature_checks import broken_at_rest
 
 DWELL_INVALID = "dwell {number} invalid"
 
 
 @dataclass(frozen=True, slots=True)
-class TumbleRecord:
+class TumbleRecord(Rows):
     """One row per reading in any order, all arrays (n,); a missing number is NaN, a missing leg is empty.
 
     `leg` is "up" or "down", `dwell` numbers the visits of set points, `position_deg` is the actual angle of the input
@@ -41,10 +42,6 @@ class TumbleRecord:
     repetition: Array
     output_v: Array
     valid: NDArray[np.bool_]
-
-    def rows(self, which: NDArray[np.int_] | NDArray[np.bool_]) -> TumbleRecord:
-        """A part of the record, by row numbers or by a mask."""
-        return TumbleRecord(**{column.name: getattr(self, column.name)[which] for column in fields(self)})
 
 
 def recorded_dwells(record: TumbleRecord) -> tuple[tuple[SolvedDwell, ...], list[Flag], dict[str, int]]:

@@ -25,7 +25,7 @@ from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, Drift
 from bench.metrology.results.finding import Finding
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.reduce.certificates import bench_record
-from simulators.units.unit_temperatures import Thermometer
+from simulators.units.unit_temperatures import Thermometer, ThermometerErrors
 from tests.support.runs import ROOT
 
 DRIFT_C = 0.06
@@ -72,7 +72,7 @@ def test_a_thermometer_without_a_certificate_has_no_drift() -> None:
 
 
 def test_a_simulated_thermometer_drifts_evenly_over_the_run_about_its_offset() -> None:
-    thermometer = Thermometer(20.0, 0.3, 0.0, 0.0, default_rng(1), drift_c=0.1, run_s=1000.0)
+    thermometer = Thermometer(20.0, ThermometerErrors(0.3, drift_c=0.1), 0.0, default_rng(1), run_s=1000.0)
     assert thermometer.readings_c(np.array([0.0, 250.0, 500.0, 1000.0]), 1000.0, 20.0) == pytest.approx(
         [20.25, 20.275, 20.3, 20.35]
     )
@@ -82,8 +82,8 @@ def test_the_drift_of_a_simulated_thermometer_is_drawn_from_its_certificate() ->
     bench = load_bench(ROOT / "config/simulated.yaml").bench
     units = unit_files(bench, None)
     drawn = [world_settings(bench, units, seed, 7200.0) for seed in range(400)]
-    drifts_c = np.array([each.places["a"].thermometer_drift_c for each in drawn])
-    offsets_c = np.array([each.places["a"].thermometer_offset_c for each in drawn])
+    drifts_c = np.array([each.places["a"].thermometer.drift_c for each in drawn])
+    offsets_c = np.array([each.places["a"].thermometer.offset_c for each in drawn])
     assert {each.run_s for each in drawn} == {7200.0}
     assert drifts_c.std() == pytest.approx(0.06, rel=0.15)
     assert abs(np.corrcoef(drifts_c, offsets_c)[0, 1]) < 0.2
