@@ -78,8 +78,8 @@ async function check(form, view, checked) {
   const fields = new FormData(form);
   fields.set("text", text);
   const sent = new URLSearchParams(/** @type {[string, string][]} */ ([...fields]));
-  const answer = await fetch(form.dataset.check ?? "", { method: "POST", body: sent });
-  if (!answer.ok || view.state.doc.toString() !== text) return [];
+  const answer = await fetch(form.dataset.check ?? "", { method: "POST", body: sent }).catch(() => null);
+  if (answer === null || !answer.ok || view.state.doc.toString() !== text) return [];
   /** @type {{ found: Finding[], html: string }} */
   const content = await answer.json();
   checked.innerHTML = content.html;
@@ -106,8 +106,8 @@ async function options(form, context) {
     method: "POST",
     headers: { "content-type": "application/json" },
     body: JSON.stringify({ text, bench, at }),
-  });
-  if (!answer.ok) return null;
+  }).catch(() => null);
+  if (answer === null || !answer.ok) return null;
   /** @type {{ start: number, options: Option[] }} */
   const found = await answer.json();
   if (found.options.length === 0) return null;
