@@ -115,7 +115,7 @@ $(VENV)/.station: $(VENV)/.made pyproject.toml
 	$(BIN)/python -m compileall -q $(PACKAGES)
 	touch $@ $(VENV)/.core
 
-$(VENV)/.assets: $(VENV)/.made bench/web/assets.toml bench/web/assets.py
+$(VENV)/.assets: $(VENV)/.made bench/web/assets.toml bench/web/assets.py bench/web/codemirror.js
 	$(BIN)/python bench/web/assets.py
 	touch $@
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from bench.app.request import PreparedRun
+from bench.config.bench import LoadedBench
+from bench.config.document import Document
 from bench.errors import InputError
 from bench.reduce.stored_run import BENCH_COPY, SEQUENCE_COPY, released_copy
 from drivers.can.options import text_of
@@ -18,17 +21,28 @@ CALLED = "called"  # folder of the sequences that the sequence of a run calls
 
 def inputs_of(prepared: PreparedRun) -> dict[str, str]:
     """Return the text of each input file, by the name of its copy."""
-    copies = {SEQUENCE_COPY: prepared.plan.document.text, BENCH_COPY: prepared.loaded.document.text}
+    copies = sequence_inputs(prepared.plan.document)
     copies |= {released_copy(place): released.text for place, released in prepared.released.items()}
     if prepared.scenario is not None:
         copies[SCENARIO_COPY] = prepared.scenario.text
-    copies |= {f"{CALLED}/{document.path.name}": document.text for document in prepared.plan.document.all_included()}
-    for role, entry in prepared.loaded.bench.devices.items():
+    return copies | bench_inputs(prepared.loaded, copies)
+
+
+def sequence_inputs(document: Document) -> dict[str, str]:
+    """Return the text of a sequence and of those that it calls, by the names of their copies."""
+    called = {f"{CALLED}/{each.path.name}": each.text for each in document.all_included()}
+    return {SEQUENCE_COPY: document.text, **called}
+
+
+def bench_inputs(loaded: LoadedBench, others: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
+    """Return the text of a bench file and of the files that it names, by the names of copies that no other has."""
+    copies = {**others, BENCH_COPY: loaded.document.text}
+    for role, entry in loaded.bench.devices.items():
         copies |= {path.name: text_of(path) for path in entry.files.values()}
         for document in (each for each in vars(entry.options).values() if isinstance(each, DocumentFile)):
             name, text = document.path.name, document.path.read_text("utf-8")
             copies[name if copies.get(name, text) == text else f"{role}_{name}"] = text
-    return copies
+    return {name: text for name, text in copies.items() if others.get(name) is not text}
 
 
 def digest_of(inputs: Mapping[str, str]) -> str:

@@ -23,6 +23,7 @@ from bench.station.log import Changes, Log
 from bench.station.part import Part
 from bench.station.prepare.releases import Releases
 from bench.station.prepare.sequences import Sequences
+from bench.station.prepare.texts import Texts
 from bench.station.queue.attempts import LAUNCHERS, Launcher
 from bench.station.queue.items import Item, Submission
 from bench.station.queue.resuming import Resuming
@@ -38,6 +39,8 @@ from bench.station.storage.snapshots import Snapshots
 from bench.station.watchdog import Watchdog, watchdog_every_s
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
+
+DRAFT_S = 15.0  # for a check of a text that somebody types, beside those of runs
 
 
 class Daemon:
@@ -56,6 +59,7 @@ class Daemon:
         self.releases = Releases(database)
         self.sign_off = SignOff(database, settings.report_prefix, laboratory)
         self.sequences, self.jobs = Sequences(settings), Jobs()
+        self.texts, self.drafts = Texts(settings), Workers(limit_s=DRAFT_S)
         self.resuming = Resuming(settings, self.queue, launch)
         self.parts: dict[str, Part] = {
             "queue": self.scheduler,
@@ -187,5 +191,6 @@ async def at_work(
     finally:
         daemon.commands.shutdown(wait=False)
         daemon.jobs.close()
+        daemon.drafts.close()
         workers.close()
         database.close()

@@ -50,7 +50,11 @@ class StationFile(StrictModel):
     released_only: bool = Field(
         False, description="operators start only sequences and bench files that an engineer has released"
     )
-    sequences: str = Field("", description="folder of the laboratory's sequences, relative to this file")
+    sequences: str = Field(
+        "",
+        description="folder of the laboratory's sequences, relative to this file; without it `sequences` in the folder "
+        "of the station",
+    )
     log_out_after_min: int = Field(0, ge=0, le=720, description="minutes without use until a session ends; 0 for 12 h")
     launch: Launch = Field("process", description="how a run starts: as a process, or as a service of systemd")
     mqtt: MqttSettings | None = Field(None, description="broker to which the station publishes")
@@ -60,7 +64,7 @@ class StationFile(StrictModel):
 class Settings(NamedTuple):
     """Settings of a station, with absolute paths; `benches` are bench files by name.
 
-    `folder` holds the station's own records, `sequences` those of the laboratory.
+    `folder` holds the station's own records, `sequences` are those of the laboratory, if they are elsewhere.
     """
 
     title: str
@@ -88,6 +92,11 @@ class Settings(NamedTuple):
         """Routes that learn of the end of a run, as `BENCH=KEY`."""
         return self.alerts.for_the_night if self.alerts is not None else ()
 
+    @property
+    def own_sequences(self) -> Path:
+        """Folder of the sequences of the laboratory; it may not exist yet."""
+        return self.sequences if self.sequences is not None else self.folder / "sequences"
+
     def bench_file(self, name: str) -> Path:
         """Return the bench file of a name. Raises InputError."""
         if name not in self.benches:
@@ -102,7 +111,7 @@ class Settings(NamedTuple):
         """Return the file of a sequence: the laboratory's own, else a shipped one. Raises InputError."""
         if not re.fullmatch(WORD, name):
             raise InputError(f"'{name[:64]}' is no name of a sequence")
-        folders = [*([self.sequences] if self.sequences is not None else []), *shipped("sequences")]
+        folders = [self.own_sequences, *shipped("sequences")]
         found = next((file for folder in folders if (file := folder / f"{name}.yaml").is_file()), None)
         if found is None or "/" in name:
             known = sorted({file.stem for folder in folders for file in folder.glob("*.yaml")})

@@ -90,6 +90,10 @@ class Workers:
         except TimeoutError:
             self.close()
             raise InputError(f"{_name(work)} has not ended within {self._limit_s:g} s") from None
+        except asyncio.CancelledError:
+            if working.cancelled() and (task := asyncio.current_task()) is not None and not task.cancelling():
+                raise InputError(f"{_name(work)} was ended with the process that it waited for; try again") from None
+            raise
         except BrokenProcessPool as problem:
             self.close()
             raise InputError(f"the process of {_name(work)} has died ({problem})") from None

@@ -27,6 +27,7 @@ from bench.web.api import (
     releases,
     results,
     runs,
+    sequences,
     series,
     signoff,
     station,
@@ -58,7 +59,7 @@ def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = Fa
     app.state.services = services
     app.state.metrics = Metrics(services.daemon)
     for each in (
-        station, queue, preparing, results, runs, series, signoff, releases, leases, people, alerts, health,
+        station, queue, preparing, sequences, results, runs, series, signoff, releases, leases, people, alerts, health,
         description,
     ):  # fmt: skip
         app.include_router(each.router)

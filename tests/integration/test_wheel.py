@@ -93,6 +93,13 @@ def test_the_wheel_holds_the_packages_their_data_and_no_tests(wheel):
     assert any(name.endswith("report.html.j2") for name in names)
     assert {"bench/web/templates/base.html.j2", "bench/web/static/style.css", "bench/web/assets.toml"} <= set(names)
     vendor = {name.removeprefix("bench/web/static/vendor/") for name in names if "/vendor/" in name}
-    assert {"htmx.min.js", "uplot.min.js", "sse.min.js", "uplot.LICENSE"} <= vendor
-    assert not any("axe" in name for name in vendor)  # of the tests
+    assert {
+        "htmx.min.js",
+        "uplot.min.js",
+        "sse.min.js",
+        "uplot.LICENSE",
+        "codemirror.min.js",
+        "codemirror-view.LICENSE",
+    } <= vendor
+    assert not any("axe" in name or "esbuild" in name for name in vendor)  # of the tests and of the build
     assert "bench/py.typed" in names

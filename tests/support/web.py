@@ -29,6 +29,7 @@ from bench.web.identity import Identity
 from bench.web.limits import Limits
 from bench.web.patience import Patience
 from bench.web.services import Services
+from tests.support import worker_processes  # noqa: F401  its tracker is to be there before
 
 PASSWORD = "correct horse battery"
 STARTED = datetime(2026, 11, 21, 20, 0, tzinfo=UTC)
@@ -85,6 +86,7 @@ class Here:
         """End it."""
         self.daemon.commands.shutdown()
         self.run.release()
+        self.daemon.drafts.close()
         self.workers.close()
         self.database.close()
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from bench.app.request import RunRequest
+from bench.app.request import CheckedRun, RunRequest
 from bench.errors import BenchError, InputError
 
 
@@ -69,11 +69,16 @@ def before_run(request: RunRequest, *, look: bool = True) -> BeforeRun:
 def plan_picture(request: RunRequest, lang: str) -> str:
     """Return the picture of a plan as SVG. Raises InputError."""
     from bench.app.request import load_checked
+
+    return picture_of(load_checked(request), lang)
+
+
+def picture_of(checked: CheckedRun, lang: str) -> str:
+    """Return the picture of a checked plan as SVG."""
     from bench.figures.languages import language
     from bench.figures.svg import as_document, drawing
     from bench.report.plan_view.picture import plan_figure
 
-    checked = load_checked(request)
     with language(lang), drawing():
         return as_document(plan_figure(checked.plan, checked.expected, checked.bench))
 

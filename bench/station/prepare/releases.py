@@ -6,7 +6,8 @@ import difflib
 import json
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from typing import Literal
+from sqlite3 import Row
+from typing import Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
@@ -20,8 +21,8 @@ _TABLE = """
 CREATE TABLE IF NOT EXISTS release(number INTEGER PRIMARY KEY, kind TEXT NOT NULL, name TEXT NOT NULL,
   digest TEXT NOT NULL, texts TEXT NOT NULL, by TEXT NOT NULL, at TEXT NOT NULL, comment TEXT NOT NULL)
 """
-_COLUMNS = "kind, name, digest, by, at, comment"
-_INSERT = f"INSERT INTO release({_COLUMNS}, texts) VALUES (?, ?, ?, ?, ?, ?, ?)"  # noqa: S608  our own names
+_SELECT = "SELECT number, kind, name, digest, by, at, comment FROM release"
+_INSERT = "INSERT INTO release(kind, name, digest, texts, by, at, comment) VALUES (?, ?, ?, ?, ?, ?, ?)"
 _OF_A_SEQUENCE = ("sequence.yaml", "called/")
 _OF_ONE_RUN = ("released_", "scenario.yaml")
 
@@ -40,6 +41,13 @@ class Release(BaseModel):
     comment: str
 
 
+class Released(NamedTuple):
+    """Release with the texts of its files, by the names of their copies."""
+
+    release: Release
+    texts: Mapping[str, str]
+
+
 class Releases:
     """Releases of a station; none is ever changed. Raises StoreError."""
 
@@ -50,21 +58,39 @@ class Releases:
 
     def all(self) -> list[Release]:
         """Return all releases, newest first."""
-        rows = self._database.rows(
-            "SELECT number, kind, name, digest, by, at, comment FROM release ORDER BY number DESC"
-        )
-        return [Release.model_validate(dict(row)) for row in rows]
+        return [_release(row) for row in self._database.rows(f"{_SELECT} ORDER BY number DESC")]
+
+    def of(self, kind: Kind, name: str) -> list[Release]:
+        """Return the releases of a sequence or a bench, newest first."""
+        rows = self._database.rows(f"{_SELECT} WHERE kind = ? AND name = ? ORDER BY number DESC", kind, name)
+        return [_release(row) for row in rows]
+
+    def newest(self, kind: Kind, name: str) -> Released | None:
+        """Return the newest release of a sequence or a bench; None if it was never released."""
+        found = self.of(kind, name)
+        return Released(found[0], self.texts_of(found[0].number)) if found else None
+
+    def texts_of(self, number: int) -> Mapping[str, str]:
+        """Return the texts of a release. Raises InputError."""
+        rows = self._database.rows("SELECT texts FROM release WHERE number = ?", number)
+        if not rows:
+            raise InputError(f"there is no release {number}")
+        return dict(json.loads(rows[0]["texts"]))
+
+    def release_one(self, kind: Kind, name: str, texts: Mapping[str, str], by: str, comment: str) -> Release:
+        """Release a sequence or a bench; if its newest release is identical, return that one."""
+        newest = self.newest(kind, name)
+        if newest is None or newest.texts != texts:
+            row = (kind, name, digest_of(texts), json.dumps(dict(texts)), by, wall_utc().isoformat(), comment)
+            with self._database.transaction() as tables:
+                tables.execute(_INSERT, row)
+        return self.of(kind, name)[0]
 
     def release(self, sequence: str, bench: str, inputs: Mapping[str, str], by: str, comment: str) -> list[Release]:
         """Release the files of a checked submission; a file whose newest release is identical gets no second one."""
-        with self._database.transaction() as tables:
+        with self._database.transaction():
             for kind, name, texts in _parts(sequence, bench, inputs):
-                if self._newest(kind, name) != texts:
-                    row = (kind, name, digest_of(texts), json.dumps(texts), by, wall_utc().isoformat(), comment)
-                    statement = (
-                        "INSERT INTO release(kind, name, digest, texts, by, at, comment) VALUES (?, ?, ?, ?, ?, ?, ?)"
-                    )
-                    tables.execute(statement, row)
+                self.release_one(kind, name, texts, by, comment)
         return [each for each in self.all() if each.name in (sequence, bench)]
 
     def difference(self, sequence: str, bench: str, inputs: Mapping[str, str]) -> list[str]:
@@ -72,23 +98,26 @@ class Releases:
         return [
             line
             for kind, name, texts in _parts(sequence, bench, inputs)
-            for line in _difference(f"{kind} {name}", self._newest(kind, name), texts)
+            for line in difference_of(f"{kind} {name}", self._texts(kind, name), texts)
         ]
 
     def expect_released(self, sequence: str, bench: str, inputs: Mapping[str, str]) -> None:
         """Raise InputError, with the first lines that differ, unless the files are the newest released ones."""
         for kind, name, texts in _parts(sequence, bench, inputs):
-            newest = self._newest(kind, name)
+            newest = self._texts(kind, name)
             if newest is None:
                 raise InputError(f"the {kind} '{name}' is not released; an engineer releases it")
-            if lines := list(_difference(f"{kind} {name}", newest, texts)):
+            if lines := list(difference_of(f"{kind} {name}", newest, texts)):
                 shown = "; ".join(line for line in lines if line[:1] in "+-" and line[:3] not in ("+++", "---"))
                 raise InputError(f"the {kind} '{name}' differs from its released version: {shown[:300]}")
 
-    def _newest(self, kind: Kind, name: str) -> Mapping[str, str] | None:
-        query = "SELECT texts FROM release WHERE kind = ? AND name = ? ORDER BY number DESC LIMIT 1"
-        rows = self._database.rows(query, kind, name)
-        return dict(json.loads(rows[0]["texts"])) if rows else None
+    def _texts(self, kind: Kind, name: str) -> Mapping[str, str] | None:
+        newest = self.newest(kind, name)
+        return newest.texts if newest is not None else None
+
+
+def _release(row: Row) -> Release:
+    return Release.model_validate(dict(row))
 
 
 def _parts(sequence: str, bench: str, inputs: Mapping[str, str]) -> Iterator[tuple[Kind, str, dict[str, str]]]:
@@ -99,8 +128,14 @@ def _parts(sequence: str, bench: str, inputs: Mapping[str, str]) -> Iterator[tup
     yield "bench", bench, others
 
 
-def _difference(title: str, old: Mapping[str, str] | None, new: Mapping[str, str]) -> Iterator[str]:
+def difference_of(
+    title: str, old: Mapping[str, str] | None, new: Mapping[str, str], around: int = 1,
+    titles: tuple[str, str] = ("released", "now"),
+) -> Iterator[str]:  # fmt: skip
+    """Yield the lines that differ between two versions of files, as `diff -u` writes them, with some lines around."""
     for name in sorted({*(old or {}), *new}):
         before, after = (old or {}).get(name, ""), new.get(name, "")
-        lines = before.splitlines(), after.splitlines()
-        yield from difflib.unified_diff(*lines, f"{title}: {name}, released", f"{title}: {name}, now", lineterm="", n=1)
+        old_title, new_title = (f"{title}: {name}, {each}" for each in titles)
+        yield from difflib.unified_diff(
+            before.splitlines(), after.splitlines(), old_title, new_title, lineterm="", n=around
+        )

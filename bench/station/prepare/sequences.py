@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -57,6 +58,7 @@ class SequenceView(_Model):
     needs: dict[str, str] = Field({}, description="kind of device by role")
     parameters: list[ParameterView] = []
     presets: list[PresetView] = []
+    calls: list[str] = Field([], description="files of the sequences that it calls")
     problem: str = ""
 
     def shown_with(self, preset: str | None) -> dict[str, str]:
@@ -86,8 +88,7 @@ class Sequences:
         return self._view(self._settings.sequence_file(name))
 
     def _files(self) -> dict[str, Path]:
-        own = self._settings.sequences
-        folders = [*reversed(shipped("sequences")), *([own] if own is not None else [])]
+        folders = [*reversed(shipped("sequences")), self._settings.own_sequences]
         return {path.stem: path for folder in folders for path in folder.glob("*.yaml") if path.is_file()}
 
     def _view(self, path: Path) -> SequenceView:
@@ -97,7 +98,7 @@ class Sequences:
             return SequenceView(name=path.stem, problem=str(problem))
         mark = (state.st_mtime_ns, state.st_size)
         if (kept := self._kept.get(path)) is None or kept.mark != mark:
-            kept = self._kept[path] = _Kept(mark, view_of(path, own=path.parent == self._settings.sequences))
+            kept = self._kept[path] = _Kept(mark, view_of(path, own=path.parent == self._settings.own_sequences))
         return kept.view
 
 
@@ -110,7 +111,7 @@ def view_of(path: Path, *, own: bool) -> SequenceView:
     return SequenceView(
         name=path.stem, title=sequence.title, own=own, head=head_of(document.text), needs=dict(sequence.needs),
         parameters=[_parameter(name, each) for name, each in sequence.parameters.items()],
-        presets=list(_presets(sequence)),
+        presets=list(_presets(sequence)), calls=sorted(set(_calls(document.value))),
     )  # fmt: skip
 
 
@@ -123,6 +124,22 @@ def head_of(text: str) -> str:
         if not line.startswith("# yaml-language-server"):
             lines.append(line.removeprefix(MARK).removeprefix("#").rstrip())
     return "\n".join(lines).strip("\n")
+
+
+def purpose_of(head: str) -> str:
+    """Return the purpose in a comment head: what follows the word, else the first paragraph after the title."""
+    found = re.search(r"^Purpose:?[ \t]+(.+(?:\n[ \t]+.+)*)", head, re.MULTILINE)
+    paragraphs = [part for part in re.split(r"\n[ \t]*\n", head.partition("\n")[2]) if part.strip()]
+    return " ".join((found[1] if found else next(iter(paragraphs), "")).split())
+
+
+def _calls(node: Any) -> Iterator[str]:
+    """Yield the files that the steps of a part of a sequence call."""
+    parts: Iterable[Any] = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+    if isinstance(node, dict) and isinstance(node.get("call"), str):
+        yield node["call"]
+    for part in parts:
+        yield from _calls(part)
 
 
 def _presets(sequence: SequenceFile) -> Iterator[PresetView]:

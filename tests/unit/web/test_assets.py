@@ -1,12 +1,16 @@
 """Files of other projects: what is listed is there, and nothing else is taken for it."""
 
 import io
+import platform
 import re
+import shutil
 import tarfile
 
 import pytest
 
 from bench.web import assets
+
+LISTED, CACHE = assets.packages(), assets._cache()
 
 
 def archive(path, **files):
@@ -62,7 +66,51 @@ def test_every_package_has_an_exact_version_an_integrity_and_a_licence():
         assert re.fullmatch(r"\d+\.\d+\.\d+", package["version"])
         assert re.fullmatch(r"sha512-[A-Za-z0-9+/]{86}==", package["integrity"])
         assert package["licence"]
-        assert package["files"]
+        assert package.get("files") or package["bundle"]
+
+
+def part(registry, name, **files):
+    """Put a package into the registry, as part of the bundle."""
+    path = registry.parents[2] / name / "-" / f"{name.rpartition('/')[2]}-1.0.0.tgz"
+    integrity = archive(path, LICENSE=b"free", **files)
+    return {"name": name, "version": "1.0.0", "integrity": integrity, "bundle": "made.js"}
+
+
+@pytest.fixture
+def bundle(registry, tmp_path, monkeypatch):
+    """A bundle of a scoped package with the real bundler, and the packages as they are listed."""
+    inside = {"package.json": b'{"module": "index.js", "sideEffects": false}', "index.js": b"export let a = 7, b = 8"}
+    (bundler,) = [dict(each) for each in LISTED if each.get("for") == f"bundling on {platform.machine()}"]
+    cached = CACHE / assets._cached_as(bundler)
+    listed = [part(registry, "@scope/thing", **inside), bundler]
+    target = tmp_path / "cache/inertial-test-bench/npm" / cached.name
+    target.parent.mkdir(parents=True)
+    shutil.copy(cached, target)
+    monkeypatch.setattr(assets, "packages", lambda: listed)
+    monkeypatch.setattr(assets, "ENTRY", tmp_path / "entry.js")
+    assets.ENTRY.write_text('export { a } from "@scope/thing";')
+    return listed
+
+
+def test_packages_are_joined_in_one_module_with_what_is_exported_alone(bundle):
+    assert assets.lacking() == ["made.js"]
+    assets.fetch()
+    assert assets.lacking() == []
+    made = (assets.VENDOR / "made.js").read_text()
+    assert "7" in made
+    assert "8" not in made
+    assert "import" not in made
+    assert {path.name for path in assets.VENDOR.iterdir()} == {"made.js", "scope-thing.LICENSE"}
+
+
+def test_a_part_that_lacks_and_a_computer_without_a_bundler_are_named(bundle, monkeypatch):
+    assets.ENTRY.write_text('export { a } from "other";')
+    with pytest.raises(assets.AssetError, match=r'cannot be bundled .*"other"'):
+        assets.fetch()
+    monkeypatch.setattr(platform, "machine", lambda: "pdp11")
+    with pytest.raises(assets.AssetError, match=r"no bundler for pdp11.*copy its"):
+        assets.fetch()
+    assert assets.lacking() == ["made.js"]
 
 
 def test_the_files_of_the_pages_are_there():

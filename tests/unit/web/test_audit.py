@@ -50,6 +50,7 @@ FIRST = {
 }
 CHANGE_NOTHING = {
     "POST /api/v1/check", "POST /api/v1/releases/difference", "POST /api/v1/before-run", "POST /appearance",
+    "POST /api/v1/completion", "POST /api/v1/sequences/{name}/check", "POST /sequences/{name}/check",
 }  # fmt: skip
 # Forms of pages that call what the API does, and what needs a sealed run, a worker or routes of alerts.
 ELSEWHERE = {
@@ -57,6 +58,9 @@ ELSEWHERE = {
     "POST /login", "POST /logout", "POST /start", "POST /start/rehearsal", "POST /runs/{run}/{action}",
     "POST /runs/{run}/answer", "POST /api/v1/runs/{run}/sign-off", "POST /api/v1/runs/{run}/report",
     "POST /api/v1/runs/{run}/reduction", "POST /api/v1/runs/{run}/resumption", "POST /api/v1/rehearsals",
+    "PUT /api/v1/sequences/{name}", "POST /sequences/{name}/edit", "POST /sequences/{name}/copy",
+    "POST /api/v1/releases/sequence/{name}", "POST /api/v1/releases/bench/{name}", "POST /sequences/{name}/release",
+    "POST /bench-files/{bench}/release",
     "POST /api/v1/alerts/test", "POST /api/v1/alerts/{id_}/acknowledge", "POST /runs/{run}/sign-off",
 }  # fmt: skip
 

@@ -37,6 +37,7 @@ ROUTES = (
     ("POST", "/api/v1/runs/{}/abort"), ("POST", "/api/v1/runs/{}/resume"), ("GET", "/api/v1/queue/{}"),
     ("POST", "/api/v1/queue/{}/clone"), ("POST", "/api/v1/benches/{}/go-on"),
     ("POST", "/api/v1/benches/{}/lease/take-over"), ("DELETE", "/api/v1/users/{}"), ("DELETE", "/api/v1/tokens/{}"),
+    ("GET", "/api/v1/sequences/{}/text"), ("GET", "/api/v1/sequences/{}/versions"),
 )  # fmt: skip
 FIELDS = ("sequence", "bench", "preset", "units", "settings", "operator", "order", "procedure", "speed")
 
@@ -151,8 +152,9 @@ VALUES = (
 NAMES = (
     "version", "before", "sequence", "bench", "units", "settings", "speed", "seed", "not_before", "priority", "name",
     "password", "code", "role", "label", "scopes", "days", "answer", "step", "note", "reason", "past_due", "unattended",
+    "text", "base", "message", "at", "beside", "digest", "comment",
 )  # fmt: skip
-QUERIES = ("after", "limit", "text", "state", "before", "all_", "held", "when", "reason", "everywhere")
+QUERIES = ("after", "limit", "text", "state", "before", "all_", "held", "when", "reason", "everywhere", "old", "new")
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import threading
 import pytest
 
 from bench.errors import BenchError, InputError, StoreError
+from bench.station.prepare.texts import Texts
 from bench.station.queue.attempts import claim, prepare
 from bench.station.queue.items import ItemState, Submission
 from bench.station.queue.table import Queue
@@ -62,6 +63,17 @@ def test_a_restored_station_has_all_items_and_begins_none_until_a_person_lets_it
     found, stopped = items(tmp_path / "again/station")
     assert found == before
     assert "see which items have run since" in stopped
+
+
+def test_sequences_of_the_station_are_kept_with_their_versions(station, tmp_path):
+    texts = Texts(read_station(None, station, runs=tmp_path / "runs"))
+    texts.save("mine", "title: first\n", "", "ann", "begun")
+    back_up(station, out := tmp_path / "kept.tar.xz", print)
+    restore(out, tmp_path / "again")
+    again = Texts(read_station(None, tmp_path / "again/station", runs=tmp_path / "runs"))
+    assert again.versions("mine") == texts.versions("mine")
+    again.save("mine", "title: second\n", again.text("mine").digest, "ann", "goes on")
+    assert len(again.versions("mine")) == 2
 
 
 def test_a_backup_has_the_attempts_of_its_instant_and_no_token(station, tmp_path):
