@@ -86,6 +86,7 @@ class Here:
         self.daemon.commands.shutdown()
         self.run.release()
         self.workers.close()
+        self.daemon.approvals.close()
         self.database.close()
 
     async def ask(

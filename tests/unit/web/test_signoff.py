@@ -24,7 +24,7 @@ def test_a_second_person_approves_and_the_audit_has_it(tmp_path, smoke_copy):
         answer = await decide(here, "engineer", run, fields={"customer": "Mole & Sons"})
         assert answer.status == 201, answer.body
         signed = answer.json()
-        assert signed["binds"].keys() >= {"report.html", APPROVAL, "chain"}
+        assert signed["binds"].keys() >= {f"report.{signed['report']}.html", APPROVAL, "chain"}
         entry = next(each for each in here.audit.entries() if each["action"] == "approve")
         assert (entry["report"], entry["reason"], entry["who"]) == (signed["report"], "looked at", "engineer")
         again = await decide(here, "engineer", run)
