@@ -10,6 +10,7 @@ from bench.app import request as requests
 from bench.app.files_to_check import SEQUENCE, FileToCheck
 from bench.app.request import RunRequest
 from bench.config.bench import LoadedBench, load_bench
+from bench.config.laboratory import load_laboratory
 from bench.config.load import find, load_file
 from bench.errors import InputError
 from bench.sequence.checks.check import unmet_needs
@@ -173,4 +174,5 @@ CHECKS: Mapping[str, Check] = {
     "table": _check_table_profile,
     "uut": _check_unit,
     "calibration": _check_calibration,
+    "laboratory": load_laboratory,
 }

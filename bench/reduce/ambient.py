@@ -31,7 +31,7 @@ class AmbientRange:
         """Text for a report."""
         digits = decimals(self.expanded) if self.expanded else 1
         low, high = f"{self.low:.{digits}f}", f"{self.high:.{digits}f} {self.unit}"
-        span = f"{self.name.replace('_', ' ')} {tr('{low} to {high}', low=low, high=high)}"
+        span = f"{tr(self.name.replace('_', ' '))} {tr('{low} to {high}', low=low, high=high)}"
         if self.expanded is None:
             return f"{span} ({tr('uncertainty not stated')})"
         return f"{span} (U = {self.expanded:.{digits}f} {self.unit}, k = {COVERAGE:g})"

@@ -38,9 +38,11 @@ def certificate(approval: Mapping[str, Any], recorded: Mapping[str, str]) -> Ite
     `recorded` are the `order`, the dates (`calibrated`) and the conditions (`ambient`) that the run itself has.
     """
     laboratory, fields = approval["laboratory"], approval["fields"]
+    place = fields.get("place") or laboratory.get("place") or tr("at the address of the laboratory")
     environment = [recorded["ambient"], fields.get("environment", "")]
     entries = {
         "Report number": approval["report"],
+        "Run": approval["run"],
         "Replaces": approval.get("replaces", ""),
         "Laboratory": laboratory.get("name", ""),
         "Address": laboratory.get("address", ""),
@@ -52,7 +54,7 @@ def certificate(approval: Mapping[str, Any], recorded: Mapping[str, str]) -> Ite
         "Condition of the units": fields.get("condition", ""),
         "Received": fields.get("received", ""),
         "Calibrated": recorded["calibrated"],
-        "Place": fields.get("place") or laboratory.get("place") or tr("at the address of the laboratory"),
+        "Place of calibration": place,
         "Environment": tr("; ").join(filter(None, environment)) or laboratory.get("environment", ""),
         "Traceability": laboratory.get("traceability", ""),
         "Remarks": fields.get("remarks", ""),

@@ -87,7 +87,7 @@ def render(
     ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
-        number=tr("{run}, revision {number}", run=run.manifest["run"], number=revision.number),
+        number=_number(run, revision, approval, is_copy=is_copy),
         **_approved(run, approval, is_copy=is_copy),
         head=head(run, revision, journal_records.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
@@ -112,6 +112,13 @@ def render(
         language=current(),
         figures_are_foreign=font_of(current()) is None,
     )  # fmt: skip
+
+
+def _number(run: StoredRun, revision: Revision, approval: Mapping[str, Any] | None, *, is_copy: bool) -> str:
+    """Identification on every page: the number of an approved report, else run and revision."""
+    if approval is not None and not is_copy:
+        return str(approval["report"])
+    return tr("{run}, revision {number}", run=run.manifest["run"], number=revision.number)
 
 
 def _approved(run: StoredRun, approval: Mapping[str, Any] | None, *, is_copy: bool) -> dict[str, object]:
