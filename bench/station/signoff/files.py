@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bench.config.laboratory import CertificateFields, LaboratoryFile, mark_of
 from bench.errors import InputError, StoreError
 from bench.files import sync_folder, write_atomically
-from bench.reduce.stored_run import open_run
 from bench.report.approval import APPROVAL, SCHEMA
 from bench.report.optional import imported
 from bench.report.revision import issued_name, replacing, writing
-from bench.report.write import report_to_issue
 from bench.station.signoff.decisions import Pending, Signed, State
 from bench.station.signoff.key import KeyFiles
 from bench.store.runs import json_text
@@ -120,6 +118,9 @@ def _report(run: Path, signed: Signed, issue: Issue, content: dict[str, Any]) ->
     signer = _signer(issue.key) if issue.key is not None and issue.form == "pdf" else None
     if signer is not None:
         content["signature"] = {"subject": signer.subject, "fingerprint": signer.fingerprint}
+    from bench.reduce.stored_run import open_run  # import what only the worker process needs
+    from bench.report.write import report_to_issue
+
     with open_run(run) as stored:
         report = report_to_issue(stored, issue.form, issue.language, content)
     return signer.signed(report, by=signed.by, report=signed.report) if signer is not None else report

@@ -12,8 +12,6 @@ from bench.config.bench import load_kept_bench
 from bench.config.laboratory import CertificateFields, missing_fields
 from bench.errors import BenchError, InputError
 from bench.figures.languages import tr
-from bench.reduce.ambient import ambient_of
-from bench.reduce.stored_run import BENCH_COPY
 from bench.station.queue.items import Line, Short
 from bench.station.runs.catalogue import ticket_of
 from bench.station.signoff.decisions import Decision, Pending, Signed
@@ -114,6 +112,9 @@ def facts_of(run: RunSummary) -> dict[str, str]:
 
 
 def _ambient(run: RunSummary) -> str:
+    from bench.reduce.ambient import ambient_of  # imports much, which a station does not wait for
+    from bench.reduce.stored_run import BENCH_COPY
+
     try:
         bench = load_kept_bench(run.path / BENCH_COPY)
         if not bench.site.ambient:
