@@ -44,7 +44,7 @@ def check(*, files: Sequence[str], benches: Sequence[str], strict: bool, form: s
     """Check sequences against a bench, and other files; nothing is opened.
 
     In folders, all files are checked whose `schema:` names a sequence, a bench, a station, a scenario, answers, a
-    profile, a simulated unit or a calibration.
+    profile, a simulated unit, a calibration or a laboratory.
     """
     from bench.app.check_files import CHECKS, check_files
     from bench.app.files_to_check import SEQUENCE, find_files

@@ -65,8 +65,11 @@ def verify(run: str, runs: Path) -> int:
     return BENCH_ERROR if record.damage else PASS
 
 
-def report(run: str, runs: Path, form: str, lang: str, *, damaged: bool) -> None:
-    """Write the report of a run, even of an interrupted one."""
+def report(run: str, runs: Path, form: str, lang: str, out: Path | None, *, damaged: bool) -> None:
+    """Write the report of a run, even of an interrupted one.
+
+    Beside an approved report no other is written; --out FILE writes a copy elsewhere.
+    """
     from bench.figures.languages import LANGUAGES
     from bench.reduce.stored_run import open_run
     from bench.report.write import FORMS, write_report
@@ -75,7 +78,7 @@ def report(run: str, runs: Path, form: str, lang: str, *, damaged: bool) -> None
     _expect_one_of("--format", FORMS, form)
     _expect_one_of("--lang", LANGUAGES, lang)
     with open_run(find_run(run, runs), damaged=damaged) as stored:
-        say(write_report(stored, form, lang))
+        say(write_report(stored, form, lang, out))
 
 
 def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None, *, damaged: bool) -> None:
@@ -129,6 +132,7 @@ COMMANDS = (
             to="form", default="html",
         ),
         option("--lang en|zh", "The language of the report.", default="en"),
+        option("--out FILE", "The file to write; default: in the directory of the run.", read=Path),
         DAMAGED,
     )),
     Command("export", export, (

@@ -5,14 +5,22 @@ The list follows ISO/IEC 17025:2017, 7.8.2 and 7.8.4. Conformity to it is not cl
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping
 from datetime import date
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints
 
 from bench.config.devices import Text
+from bench.config.load import load_file
+from bench.errors import InputError
+from drivers.schema.bounded import UnfitFileError, read_bounded
 from drivers.schema.fields import StrictModel
+
+MARK_BYTES = 2**18
+PNG = b"\x89PNG\r\n\x1a\n"
 
 
 class Accreditation(StrictModel):
@@ -20,6 +28,7 @@ class Accreditation(StrictModel):
 
     body: Text = Field(description="accreditation body")
     number: Text = Field(description="number of the accreditation")
+    mark: str = Field("", description="file of the mark of the body, PNG, relative to this file")
 
 
 class LaboratoryFile(StrictModel):
@@ -30,7 +39,32 @@ class LaboratoryFile(StrictModel):
     address: Text = Field(description="address of the laboratory")
     accreditation: Accreditation | None = Field(None, description="without it, none is stated")
     place: Text = Field("", description="where calibrations are made, if not at the address")
+    environment: Text = Field("", description="environment, for benches that record no ambient conditions")
     traceability: Text = Field(description="statement of metrological traceability")
+
+
+def load_laboratory(path: Path) -> LaboratoryFile:
+    """Load `lab.yaml`, with the absolute path of its mark. Raises InputError."""
+    found = load_file(path, LaboratoryFile)
+    if found.accreditation is None or not found.accreditation.mark:
+        return found
+    mark = str((path.parent / found.accreditation.mark).absolute())
+    found = found.model_copy(update={"accreditation": found.accreditation.model_copy(update={"mark": mark})})
+    mark_of(found)
+    return found
+
+
+def mark_of(laboratory: LaboratoryFile) -> str:
+    """Return the mark of the accreditation body as a data URL, or "". Raises InputError."""
+    if laboratory.accreditation is None or not (name := laboratory.accreditation.mark):
+        return ""
+    try:
+        content = read_bounded(Path(name), MARK_BYTES)
+    except UnfitFileError as problem:
+        raise InputError(f"accreditation.mark: {name}: {problem}") from None
+    if not content.startswith(PNG):
+        raise InputError(f"accreditation.mark: {name}: is no PNG image")
+    return f"data:image/png;base64,{b64encode(content).decode()}"
 
 
 def _printable(text: str) -> str:
@@ -71,5 +105,6 @@ def missing_fields(laboratory: LaboratoryFile | None, fields: CertificateFields,
     lacking = [] if laboratory is not None else ["the laboratory: its name, address and traceability (lab.yaml)"]
     lacking += [words for name, words in _NEEDED.items() if not getattr(fields, name)]
     lacking += [] if run.get("order") else ["the order (given when the run was submitted)"]
-    lacking += [] if fields.environment or run.get("ambient") else ["the environment"]
+    stated = fields.environment or (laboratory is not None and laboratory.environment)
+    lacking += [] if stated or run.get("ambient") else ["the environment"]
     return lacking

@@ -20,6 +20,7 @@ from bench.metrology.results.curves import TemperatureModel
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData
+from bench.reduce.ambient import ambient_of
 from bench.reduce.evaluate import Results
 from bench.reduce.journal import JournalRecords, Measurement
 from bench.reduce.stored_run import BENCH_COPY, StoredRun
@@ -63,10 +64,13 @@ def render(
     revision: Revision,
     after: Afterwards,
     approval: Mapping[str, Any] | None = None,
+    *,
+    is_copy: bool = False,
 ) -> str:
     """Render the whole page; without results `not_evaluated` gives the reason.
 
-    Equal runs give equal pages, except for wall-clock times.
+    With an `approval` it has a certificate; one that `is_copy` is not the approved report, and states so. Equal runs
+    give equal pages, except for wall-clock times.
     """
     data = _data(run) if results is not None else []
     instruments = page.instruments(run)
@@ -83,9 +87,8 @@ def render(
     ]  # fmt: skip
     return _environment().get_template(TEMPLATE).render(
         manifest=run.manifest,
-        number=tr("{run}, revision {number}", run=run.manifest["run"], number=revision.number),
-        certificate=list(certificate(approval)) if approval is not None else [],
-        approved=(approval["by"], instant(approval["at"], run.bench.site.time_zone)) if approval else ("", ""),
+        number=_number(run, revision, approval, is_copy=is_copy),
+        **_approved(run, approval, is_copy=is_copy),
         head=head(run, revision, journal_records.measurements, deviates=bool(problems or notes)),
         verdict=verdict,
         within_u=of_those_within_u(results.within_u) if results is not None and results.within_u else "",
@@ -109,6 +112,32 @@ def render(
         language=current(),
         figures_are_foreign=font_of(current()) is None,
     )  # fmt: skip
+
+
+def _number(run: StoredRun, revision: Revision, approval: Mapping[str, Any] | None, *, is_copy: bool) -> str:
+    """Identification on every page: the number of an approved report, else run and revision."""
+    if approval is not None and not is_copy:
+        return str(approval["report"])
+    return tr("{run}, revision {number}", run=run.manifest["run"], number=revision.number)
+
+
+def _approved(run: StoredRun, approval: Mapping[str, Any] | None, *, is_copy: bool) -> dict[str, object]:
+    """What a template shows of an approval: certificate, mark, the line of the person, and what a copy is a copy of."""
+    if approval is None:
+        return {"certificate": [], "mark": "", "copy_of": "", "approved": None}
+    manifest, zone = run.manifest, run.bench.site.time_zone
+    dates = " – ".join(dict.fromkeys(instant(manifest[each], zone)[:10] for each in ("started", "ended")))
+    recorded = {"order": manifest.get("order") or "", "calibrated": dates, "ambient": _ambient(run)}
+    return {
+        "certificate": list(certificate(approval, recorded)),
+        "mark": approval["laboratory"].get("mark", ""),
+        "copy_of": approval["report"] if is_copy else "",
+        "approved": None if is_copy else {
+            "by": approval["by"],
+            "at": instant(approval["at"], zone),
+            "signed": tr("electronic, in this PDF") if approval.get("signature") else "",
+        },
+    }  # fmt: skip
 
 
 @lru_cache(maxsize=1)
@@ -200,7 +229,10 @@ def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *,
             tr("Decision rule"),
             tr("; ").join(dict.fromkeys(_decision_rules(run, measured))) or tr("none: nothing is judged"),
         ),
-        (tr("Ambient conditions"), tr("; ").join(_ambient(run)) or tr("not recorded")),
+        (
+            tr("Ambient conditions"),
+            tr("; ").join(each.in_words for each in ambient_of(run.reader, run.bench)) or tr("not recorded"),
+        ),
         (tr("Deviations"), tr("see below") if deviates else tr("none recorded")),
     ]
 
@@ -226,10 +258,6 @@ def _decision_rules(run: StoredRun, measured: Sequence[Measurement]) -> Iterator
             yield tr("guarded acceptance: a value passes that is inside its limits by {k} u", k=f"{guard_k:g}")
 
 
-def _ambient(run: StoredRun) -> Iterator[str]:
-    """Ambient conditions: readings of the room, from minimum to maximum over the run."""
-    for name in run.bench.site.ambient:
-        series = run.reader.series(name)
-        if len(series.values):
-            low, high = f"{series.values.min():.4g}", f"{series.values.max():.4g} {series.unit}"
-            yield f"{name.replace('_', ' ')} {tr('{low} to {high}', low=low, high=high)}"
+def _ambient(run: StoredRun) -> str:
+    """Ambient conditions over the run; empty if none were recorded."""
+    return tr("; ").join(each.in_words for each in ambient_of(run.reader, run.bench))

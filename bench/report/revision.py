@@ -7,9 +7,11 @@ it does not seem altered if the program is killed or the power fails meanwhile.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -26,7 +28,7 @@ from bench.reduce.evaluate import Results
 from bench.report.afterwards import Afterwards
 from bench.store.kept_json import TEXT, WHOLE, list_of, named, object_of, one_of, read_kept
 from bench.store.manifest_form import instant
-from bench.store.runs import SEAL, json_text
+from bench.store.runs import MANIFEST, SEAL, json_text
 from bench.store.seal import file_hash
 from bench.store.verify import Record, examine
 from drivers.schema.bounded import UnfitFileError, expect_bounded
@@ -35,6 +37,7 @@ REVISIONS = "report_revisions.json"
 FORMS = ("html", "pdf", "json", "csv")
 SCHEMA = "itb-reports/1"
 NOTHING_AFTER = Afterwards()
+_ISSUED = rf"report\.[A-Za-z0-9-]+-\d{{4}}-\d{{5,}}-[A-Z0-9]+\.({'|'.join(FORMS)})"
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,33 @@ def revision_of(
     return Revision(len(known.revisions), datetime.fromisoformat(known.revisions[-1]["issued"]))
 
 
+def issued_name(report: str, form: str) -> str:
+    """Return the name of the file of an issued report: it has the number, so that no other report replaces it."""
+    return f"report.{report}.{form}"
+
+
+def is_issued(name: str) -> bool:
+    """True for the name of an issued report."""
+    return re.fullmatch(_ISSUED, name) is not None
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Keep others from writing reports of a run meanwhile; wait until they have ended. Raises StoreError.
+
+    The lock, flock(2), is that of the seal, since the lock of the folder is of runs under way.
+    """
+    try:
+        lock = os.open(folder / (SEAL if (folder / SEAL).exists() else MANIFEST), os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as problem:
+        raise StoreError(f"{folder}: its reports cannot be locked ({problem})") from problem
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(lock)
+
+
 @contextmanager
 def replacing(folder: Path, name: str, content: bytes) -> Iterator[None]:
     """Store the hash of a report that is written within the context; the earlier one counts until then.
@@ -101,14 +131,20 @@ def changed_reports(folder: Path) -> Iterator[str]:
         return
     for name, expected in known.files.items():
         if difference := _problem_of(folder / name, (expected, known.writing.get(name))):
-            yield f"{folder / name}: {difference} 'bench report {folder.name}' writes it again"
+            yield f"{folder / name}: {difference} {_advice(folder, name)}"
     if not (folder / SEAL).exists():  # earlier versions kept no list of reports
         return
     for report in sorted(folder.glob("report.*")):
         if report.suffix.removeprefix(".") not in FORMS or report.name in known.files:
             continue
         if (written := known.writing.get(report.name)) is None or _problem_of(report, (written,)):
-            yield f"{report}: is not in {REVISIONS}; 'bench report {folder.name}' writes it again"
+            yield f"{report}: is not in {REVISIONS}; {_advice(folder, report.name)}"
+
+
+def _advice(folder: Path, name: str) -> str:
+    if is_issued(name):
+        return "restore this approved report from a copy, or issue it again on the page of the run"
+    return f"'bench report {folder.name}' writes it again"
 
 
 def _problem_of(report: Path, expected: Sequence[str | None]) -> str:

@@ -10,9 +10,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from bench.errors import BenchError
+from bench.errors import BenchError, InputError
 from bench.figures.languages import ENGLISH, language
-from bench.files import write_atomically
+from bench.files import atomic_file, write_atomically
 from bench.metrology.results.coverage import COVERAGE
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
@@ -21,8 +21,8 @@ from bench.report.approval import approval_of
 from bench.report.export.csv_cells import harmless
 from bench.report.html import render
 from bench.report.optional import imported
-from bench.report.revision import replacing, revision_of
-from bench.store.runs import json_text
+from bench.report.revision import replacing, revision_of, writing
+from bench.store.runs import MANIFEST, json_text
 
 REPORT = "report"
 COLUMNS = (
@@ -31,20 +31,51 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH) -> Path:
-    """Evaluate a run, finished or not, and write `report.html`, or another form, to its directory.
+def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH, out: Path | None = None) -> Path:
+    """Evaluate a run, finished or not, and write `report.html`, or another form, to its directory or to a file `out`.
 
     Returns the path; in another language than English it is `report.zh.html`, of a damaged record
     `report.DAMAGED.html`. The page reports data that cannot be evaluated; `json` and `csv` contain only results, and
-    raise the reason. Raises StoreError if it cannot be written.
+    raise the reason. Raises StoreError if it cannot be written, and InputError if the run has an approved report.
     """
+    if out is not None:
+        return _write_elsewhere(run, form, lang, out)
     parts = [REPORT, *(["DAMAGED"] if run.damage else []), *([lang] if lang != ENGLISH else []), form]
     path = run.folder / ".".join(parts)
-    with language(lang):
-        content = FORMS[form](run)
-    with replacing(run.folder, path.name, content):
-        write_atomically(path, content)
+    with writing(run.folder):
+        expect_not_approved(run.folder)
+        with language(lang):
+            content = FORMS[form](run)
+        with replacing(run.folder, path.name, content):
+            write_atomically(path, content)
     return path
+
+
+def _write_elsewhere(run: StoredRun, form: str, lang: str, out: Path) -> Path:
+    if (Path(os.path.realpath(out)).parent / MANIFEST).exists():
+        raise InputError(f"{out}: is in the directory of a run; choose another place")
+    with writing(run.folder), language(lang):
+        content = FORMS[form](run)
+    with atomic_file(out) as draft:
+        draft.write_bytes(content)
+    return out
+
+
+def expect_not_approved(folder: Path) -> None:
+    """Raise InputError if a run has an approved report: another one beside it could be mistaken for it."""
+    if (approval := approval_of(folder)) is not None:
+        raise InputError(
+            f"{folder.name}: is approved as {approval['report']}; no other report is written beside the approved one. "
+            "Write a copy elsewhere (bench report --out FILE), or let an engineer issue the report again on the page "
+            "of the run"
+        )
+
+
+def report_to_issue(run: StoredRun, form: str, lang: str, approval: Mapping[str, Any]) -> bytes:
+    """Return the report of a run with an approval that is not in its directory yet; `form` is html or pdf."""
+    with language(lang):
+        page = _page(run, approval)
+    return page.encode() if form == "html" else pdf(page)
 
 
 def _html(run: StoredRun) -> bytes:
@@ -56,16 +87,17 @@ def _pdf(run: StoredRun) -> bytes:
     return pdf(_page(run))
 
 
-def _page(run: StoredRun) -> str:
+def _page(run: StoredRun, issued: Mapping[str, Any] | None = None) -> str:
+    """Return the page; one of an approved run is a copy unless it is `issued` with an approval."""
     results, not_evaluated = None, ""
     try:
         results = run.evaluate()
     except BenchError as problem:
         not_evaluated = str(problem)
     after = afterwards(run.folder, run.bench.with_capability("thermal_chamber"))
-    approval = approval_of(run.folder)
+    approval = issued if issued is not None else approval_of(run.folder)
     revision = revision_of(run.folder, run.manifest, results, not_evaluated, after, approval)
-    return render(run, results, not_evaluated, revision, after, approval)
+    return render(run, results, not_evaluated, revision, after, approval, is_copy=issued is None)
 
 
 def _json(run: StoredRun) -> bytes:

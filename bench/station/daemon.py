@@ -12,8 +12,7 @@ from typing import Any
 from bench.app.inputs import digest_of
 from bench.app.request import RunRequest
 from bench.clock import wall_utc
-from bench.config.laboratory import LaboratoryFile
-from bench.config.load import load_file
+from bench.config.laboratory import load_laboratory
 from bench.errors import InputError
 from bench.station.alerts.alerts import Alerts
 from bench.station.alerts.watch import Watched
@@ -33,7 +32,8 @@ from bench.station.queue.table import Queue
 from bench.station.runs.catalogue import Catalogue, bench_file_of
 from bench.station.runs.live import Live, Timelines
 from bench.station.settings import Settings
-from bench.station.signoff import SignOff
+from bench.station.signoff.decisions import SignOff
+from bench.station.signoff.placing import Placing, UsableKey
 from bench.station.storage.database import Database
 from bench.station.storage.snapshots import Snapshots
 from bench.station.watchdog import Watchdog, watchdog_every_s
@@ -41,6 +41,7 @@ from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
 
 DRAFT_S = 15.0  # for a check of a text that somebody types, beside those of runs
+APPROVED_WITHIN_S = 900.0  # a report of many hours, on a busy computer
 
 
 class Daemon:
@@ -55,9 +56,10 @@ class Daemon:
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running)
-        laboratory = load_file(settings.laboratory, LaboratoryFile) if settings.laboratory is not None else None
+        laboratory = load_laboratory(settings.laboratory) if settings.laboratory is not None else None
         self.releases = Releases(database)
         self.sign_off = SignOff(database, settings.report_prefix, laboratory)
+        self.placing, self.approvals = Placing(self.sign_off, settings.runs), Workers(limit_s=APPROVED_WITHIN_S)
         self.sequences, self.jobs = Sequences(settings), Jobs()
         self.texts, self.drafts = Texts(settings), Workers(limit_s=DRAFT_S)
         self.resuming = Resuming(settings, self.queue, launch)
@@ -66,8 +68,11 @@ class Daemon:
             "live view": self.live,
             "timelines": Timelines(self.live, workers),
             "snapshots": Snapshots(database),
+            "sign-off": self.placing,
             "jobs": self.jobs,
         }
+        if settings.signature is not None:
+            self.parts["signature"] = UsableKey(settings.signature, self.approvals)
         self.alerts: Alerts | None = None
         if settings.alerts is not None:
             watched = Watched(settings, self.queue, self.catalogue, self.live)
@@ -192,5 +197,6 @@ async def at_work(
         daemon.commands.shutdown(wait=False)
         daemon.jobs.close()
         daemon.drafts.close()
+        daemon.approvals.close()
         workers.close()
         database.close()

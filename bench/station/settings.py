@@ -20,6 +20,7 @@ from bench.errors import InputError
 from bench.station.alerts.settings import AlertsEntry, AlertSettings, read_alerts
 from bench.station.mqtt.settings import MqttSettings, with_files
 from bench.station.names import BENCH, WORD
+from bench.station.signoff.key import KeyFiles, SignatureEntry, key_files
 from drivers.schema.fields import NOT_EMPTY, StrictModel
 from drivers.schema.suggest import did_you_mean
 
@@ -44,8 +45,11 @@ class StationFile(StrictModel):
     benches: Annotated[Mapping[Name, BenchEntry], NOT_EMPTY] = Field(description="benches by name")
     runs: str = Field("runs", description="folder of run directories, relative to this file")
     laboratory: str = Field("", description="file lab.yaml of the laboratory, relative to this file, for certificates")
+    signature: SignatureEntry | None = Field(None, description="key that signs approved reports; without it, none is")
     report_prefix: str = Field(
-        "", pattern=r"^[A-Za-z0-9-]{0,20}$", description="first part of report numbers, another one at each station"
+        "",
+        pattern=r"^[A-Za-z0-9-]{0,20}$",
+        description="first part of report numbers; default: the computer's name",
     )
     released_only: bool = Field(
         False, description="operators start only sequences and bench files that an engineer has released"
@@ -75,6 +79,7 @@ class Settings(NamedTuple):
     sequences: Path | None = None
     mqtt: MqttSettings | None = None
     laboratory: Path | None = None
+    signature: KeyFiles | None = None
     report_prefix: str = "R"
     released_only: bool = False
     idle: timedelta | None = None
@@ -150,6 +155,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         titles,
         sequences=(beside / found.sequences) if found.sequences else None,
         laboratory=(beside / found.laboratory) if found.laboratory else None,
+        signature=key_files(found.signature, beside.absolute()) if found.signature is not None else None,
         report_prefix=found.report_prefix or _own_prefix(),
         released_only=found.released_only,
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,
@@ -161,7 +167,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
 
 
 def _own_prefix() -> str:
-    """Return a prefix made from the name of this computer, so that two stations number their reports differently."""
+    """Return a prefix made from the name of this computer."""
     return re.sub(r"[^A-Za-z0-9]+", "-", platform.node()).strip("-")[:20] or "R"
 
 

@@ -123,9 +123,9 @@ def approve(page, comment):
     page.wait_for_selector("text=Approved as L3-", timeout=LONG_MS)
 
 
-def downloaded(page) -> bytes:
+def downloaded(page, name) -> bytes:
     with page.expect_download() as loading:
-        page.click(".released a:text-is('report.pdf')")
+        page.click(f".released a:text-is('{name}')")
     return Path(loading.value.path()).read_bytes()
 
 
@@ -160,11 +160,12 @@ def test_anna_measures_and_erik_approves(tmp_path):
         assert seen.grave() == []
         approve(page, "seen and compared")
         assert seen.grave() == []
-        content = downloaded(page)
         (signed,) = station.get(f"runs/{run}/sign-off")["decisions"]
+        name = f"report.{signed['report']}.pdf"
+        content = downloaded(page, name)
         assert (signed["by"], signed["comment"]) == ("erik", "seen and compared")
         assert content.startswith(b"%PDF")
-        assert f"sha256:{hashlib.sha256(content).hexdigest()}" == signed["binds"]["report.pdf"]
+        assert f"sha256:{hashlib.sha256(content).hexdigest()}" == signed["binds"][name]
         text = text_of(tmp_path / "report.pdf", content)
         assert signed["report"] in text
         assert "Mole & Sons" in text

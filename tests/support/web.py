@@ -88,6 +88,7 @@ class Here:
         self.run.release()
         self.daemon.drafts.close()
         self.workers.close()
+        self.daemon.approvals.close()
         self.database.close()
 
     async def ask(

@@ -21,6 +21,7 @@ from typing import Literal, NamedTuple
 
 from bench.clock import wall_utc
 from bench.config.bench import load_bench
+from bench.config.laboratory import load_laboratory
 from bench.config.load import shipped
 from bench.errors import InputError, StoreError
 from bench.files import DRAFT, atomic_folder, written_new
@@ -150,9 +151,17 @@ def _files_of(file: Path, folder: Path) -> list[Path]:
         named = set[str]()
         load_bench(bench, named=named)
         found |= {bench, *(Path(os.path.normpath(bench.parent / name)) for name in named)}
+    if settings.laboratory is not None:
+        found |= {settings.laboratory, *_mark(settings.laboratory)}
     if settings.sequences is not None and settings.sequences.is_dir():
         found |= {path.absolute() for path in settings.sequences.rglob("*") if path.is_file()}
     return sorted(found)
+
+
+def _mark(laboratory: Path) -> list[Path]:
+    """The mark of the accreditation body, if there is one. The key of signatures is never part of a backup."""
+    accreditation = load_laboratory(laboratory).accreditation
+    return [Path(os.path.normpath(accreditation.mark))] if accreditation is not None and accreditation.mark else []
 
 
 def _add_runs(archive: tarfile.TarFile, runs: Path, say: Say) -> None:

@@ -10,7 +10,6 @@ from fastapi import APIRouter, Query, status
 from fastapi.responses import StreamingResponse
 
 from bench.errors import InputError
-from bench.figures.languages import ENGLISH
 from bench.station.jobs import Job
 from bench.station.queue.resuming import ResumptionView, resumption_of
 from bench.station.runs.after_a_run import reduction, report
@@ -120,19 +119,23 @@ async def write_report(
 ) -> Job:  # fmt: skip
     """Write the report of a run in a form and a language; return the job, whose result names the file."""
     found = _ended(station, run)
-    _expect_not_released(station, run, f"report.{form}" if lang == ENGLISH else f"report.{lang}.{form}")
+    _expect_not_approved(station, run)
     station.audit.note(person, "write report", run, form=form, lang=lang)
     id_ = report_id(run, form, lang)
     return station.daemon.jobs.ask(id_, "report", run, person.name, report, found.path, form, lang)
 
 
-def _expect_not_released(station: Services, run: str, name: str) -> None:
-    """Raise InputError for the report that the approval of a run covers: written again, it would be another file."""
-    approved = station.daemon.sign_off.approval(run)
-    if approved is not None and name in approved.binds:
+def _expect_not_approved(station: Services, run: str) -> None:
+    """Raise InputError if a run is approved, or about to be: another report beside its own could be mistaken for it."""
+    sign_off = station.daemon.sign_off
+    approved = sign_off.approval(run)
+    if approved is not None:
         raise InputError(
-            f"{run}: {name} is approved as {approved.report} and is not written again; an engineer can issue it again"
+            f"{run}: is approved as {approved.report}; no other report is written beside the approved one. An engineer "
+            "can issue it again"
         )
+    if sign_off.is_writing(run):
+        raise InputError(f"{run}: its approval is being written; look again in a minute")
 
 
 def report_id(run: str, form: str, lang: str) -> str:

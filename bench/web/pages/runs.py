@@ -81,7 +81,7 @@ async def _run_page(
         "reduction": station.daemon.jobs.find(results.reduction_id(run)),
         **{form: station.daemon.jobs.find(results.report_id(run, form, lang)) for form, lang in _forms(request)},
     }
-    signing = await signing_of(station, person_of(request), found, files, given, problem)
+    signing = await signing_of(station, person_of(request), found, files, given, problem, language_of(request))
     return page(
         request, "run.html.j2", status=status, place="/runs", signing=signing, info=info,
         live=run_view(live) if live else None, content=content, groups=groups,

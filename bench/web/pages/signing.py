@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from pydantic import ValidationError
 
 from bench.config.laboratory import CertificateFields, missing_fields
 from bench.errors import InputError, StoreError
+from bench.figures.languages import ENGLISH
 from bench.report.approval import approval_of
+from bench.report.revision import is_issued
 from bench.station.runs.record_files import FileView
-from bench.station.signoff import Signed
+from bench.station.signoff.decisions import Signed
+from bench.station.signoff.files import CHAIN
 from bench.store.runs import RunSummary
 from bench.store.seal import file_hash
 from bench.web.access import Person, Scope
@@ -20,8 +23,7 @@ from bench.web.api.signoff import NewDecision, facts_of, others_of
 from bench.web.services import Services
 
 FIELDS = tuple(CertificateFields.model_fields)
-DECISION = ("decision", "comment", "password", "replaces")
-CHAIN = "chain"
+DECISION = ("decision", "comment", "password", "replaces", "language")
 
 
 class Released(NamedTuple):
@@ -33,11 +35,24 @@ class Released(NamedTuple):
     unchanged: bool
 
 
+class Issued(NamedTuple):
+    """Decision, and what became of it: the number of the report that replaces it, or True if it was taken back.
+
+    `file` is the report that it issued, if the record lists it.
+    """
+
+    signed: Signed
+    replaced_by: str
+    is_withdrawn: bool
+    file: str
+
+
 class Signing(NamedTuple):
     """Sign-off of a run as one person sees it. `why_not` is the reason if this person may not decide."""
 
-    decisions: Sequence[Signed]
+    decisions: Sequence[Issued]
     approved: Signed | None
+    is_writing: bool
     lacks: Sequence[str]
     released: Sequence[Released]
     may_decide: bool
@@ -64,23 +79,42 @@ def decision_of(form: Mapping[str, str]) -> NewDecision:
 
 async def signing_of(
     station: Services, person: Person | None, run: RunSummary, files: Sequence[FileView],
-    given: Mapping[str, str] | None = None, problem: str = "",
+    given: Mapping[str, str] | None = None, problem: str = "", language: str = ENGLISH,
 ) -> Signing:  # fmt: skip
-    """Return the sign-off of a run for a person; `given` and `problem` are a form that was refused, and why."""
+    """Return the sign-off of a run for a person, who reads a language.
+
+    `given` and `problem` are a form that was refused, and why.
+    """
     sign_off = station.daemon.sign_off
     approved = sign_off.approval(run.id)
     fields = _approved_fields(run) if approved is not None else CertificateFields()
     why_not = _why_not(station, person, run, approved.report if approved is not None else "")
+    facts = await asyncio.to_thread(facts_of, run)
     return Signing(
-        decisions=sign_off.of_run(run.id),
+        decisions=_issued(sign_off.of_run(run.id), {each.name for each in files}),
         approved=approved,
-        lacks=missing_fields(sign_off.laboratory, fields, facts_of(run)),
+        is_writing=sign_off.is_writing(run.id),
+        lacks=missing_fields(sign_off.laboratory, fields, facts),
         released=await asyncio.to_thread(_released, run, approved, files) if approved is not None else [],
         may_decide=why_not == "",
         why_not=why_not or "",
-        given={"comment": "", **_texts(fields), **(given or {})},
+        given={"comment": "", "language": language, **_texts(fields), **(given or {})},
         problem=problem,
     )
+
+
+def _issued(decisions: Sequence[Signed], listed: Collection[str]) -> list[Issued]:
+    """Return decisions with what became of them, oldest first."""
+    replaced = {each.replaces: each.report for each in decisions if each.replaces}
+    return [
+        Issued(
+            signed=each,
+            replaced_by=replaced.get(each.report, "") if each.report else "",
+            is_withdrawn=each.report != "" and any(later.decision == "rejected" for later in decisions[place:]),
+            file=next((name for name in each.binds if name in listed and is_issued(name)), ""),
+        )
+        for place, each in enumerate(decisions, 1)
+    ]
 
 
 def _why_not(station: Services, person: Person | None, run: RunSummary, replaces: str) -> str | None:

@@ -66,7 +66,9 @@ def test_it_names_order_procedure_method_rule_and_the_air_in_the_room(run):
     assert head["Procedure"] == "TP-017 rev. C"
     assert head["Method"].endswith("(method M4a), after IEEE Std 1293, IEEE Std 530, IEEE Std 1554")
     assert head["Decision rule"] == "simple acceptance: a value inside its limits passes"
-    assert head["Ambient conditions"] == f"room temperature {room_c.min():.4g} to {room_c.max():.4g} °C"
+    assert head["Ambient conditions"] == (
+        f"room temperature {room_c.min():.1f} to {room_c.max():.1f} °C (uncertainty not stated)"
+    )
     assert head["Deviations"] == "see below"
     manifest = read_json(run, "manifest.json")
     assert (manifest["order"], manifest["procedure"]) == ("2026-117", "TP-017 rev. C")

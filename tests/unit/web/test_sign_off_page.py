@@ -68,25 +68,38 @@ def test_an_approval_releases_report_and_calibration_files_until_they_are_change
         assert (entry["who"], entry["report"]) == ("engineer", signed.report)
         page = await look(here, run, "viewer")
         assert f"Approved as {signed.report} by engineer" in page
-        assert signed.binds["report.html"] == file_hash(folder / "report.html")
+        name = f"report.{signed.report}.html"
+        assert signed.binds[name] == file_hash(folder / name)
         for digest in signed.binds.values():
             assert digest in page
-        assert 'files/report.html" download>report.html</a> ✓ released' in page
+        assert f'files/{name}" download>{name}</a> ✓ released' in page
         assert 'files/calibration_a.json" download>calibration_a.json</a> ✓ released' in page
         assert "the date of receipt" not in page
         assert "the environment" in page
         written = await here.ask("POST", f"/api/v1/runs/{run}/report?form=html", token=here.token)
         assert (written.status, signed.report in written.json()["detail"]) == (422, True)
         again = await look(here, run, "engineer")
-        assert f'action="/runs/{run}/pdf"' in again
+        assert f'action="/runs/{run}/pdf"' not in again
         assert f'action="/runs/{run}/html"' not in again
         assert f'name="replaces" value="{signed.report}"' in again
         assert 'value="Mole &amp; Sons"' in again
-        (folder / "report.html").write_text("another")
+        assert f'action="/runs/{run}/reduce"' in again
+        (folder / name).write_text("another")
         changed = await look(here, run, "viewer")
-        assert "report.html is not the file that was approved" in changed
-        assert "download>report.html</a> ✓ released" not in changed
-        assert (folder / APPROVAL).exists()
+        assert f"{name} is not the file that was approved" in changed
+        assert f"download>{name}</a> ✓ released" not in changed
+        answer = await send(here, run, "engineer", replaces=signed.report, language="zh", customer="Mole & Sons")
+        assert answer.status == 303, answer.body
+        _, second = here.daemon.sign_off.of_run(run)
+        assert f"<dt>替代</dt><dd>{signed.report}</dd>" in (folder / f"report.{second.report}.html").read_text()
+        shown = await look(here, run, "viewer")
+        assert f"replaced by {second.report}" in shown
+        assert f"Approved as {second.report} by engineer" in shown
+        assert (await send(here, run, "engineer", decision="rejected", replaces=second.report)).status == 303
+        assert "taken back" in await look(here, run, "viewer")
+        assert not (folder / APPROVAL).exists()
+        written = await here.ask("POST", f"/api/v1/runs/{run}/report?form=html", token=here.token)
+        assert written.status == 202
 
     with_signers(tmp_path, act)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bench.report.approval import APPROVAL
+from bench.store.runs import summary
+from bench.web.api.signoff import facts_of
 from tests.support.web import PASSWORD, with_signers
 
 
@@ -24,7 +26,7 @@ def test_a_second_person_approves_and_the_audit_has_it(tmp_path, smoke_copy):
         answer = await decide(here, "engineer", run, fields={"customer": "Mole & Sons"})
         assert answer.status == 201, answer.body
         signed = answer.json()
-        assert signed["binds"].keys() >= {"report.html", APPROVAL, "chain"}
+        assert signed["binds"].keys() >= {f"report.{signed['report']}.html", APPROVAL, "chain"}
         entry = next(each for each in here.audit.entries() if each["action"] == "approve")
         assert (entry["report"], entry["reason"], entry["who"]) == (signed["report"], "looked at", "engineer")
         again = await decide(here, "engineer", run)
@@ -61,3 +63,15 @@ def test_a_rejection_is_kept_with_its_reason(tmp_path, smoke_copy):
         assert not (smoke_copy / APPROVAL).exists()
 
     with_signers(tmp_path, act)
+
+
+def test_ambient_conditions_of_a_run_are_a_fact_for_its_certificate(smoke_copy):
+    assert facts_of(summary(smoke_copy))["ambient"] == ""
+    bench = smoke_copy / "bench.yaml"
+    zone = "time_zone: Asia/Shanghai\n"
+    bench.write_text(bench.read_text("utf-8").replace(zone, f"{zone}  ambient: [unit_temperature]\n"), "utf-8")
+    ambient = facts_of(summary(smoke_copy))["ambient"]
+    assert ambient.startswith("unit temperature ")
+    assert "U = 0.6" in ambient
+    bench.write_text("damaged")
+    assert facts_of(summary(smoke_copy))["ambient"] == ""
