@@ -24,7 +24,7 @@ def session(folder: Path, script: Script, *settings: str, bench: BenchFile = BEN
     """A session of manual control, and what became of it; it ends when the script does."""
 
     async def controlled(engine: Engine) -> None:
-        while engine.manual.to_json() is None:
+        while engine.manual.to_json() is None:  # noqa: ASYNC110  in virtual time
             await asyncio.sleep(0.1)
         await script(engine)
         if engine.manual.to_json() is not None:
