@@ -72,6 +72,17 @@ class Records:
         return found
 
 
+def under_way(run: RunSummary) -> dict[str, Identified]:
+    """Return the identities that a run in progress has read, by device; its manifest has none yet."""
+    try:
+        with Tail(run.path) as tail:
+            entries = tail.of_kinds(("identified",), ENTRIES)
+    except StoreError:
+        return {}
+    started = str(run.manifest.get("started", ""))
+    return {str(each.data.get("device", "")): Identified(each.data, run.id, started) for each in entries}
+
+
 def identified(role: str, entry: DeviceEntry, runs: list[RunSummary]) -> Identified | None:
     """Return the identity of an instrument as the newest run has read it from the same driver and address; or None."""
     for run in runs:

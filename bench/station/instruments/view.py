@@ -16,7 +16,7 @@ from bench.runner.held import LOOKS, Kind, energising_addresses, owners, real_ad
 from bench.sequence.plan.scope import unit_of
 from bench.station.daemon import Daemon
 from bench.station.instruments.calibrations import CalibrationView, calibrations_of, days_ahead, today_at
-from bench.station.instruments.records import Fault, Identified, identified
+from bench.station.instruments.records import Fault, Identified, identified, under_way
 from bench.station.runs.live import LiveRun
 from bench.station.view import LeaseView, ReadingView, run_view
 from bench.store.latch import latch
@@ -120,8 +120,11 @@ def bench_instruments(daemon: Daemon, name: str, now: datetime) -> BenchInstrume
     faults = daemon.records.faults(runs, list(bench.devices))
     certificates = calibrations_of(name, bench, today_at(daemon, name, now), days_ahead(daemon))
     readings = _readings(bench, live)
+    new = under_way(live.run) if live is not None else {}
     instruments = [
-        _instrument(bench, role, identified(role, entry, runs), certificates, readings.get(role, []), faults)
+        _instrument(
+            bench, role, new.get(role) or identified(role, entry, runs), certificates, readings.get(role, []), faults
+        )
         for role, entry in bench.devices.items()
     ]
     lease = daemon.leases.of(name)
@@ -168,7 +171,7 @@ def _instrument(
 
 
 def limits_of(entry: DeviceEntry) -> list[LimitView]:
-    """Return the permitted ranges of an instrument, as the bench file states them."""
+    """Return the permitted ranges of an instrument, as the bench file states them; also the highest compliance."""
     found = []
     for name, allowed in entry.limits or ():
         low, high = getattr(allowed, "min", None), getattr(allowed, "max", None)
@@ -177,6 +180,8 @@ def limits_of(entry: DeviceEntry) -> list[LimitView]:
         fields = type(allowed).model_fields
         units = (unit_of((fields[key].annotation, *fields[key].metadata)) for key in ("max", "min") if key in fields)
         found.append(LimitView(name=name, low=low, high=high, unit=next(filter(None, units), "")))
+    if (most_v := getattr(entry.options, "compliance", None)) is not None:
+        found.append(LimitView(name="compliance", low=None, high=float(most_v), unit="V"))
     return found
 
 

@@ -118,7 +118,7 @@ def _output(each: InstrumentView) -> Iterator[Form]:
         if "power_supply" in each.capabilities
         else (
             Input("current", tr("current"), "A", _limit(each, "current")),
-            Input("compliance", tr("compliance"), "V", _limit(each, "voltage")),
+            Input("compliance", tr("compliance"), "V", _limit(each, "compliance")),
         )
     )  # fmt: skip
     yield Form(
