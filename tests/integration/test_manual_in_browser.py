@@ -1,15 +1,25 @@
 """An engineer controls a bench by hand in a browser: begin, order, refusal, halt, end; instruments and due list."""
 
+import os
 import re
+import subprocess
+import sys
 
 import pytest
 
 from tests.support.browser import browsing
+from tests.support.runs import ROOT
 from tests.support.station import serving
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.peer("chromium", "playwright")]
 LONG_MS = 90_000
 WIDTHS = ((1280, 800), (1920, 1080), (390, 844))
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory):
+    with serving(tmp_path_factory.mktemp("station")) as served:
+        yield served
 
 
 def looked_at(seen, station, path):
@@ -26,8 +36,9 @@ def looked_at(seen, station, path):
     return found
 
 
-def test_an_engineer_controls_a_bench_by_hand_and_all_of_it_is_in_the_record(tmp_path):
-    with serving(tmp_path) as station, browsing() as seen:
+@pytest.mark.leaves("the connection to the station, which the next test uses")
+def test_an_engineer_controls_a_bench_by_hand_and_all_of_it_is_in_the_record(station):
+    with browsing() as seen:
         page = seen.page
         seen.log_in(station.url, station.code)
         assert looked_at(seen, station, "benches/demo/manual") == []
@@ -64,3 +75,18 @@ def test_an_engineer_controls_a_bench_by_hand_and_all_of_it_is_in_the_record(tmp
         station.until(lambda: station.get(f"runs/{run}")["state"] == "completed")
         assert station.get("benches/demo/instruments")["instruments"][1]["serial"] == "SIM-HEAD-01"
     assert [each for each in seen.complaints if "422" not in each] == []
+
+
+def test_the_script_of_the_page_controls_a_bench(station):
+    text = (ROOT / "docs/how-to/manual_control.md").read_text("utf-8")
+    (example,) = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
+    token = (station.folder / "station/token").read_text()
+    done = subprocess.run(
+        [sys.executable, "-c", example], capture_output=True, text=True, timeout=120, check=False,
+        env={**os.environ, "BENCH_STATION": station.url, "BENCH_TOKEN": token},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "'silence_s': 120.0" in done.stdout
+    item = station.get("queue", all_=True)[-1]["item"]
+    ended = station.ended(item)
+    assert (ended["submission"]["sequence"], ended["outcome"]) == ("manual", "completed")
