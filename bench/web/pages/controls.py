@@ -76,7 +76,7 @@ def _forms(each: InstrumentView) -> Iterator[Form]:
             tr("Turn"), tr("Turns {role} at this rate for this time, then brings it to rest.", role=tr(role)),
             (("rotate", role),),
             (
-                Input("at", tr("rate"), "°/s", _limit(each, "rate", both=True)),
+                Input("at", tr("turning rate"), "°/s", _limit(each, "rate", both=True)),
                 Input("for", tr("time"), "s", value=TURN_S),
             ),
         )  # fmt: skip
@@ -87,7 +87,7 @@ def _forms(each: InstrumentView) -> Iterator[Form]:
             (("ramp", role),),
             (
                 Input("to", tr("temperature"), "°C", _limit(each, "temperature")),
-                Input("at", tr("rate"), "°C/min", _limit(each, "ramp_rate"), "1"),
+                Input("at", tr("ramp rate"), "°C/min", _limit(each, "ramp_rate"), "1"),
             ),
         )  # fmt: skip
     if {"power_supply", "current_source"} & set(able):
@@ -134,6 +134,11 @@ def _limit(each: InstrumentView, name: str, *, both: bool = False) -> str:
     """Return the permitted range in words; `both` for a limit of the size in either direction."""
     limit = next((limit for limit in each.limits if limit.name == name), None)
     return tr("no limit in the bench file") if limit is None else limit_in_words(limit, both=both)
+
+
+def limit_name(limit: LimitView) -> str:
+    """Return the name of a permitted range in words."""
+    return tr("turning rate") if limit.name == "rate" else tr(limit.name.replace("_", " "))
 
 
 def limit_in_words(limit: LimitView, *, both: bool = False) -> str:

@@ -17,7 +17,7 @@ from bench.station.instruments.view import Guarding
 from bench.web.access import Clearer, Reader
 from bench.web.api import runs
 from bench.web.api.instruments import instruments_of
-from bench.web.pages.controls import limit_in_words
+from bench.web.pages.controls import limit_in_words, limit_name
 from bench.web.pages.readings import label
 from bench.web.pages.render import page
 from bench.web.services import Station
@@ -78,6 +78,7 @@ def _words(station: Station) -> dict[str, Any]:
         return clock_time(at, zone, now)
 
     return {
-        "when": when, "left": left, "guarding": GUARDING, "limit": limit_in_words, "label": label, "duration": duration,
+        "when": when, "left": left, "guarding": GUARDING, "limit": limit_in_words, "limit_name": limit_name,
+        "label": label, "duration": duration,
         "reading": lambda each: reading(each.model_dump()),
     }  # fmt: skip
