@@ -188,6 +188,36 @@ class Station:
         """Answer a question of a run; `step` is needed if several are open."""
         return self._command(run, "answer", {"answer": answer, "step": step})
 
+    def instruments(self, bench: str) -> Json:
+        """Return the instruments of a bench: identities, calibrations, last errors, and who holds it."""
+        return self._get(f"benches/{_part(bench)}/instruments")
+
+    def calibrations(self, within_days: int | None = None) -> list[Json]:
+        """Return the calibrations of all benches, the next one due first."""
+        return self._list("calibrations", **({} if within_days is None else {"within_days": within_days}))
+
+    def control(self, bench: str, *, key: str = "", **session: Any) -> Json:
+        """Queue a session of manual control, and return its item; `session` may have `units`, `silence`, `order`."""
+        headers = {"idempotency-key": key or uuid.uuid4().hex}
+        path = f"benches/{_part(bench)}/manual"
+        return self._until_answered(lambda: self._post(path, session, headers=headers, limit_s=CHECKED_WITHIN_S))
+
+    def order(self, run: str, **step: str) -> str:
+        """Begin an order of manual control, a step such as `move="head", to="90 °"`; return its id in the journal."""
+        return self._command(run, "orders", {"order": step})
+
+    def halt(self, run: str, device: str) -> str:
+        """Interrupt the order under way to a device, and stop what it has started."""
+        return self._command(run, "orders/halt", {"device": device})
+
+    def alive(self, run: str) -> Json:
+        """Give a sign of life to a session of manual control; return its state."""
+        return self._post(f"runs/{_part(run)}/orders/alive")
+
+    def finish(self, run: str) -> str:
+        """End a session of manual control; everything is made safe."""
+        return self._command(run, "orders/finish")
+
     def users(self) -> list[Json]:
         """Return all users with their roles."""
         return self._list("users")

@@ -11,6 +11,7 @@ from bench.config.models import BenchFile
 from bench.engine.crediting import SoakCredit
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
+from bench.engine.orders import Orders
 from bench.engine.questions import PromptQueue
 from bench.rig import Rig
 from bench.store.decoder import Decoder
@@ -25,7 +26,8 @@ class Bench:
     """Context of a step: rig, plan and services.
 
     `angles_deg` are the targets of the last moves by role, `numbered` are the devices that number their frames,
-    `credit` is that of a soak of a resumed run, `role` is the one that a plug-in's step names.
+    `credit` is that of a soak of a resumed run, `role` is the one that a plug-in's step names, `orders` are those of
+    manual control.
     """
 
     file: BenchFile
@@ -38,6 +40,7 @@ class Bench:
     angles_deg: dict[str, float] = field(default_factory=dict)
     credit: SoakCredit | None = None
     role: str | None = None
+    orders: Orders = field(default_factory=Orders)
 
     @property
     def writer(self) -> RunWriter:

@@ -13,6 +13,7 @@ from bench.engine.ending import OPERATOR as BY_OPERATOR
 from bench.engine.ending import EndRequest, Outcome
 from bench.engine.interlocks import Change
 from bench.engine.journal import Journal
+from bench.engine.manual import Manual
 from bench.engine.monitor import Monitor
 from bench.engine.past import Past
 from bench.engine.questions import PromptQueue, Question
@@ -72,6 +73,8 @@ class Engine:
         if past is not None:
             monitor.units.take_over(past.dropped, past.state.mount)
         self._walk = Walk(plan, bench, self._control, observer, self._failed, past or Past())
+        self.manual = Manual(bench, self._control, self._walk.ordered)
+        bench.orders.on_silence = lambda text: self.stop(EndRequest("silence", text))
         self._body_task: asyncio.Task[None] | None = None
         self._teardown_task: asyncio.Task[None] | None = None
         self._ending, self._aborted = asyncio.Event(), asyncio.Event()

@@ -79,6 +79,12 @@ class Walk:
         """True while the teardown of a group runs."""
         return bool(self._teardowns)
 
+    async def ordered(self, planned: PlannedStep) -> None:
+        """Execute a step that a person has ordered, as part of the step that waits for orders."""
+        at = next(iter(self._journal.state.under_way), "")
+        self._indices[planned.id] = self._indices.get(at, 0)
+        await self._stepper.step(planned)
+
     async def nodes(self, nodes: Nodes) -> None:
         """Execute nodes in order."""
         for node in nodes:

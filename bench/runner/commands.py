@@ -66,7 +66,7 @@ def commands_of(  # noqa: C901  one small function for each command
 
     async def status(_: Arguments) -> str:
         state = {"state": "running"} | state_to_json(engine.journal.state) | _now(engine, monitor)
-        await _durable(engine.journal, "the state of the run could not be written to the disk")
+        await durable(engine.journal, "the state of the run could not be written to the disk")
         return json.dumps(state, ensure_ascii=False)
 
     def command(name: str, act: Callable[[Arguments], str]) -> Callable[[Arguments], Awaitable[str]]:
@@ -75,7 +75,7 @@ def commands_of(  # noqa: C901  one small function for each command
             engine.journal.try_to_write("command", command=name, **request)
             notice(f"{name.replace('_', ' ')} by {request['by']}: {reply}")
             if name not in STOPS:
-                await _durable(engine.journal, f"{reply}; this is not recorded on the disk")
+                await durable(engine.journal, f"{reply}; this is not recorded on the disk")
             return reply
 
         return done
@@ -84,7 +84,7 @@ def commands_of(  # noqa: C901  one small function for each command
     return {act.__name__: command(act.__name__, act) for act in acts} | {"status": status}
 
 
-async def _durable(journal: Journal, otherwise: str) -> None:
+async def durable(journal: Journal, otherwise: str) -> None:
     """Wait until the journal is on the disk. Raises InputError if that fails."""
     try:
         await journal.commit()
@@ -113,10 +113,11 @@ def state_to_json(state: RunState) -> dict[str, Any]:
 
 
 def _now(engine: Engine, monitor: Monitor) -> dict[str, Any]:
-    """Return state that only a running run has: bench time, requested holds, open questions and newest readings."""
+    """Return state that only a running run has: bench time, holds, manual control, open questions, newest readings."""
     return {
         "now_s": asyncio.get_running_loop().time(),
         "holds": engine.holds,
+        "manual": engine.manual.to_json(),
         "questions": [_question_to_json(question) for question in engine.prompts.questions],
         "readings": {name: _latest_to_json(latest, unit) for name, (latest, unit) in monitor.newest().items()},
     }

@@ -23,10 +23,11 @@ from bench.errors import StoreError, error_message
 from bench.quality import Judged
 from bench.rig import CLOSE_S, OpenError, Rig, limits_to_make_safe
 from bench.runner.commands import commands_of
-from bench.runner.control import control_socket
+from bench.runner.control import Handlers, control_socket
 from bench.runner.found_on import NOTHING, Found, LeftOn, found_energised
 from bench.runner.held import energising_addresses, is_locked_out
 from bench.runner.manifest import facts
+from bench.runner.orders import orders_of
 from bench.runner.power import Hold
 from bench.runner.signals import EndSignal, Signals
 from bench.runner.terminal import answers_from_terminal
@@ -102,7 +103,7 @@ async def run_plan(
             with (
                 signals.calling(_acting(engine, observer, teardown_s)),
                 hold.calling(partial(engine.hold, POWER_FAILURE)),
-                control_socket(folder, commands_of(engine, monitor, observer.notice, can_pause=can_pause)),
+                control_socket(folder, _handlers(engine, monitor, observer, can_pause=can_pause)),
                 answers_from_terminal(engine.prompts, observer, can_wait=can_pause),
             ):
                 outcome = await engine.run()
@@ -217,6 +218,11 @@ async def _close(rig: Rig, outcome: Outcome) -> None:
         await rig.close()
     except Exception as problem:  # noqa: BLE001  the outcome of the run must not be lost
         outcome.failed(error_message(problem))
+
+
+def _handlers(engine: Engine, monitor: Monitor, observer: Observer, *, can_pause: bool) -> Handlers:
+    commands = commands_of(engine, monitor, observer.notice, can_pause=can_pause)
+    return {**commands, **orders_of(engine.manual, engine.journal, observer.notice)}
 
 
 def _acting(engine: Engine, observer: Observer, teardown_s: float) -> Callable[[EndSignal], None]:

@@ -14,8 +14,10 @@ from bench.app.request import RunRequest
 from bench.clock import wall_utc
 from bench.config.laboratory import load_laboratory
 from bench.errors import InputError
+from bench.sequence.steps.manual import SEQUENCE as MANUAL
 from bench.station.alerts.alerts import Alerts
 from bench.station.alerts.watch import Watched
+from bench.station.instruments.records import Records
 from bench.station.jobs import Jobs
 from bench.station.leases import Leases
 from bench.station.log import Changes, Log
@@ -56,6 +58,7 @@ class Daemon:
         self.catalogue = Catalogue(settings.runs)
         self.scheduler = Scheduler(settings, self.queue, self.catalogue, launch)
         self.live = Live(self.running)
+        self.records = Records(self.catalogue, self.bench_in)
         laboratory = load_laboratory(settings.laboratory) if settings.laboratory is not None else None
         self.releases = Releases(database)
         self.sign_off = SignOff(database, settings.report_prefix, laboratory)
@@ -109,9 +112,11 @@ class Daemon:
     ) -> Item:  # fmt: skip
         """Check a submission and append it to the queue. Raises InputError with all problems.
 
-        At a station that runs only what is released, `may_be_new` admits other files. The item is not submitted if
-        `submitted` raises.
+        `may_be_new` is true for engineers: it admits manual control and, at a station that runs only what is released,
+        other files. The item is not submitted if `submitted` raises.
         """
+        if submission.sequence == MANUAL and not may_be_new:
+            raise InputError("manual control of a bench needs the scope 'engineer'")
         if not submission.operator:
             submission = submission.model_copy(update={"operator": by})
         found = await self.checked(submission)

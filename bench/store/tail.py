@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -77,6 +77,13 @@ class Tail:
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
         """Return up to `limit` entries of the journal after a number, in order."""
         rows = self._rows(_EVENTS, after, limit)
+        return [Event(seq, at_s, kind, step, _data(data)) for seq, at_s, kind, step, data in rows]
+
+    def of_kinds(self, kinds: Collection[str], limit: int) -> list[Event]:
+        """Return the last `limit` entries of some kinds, newest first."""
+        places = ", ".join("?" * len(kinds))
+        query = f"SELECT seq, at_s, kind, step, data FROM journal WHERE kind IN ({places}) ORDER BY seq DESC LIMIT ?"  # noqa: S608  only places of values
+        rows = self._rows(query, *kinds, limit)
         return [Event(seq, at_s, kind, step, _data(data)) for seq, at_s, kind, step, data in rows]
 
     def last_event(self) -> int:

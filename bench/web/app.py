@@ -20,7 +20,9 @@ from bench.web.api import (
     alerts,
     description,
     health,
+    instruments,
     leases,
+    manual,
     people,
     preparing,
     queue,
@@ -60,7 +62,7 @@ def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = Fa
     app.state.metrics = Metrics(services.daemon)
     for each in (
         station, queue, preparing, sequences, results, runs, series, signoff, releases, leases, people, alerts, health,
-        description,
+        instruments, manual, description,
     ):  # fmt: skip
         app.include_router(each.router)
     for router in ROUTERS:

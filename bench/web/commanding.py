@@ -33,16 +33,27 @@ async def command_run(
         raise
 
 
-async def make_safe(station: Services, person: Person, run: str, command: str, reason: str) -> str:
+async def make_safe(
+    station: Services, person: Person, run: str, command: str, reason: str, **arguments: str
+) -> str:  # fmt: skip
     """Send a command that makes safe; return the answer of the run. Neither a disk nor a lease delays it."""
     path = (await _apart(station, lambda: station.daemon.catalogue.run(run))).path
     try:
-        answer = await _sent(station, path, command, by=person.name)
+        answer = await _sent(station, path, command, by=person.name, **arguments)
     except InputError as problem:
         station.audit.note_afterwards(person, f"{command} refused", run, reason=plain(reason), after=str(problem))
         raise
-    problem_ = station.audit.note_afterwards(person, command, run, reason=plain(reason), after=answer)
+    problem_ = station.audit.note_afterwards(person, command, run, reason=plain(reason), after=answer, **arguments)
     return f"{answer}; this is not in the audit yet: {problem_}" if problem_ else answer
+
+
+async def is_alive(station: Services, person: Person, run: str) -> str:
+    """Give a run a sign of life of the person who controls it; return the state of the session as JSON.
+
+    It is not in the audit. Raises InputError if the run takes no orders.
+    """
+    path = (await _apart(station, lambda: station.daemon.catalogue.run(run))).path
+    return await _sent(station, path, "alive", by=person.name)
 
 
 async def _sent(station: Services, path: Path, command: str, **arguments: str) -> str:

@@ -122,7 +122,9 @@ def _without_step(live: LiveRun, total: int) -> str:
 def _now(live: LiveRun, step: str, planned: Facts, steady: tuple[float, float] | None) -> str:
     """Return what a step does, and how far it is."""
     if not planned:
-        return step
+        return tr("order {number}", number=step.rpartition("=")[2]) if "/order=" in step else step
+    if live.status.get("manual") and planned["facts"]["verb"] == "custom":
+        return tr("Manual control: waits for orders")
     parts = [in_words(NOW, planned), _progress(planned["facts"], _elapsed_s(live, step))]
     match planned["facts"]:
         case {"verb": "soak", "until_stable": stable} if steady is not None:

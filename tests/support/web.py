@@ -33,7 +33,8 @@ from tests.support import worker_processes  # noqa: F401  its tracker is to be t
 
 PASSWORD = "correct horse battery"
 STARTED = datetime(2026, 11, 21, 20, 0, tzinfo=UTC)
-COMMANDS = (*STOPS, "pause", "resume", "skip", "repeat", "answer")
+COMMANDS = (*STOPS, "pause", "resume", "skip", "repeat", "answer", "order", "halt", "finish", "alive")
+SESSION = {"silence_s": 300.0, "left_s": 300.0, "busy": {}}  # of manual control
 TERMINAL = Person("anna", EVERYTHING, "token", is_user=False)
 
 
@@ -157,7 +158,7 @@ async def station_here(folder: Path, **more: Any) -> AsyncIterator[Here]:
     def handler(command: str) -> Callable[[Mapping[str, str]], Awaitable[str]]:
         async def handle(arguments: Mapping[str, str]) -> str:
             here.heard.append((command, arguments["by"]))
-            return "done"
+            return json.dumps(SESSION) if command == "alive" else "done"
 
         return handle
 

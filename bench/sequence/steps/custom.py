@@ -18,7 +18,10 @@ from drivers.installed import Installed
 from drivers.schema.fields import Name
 
 ENTRY_POINTS = "inertial_test_bench.steps"
-SHIPPED: Mapping[str, str] = {"compare_ends": "bench.methods.indexing.method:COMPARE_ENDS"}
+SHIPPED: Mapping[str, str] = {
+    "compare_ends": "bench.methods.indexing.method:COMPARE_ENDS",
+    "manual_control": "bench.sequence.steps.manual:MANUAL_CONTROL",
+}
 
 
 def _no_time(_: Any) -> float:

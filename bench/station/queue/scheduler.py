@@ -149,7 +149,7 @@ class Scheduler(Part):
     def _why_not(self, name: str) -> str:
         """Return why no run can begin at a bench now; "" if one can."""
         try:
-            bench = self._bench(name)
+            bench = self.bench(name)
             if why := why_locked_out(bench):
                 return f"the bench is {why}"
             found = owners(real_addresses(bench).values())
@@ -157,7 +157,7 @@ class Scheduler(Part):
             return error_message(problem)
         return f"waits for {', '.join(sorted(map(str, found)))}" if found else ""
 
-    def _bench(self, name: str) -> BenchFile:
+    def bench(self, name: str) -> BenchFile:
         """Return a bench file, read again when it has changed. Raises InputError."""
         try:
             mark = self._settings.bench_file(name).stat().st_mtime_ns

@@ -85,6 +85,10 @@ class LiveRun:
         except (KeyError, TypeError, ValueError):
             return 1.0  # not asked for, or as fast as possible
 
+    def instant_of(self, event: Event) -> datetime | None:
+        """Return the instant of an entry by the clock of the bench; None until that is known."""
+        return self.begun[0] + timedelta(seconds=event.at_s - self.begun[1]) if self.begun is not None else None
+
     def ends(self) -> datetime | None:
         """Return the estimated wall time of the end: that of the plan, later by what its steps took longer so far."""
         if self.timeline is None or self._now is None or self.begun is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from fastapi import APIRouter, Query, Response, status
 from pydantic import BaseModel, Field, ValidationError
@@ -19,6 +19,7 @@ from bench.web.services import Services, Station
 router = APIRouter(prefix="/api/v1", tags=["before a run"])
 PICTURE_CSP = "default-src 'none'; style-src 'unsafe-inline'; sandbox"
 Lang = Literal["en", "zh"]
+M = TypeVar("M", bound=BaseModel)
 
 
 class PlaceView(BaseModel):
@@ -118,8 +119,13 @@ def job(station: Station, _: Reader, id_: str) -> Job:
 
 def submission_of(**fields: object) -> Submission:
     """Return a submission of these fields. Raises InputError with all that is wrong."""
+    return read_fields(Submission, fields)
+
+
+def read_fields(model: type[M], fields: object) -> M:
+    """Return a model of the fields of a form. Raises InputError with all that is wrong."""
     try:
-        return Submission.model_validate(fields)
+        return model.model_validate(fields)
     except ValidationError as problem:
         found = (f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in problem.errors(include_url=False))
         raise InputError(*found) from None

@@ -15,6 +15,6 @@ class Place(NamedTuple):
 # In this order: Station, Runs, Units, Queue, Instruments, Sequences; only those that exist.
 PLACES = (
     Place("/", "Station"), Place("/runs", "Runs"), Place("/units", "Units"), Place("/queue", "Queue"),
-    Place("/sequences", "Sequences"),
+    Place("/instruments", "Instruments"), Place("/sequences", "Sequences"),
 )  # fmt: skip
 TITLES = ("Station", "Runs", "Units", "Queue", "Instruments", "Sequences")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from bench.web.pages import commands, editing, entrance, files, queue, runs, sequences, start, station, units
+from bench.web.pages import (
+    commands, editing, entrance, files, instruments, manual, queue, runs, sequences, start, station, units,
+)  # fmt: skip
 
 ROUTERS = (
     files.router, entrance.router, station.router, commands.router, start.router, queue.router, runs.router,
-    units.router, sequences.router, editing.router,
+    units.router, instruments.router, manual.router, sequences.router, editing.router,
 )  # fmt: skip

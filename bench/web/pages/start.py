@@ -13,6 +13,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from bench.errors import BenchError, InputError
 from bench.figures.times_and_sizes import duration, megabytes
+from bench.sequence.steps.manual import SEQUENCE as MANUAL
 from bench.station.prepare.before_a_run import BeforeRun, before_run, rehearsal
 from bench.station.prepare.sequences import SequenceView
 from bench.station.queue.items import Submission
@@ -130,12 +131,17 @@ async def _page(
     job = station.daemon.jobs.find(rehearsal_id(wanted)) if wanted is not None else None
     return page(
         request, "start.html.j2", place="/start", status=status, draft=draft, found=found, open=is_open, steps=STEPS,
-        reached=reached, sequences=await asyncio.to_thread(station.daemon.sequences.all), speeds=SPEEDS, checks=checks,
+        reached=reached, sequences=await asyncio.to_thread(_offered, station), speeds=SPEEDS, checks=checks,
         job=job, benches=[bench_info(station, name) for name in station.daemon.settings.benches], problem=problem,
         key=secrets.token_hex(16), duration=duration, megabytes=megabytes,
         usual=found.sequence.shown_with(draft.field("preset") or None) if found.sequence is not None else {},
         picture=_picture(draft, found) if found.step == "checks" else "",
     )  # fmt: skip
+
+
+def _offered(station: Services) -> list[SequenceView]:
+    """Return the sequences of the station; manual control begins on its own page."""
+    return [each for each in station.daemon.sequences.all() if each.name != MANUAL]
 
 
 async def _checks(station: Services, wanted: Submission) -> BeforeRun:

@@ -21,7 +21,8 @@ from bench.store.writer import RunWriter
 def commands(writer: RunWriter, message: list[str]):
     journal = Journal(writer)
     prompts = PromptQueue(lambda _question: None)
-    engine = SimpleNamespace(journal=journal, prompts=prompts, resume=lambda: None, holds=[])
+    manual = SimpleNamespace(to_json=lambda: None)
+    engine = SimpleNamespace(journal=journal, prompts=prompts, resume=lambda: None, holds=[], manual=manual)
     return engine, commands_of(engine, SimpleNamespace(newest=dict), message.append, can_pause=True)
 
 

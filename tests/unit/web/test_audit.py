@@ -33,6 +33,8 @@ ACTIONS = {
     "POST /api/v1/runs/{run}/resume": ("/api/v1/runs/RUN/resume", None),
     "POST /api/v1/runs/{run}/skip": ("/api/v1/runs/RUN/skip", None),
     "POST /api/v1/runs/{run}/repeat": ("/api/v1/runs/RUN/repeat", None),
+    "POST /api/v1/runs/{run}/orders": ("/api/v1/runs/RUN/orders", {"order": {"move": "head", "to": "90 °"}}),
+    "POST /api/v1/runs/{run}/orders/finish": ("/api/v1/runs/RUN/orders/finish", None),
     "POST /api/v1/runs/{run}/answer": ("/api/v1/runs/RUN/answer", {"answer": "yes"}),
     "POST /api/v1/releases": ("/api/v1/releases", {"submission": ITEM, "comment": "tried"}),
     "POST /api/v1/login": ("/api/v1/login", {"name": "viewer", "password": PASSWORD}),
@@ -45,6 +47,7 @@ ACTIONS = {
 }
 FIRST = {
     "POST /api/v1/runs/{run}/stop": ("/api/v1/runs/RUN/stop?reason=smoke", None),
+    "POST /api/v1/runs/{run}/orders/halt": ("/api/v1/runs/RUN/orders/halt", {"device": "head"}),
     "POST /runs/{run}/do/{command}": ("/runs/RUN/do/abort", None),
     "POST /api/v1/runs/{run}/abort": ("/api/v1/runs/RUN/abort?reason=fire", None),
 }
@@ -62,6 +65,9 @@ ELSEWHERE = {
     "POST /api/v1/releases/sequence/{name}", "POST /api/v1/releases/bench/{name}", "POST /sequences/{name}/release",
     "POST /bench-files/{bench}/release",
     "POST /api/v1/alerts/test", "POST /api/v1/alerts/{id_}/acknowledge", "POST /runs/{run}/sign-off",
+    "POST /api/v1/benches/{bench}/manual", "POST /benches/{bench}/manual", "POST /api/v1/runs/{run}/orders/alive",
+    "POST /manual/{run}/alive", "POST /manual/{run}/order", "POST /manual/{run}/halt", "POST /manual/{run}/finish",
+    "POST /instruments/acknowledge",
 }  # fmt: skip
 
 
@@ -145,7 +151,7 @@ def test_an_action_that_cannot_be_entered_does_not_happen(tmp_path):
         assert here.heard == []
         for route in FIRST:
             assert (await act(here, route)).status < 400
-        assert [command for command, _ in here.heard] == ["stop", "abort", "abort"]
+        assert [command for command, _ in here.heard] == ["stop", "halt", "abort", "abort"]
 
     with_station(tmp_path, look)
     assert wrong == {}
