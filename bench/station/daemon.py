@@ -35,6 +35,7 @@ from bench.station.settings import Settings
 from bench.station.signoff import SignOff
 from bench.station.storage.database import Database
 from bench.station.storage.snapshots import Snapshots
+from bench.station.units.histories import Histories
 from bench.station.watchdog import Watchdog, watchdog_every_s
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
@@ -56,6 +57,7 @@ class Daemon:
         self.releases = Releases(database)
         self.sign_off = SignOff(database, settings.report_prefix, laboratory)
         self.sequences, self.jobs = Sequences(settings), Jobs()
+        self.histories = Histories(self.catalogue)
         self.resuming = Resuming(settings, self.queue, launch)
         self.parts: dict[str, Part] = {
             "queue": self.scheduler,

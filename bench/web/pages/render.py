@@ -12,7 +12,7 @@ from jinja2 import Environment
 
 from bench.clock import wall_utc
 from bench.figures.languages import ENGLISH, LANGUAGES, language
-from bench.figures.templates import environment_of
+from bench.figures.templates import Compiled, environment_of
 from bench.web.access import Person, Scope
 from bench.web.pages.files import static
 from bench.web.pages.places import PLACES
@@ -20,6 +20,7 @@ from bench.web.services import Services
 
 LANGUAGE, THEME = "bench_language", "bench_theme"
 THEMES = ("light", "dark")
+TEMPLATES_OF, COMPILED = "bench.web", Compiled()
 
 
 def page(request: Request, template: str, *, status: int = 200, place: str = "", **values: Any) -> HTMLResponse:
@@ -77,4 +78,4 @@ def _frame(request: Request) -> dict[str, Any]:
 @lru_cache(maxsize=1)
 def environment() -> Environment:
     """Environment of all templates. `tr` translates, `static` is the address of a file."""
-    return environment_of("bench.web", static=static, may=may, zone_of=ZoneInfo)
+    return environment_of(TEMPLATES_OF, COMPILED, static=static, may=may, zone_of=ZoneInfo)
