@@ -14,6 +14,7 @@ from bench.clock import wall_utc
 from bench.figures.languages import ENGLISH, LANGUAGES, language
 from bench.figures.templates import Compiled, environment_of
 from bench.web.access import Person, Scope
+from bench.web.open_alerts import Line, opened
 from bench.web.pages.files import static
 from bench.web.pages.places import PLACES
 from bench.web.services import Services
@@ -69,6 +70,7 @@ def _frame(request: Request) -> dict[str, Any]:
         "station_title": services.daemon.settings.title,
         "banner": services.banner,
         "troubles": services.daemon.problems() if person_of(request) is not None else [],
+        "open_alerts": opened(services) if person_of(request) is not None else Line(),
         "places": PLACES,
         "zone": zone,
         "now": wall_utc().astimezone(ZoneInfo(zone)),

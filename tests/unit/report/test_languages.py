@@ -31,7 +31,7 @@ from bench.report.tables import VARIABLES, WORST, model_sheet
 from bench.report.write import write_report
 from bench.sequence.method import known_methods, texts_of
 from bench.web import news, sentence
-from bench.web.pages import places, problems, screen
+from bench.web.pages import alerts, places, problems, screen
 from drivers.installed import loaded
 from tests.support.runs import ROOT, run_short
 
@@ -130,6 +130,8 @@ def texts_in_tables():
         news.NEWS,
         screen.TITLES,
         problems.TITLES,
+        alerts.KINDS,
+        alerts.STATES,
     )
     yield from places.TITLES
     for table in tables:

@@ -1,6 +1,7 @@
 """Work ahead: what a page needs is there before somebody looks, and is made again when a file or a run has changed."""
 
 import asyncio
+import socket
 
 import pytest
 from jinja2 import Environment
@@ -12,6 +13,7 @@ from bench.station.units.histories import Histories
 from bench.web import ahead
 from bench.web.ahead import Ahead
 from bench.web.pages import render
+from bench.web.server import Listening, _listener
 from tests.support.station_pages import HTML, asked
 from tests.support.stored_results import finding, instant, stored
 
@@ -69,3 +71,10 @@ def test_a_history_is_made_again_when_a_run_is_new_or_has_changed(tmp_path):
     manifest = first / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"ended": "2020', '"ended": "2022'))
     assert found.lacks("QF-1", found.runs_of("QF-1"))
+
+
+def test_an_accepted_connection_sends_at_once():
+    with _listener(Listening(port=0)) as listener, socket.create_connection(listener.getsockname()):
+        accepted, _ = listener.accept()
+        with accepted:
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) == 1

@@ -59,6 +59,10 @@ DELETE /api/v1/tokens/{id_}                     admin
 GET    /api/v1/audit                            admin
 GET    /api/v1/audit/verify                     admin
 GET    /                                       read
+GET    /alerts                                 read
+GET    /alerts/open                            read
+POST   /alerts/test                            engineer
+POST   /alerts/{id_}/acknowledge               run
 GET    /api/v1/alerts                          read
 GET    /api/v1/alerts/routes                   read
 POST   /api/v1/alerts/test                     engineer
