@@ -102,7 +102,7 @@ async def run_plan(
             with (
                 signals.calling(_acting(engine, observer, teardown_s)),
                 hold.calling(partial(engine.hold, POWER_FAILURE)),
-                control_socket(folder, commands_of(engine, monitor, observer.notice, can_pause=can_pause)),
+                control_socket(folder, commands_of(engine, monitor, observer.notice, can_pause=can_pause, pulse=pulse)),
                 answers_from_terminal(engine.prompts, observer, can_wait=can_pause),
             ):
                 outcome = await engine.run()

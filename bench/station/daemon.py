@@ -62,7 +62,7 @@ class Daemon:
         self.parts: dict[str, Part] = {
             "queue": self.scheduler,
             "live view": self.live,
-            "timelines": Timelines(self.live, workers),
+            "timelines": Timelines(self.live, workers, self.catalogue),
             "snapshots": Snapshots(database),
             "jobs": self.jobs,
         }

@@ -31,7 +31,7 @@ from bench.report.tables import VARIABLES, WORST, model_sheet
 from bench.report.write import write_report
 from bench.sequence.method import known_methods, texts_of
 from bench.web import news, sentence
-from bench.web.pages import alerts, places, problems, screen
+from bench.web.pages import alerts, panels, places, problems
 from drivers.installed import loaded
 from tests.support.runs import ROOT, run_short
 
@@ -128,7 +128,7 @@ def texts_in_tables():
         sentence.NEXT,
         sentence.STATES,
         news.NEWS,
-        screen.TITLES,
+        panels.TITLES,
         problems.TITLES,
         alerts.KINDS,
         alerts.STATES,

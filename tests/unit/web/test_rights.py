@@ -83,6 +83,7 @@ POST   /api/v1/runs/{run}/report               run
 GET    /api/v1/runs/{run}/resumption           read
 POST   /api/v1/runs/{run}/resumption           run
 GET    /api/v1/runs/{run}/series               read
+GET    /api/v1/runs/{run}/samples              read
 GET    /api/v1/sequences                       read
 GET    /api/v1/sequences/{name}                read
 GET    /api/v1/unit                            read
