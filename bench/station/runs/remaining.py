@@ -88,11 +88,8 @@ def left_by_plan(steps: Sequence[Facts], total_s: float, at: int, in_step_s: flo
 
 def _bounds(step: Facts) -> tuple[float, float]:
     """Return the least and the greatest duration of a step in s; that of the plan for what takes a known time."""
-    usual_s = float(step["duration_s"])
-    match step.get("facts"):
-        case {"verb": "soak", "until_stable": _, "at_least_s": least_s} as facts:
-            return float(least_s), max(float(facts.get("give_up_after_s") or usual_s), usual_s)
-        case {"verb": "wait_until", "give_up_after_s": most_s}:
-            return 0.0, max(float(most_s), usual_s)
-        case _:
-            return usual_s, usual_s
+    usual_s, facts = float(step["duration_s"]), step.get("facts", {})
+    most_s = max(float(facts.get("give_up_after_s") or usual_s), usual_s)
+    if facts.get("verb") == "soak" and facts.get("until_stable"):
+        return float(facts["at_least_s"]), most_s
+    return (0.0, most_s) if facts.get("verb") == "wait_until" else (usual_s, usual_s)
