@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ from bench.config.bench import load_kept_bench
 from bench.metrology.acquisition import Counts, Positions
 from bench.reduce.stored_run import BENCH_COPY
 from bench.station.runs.series import PULSE_RATE, Array, decoders_in, rates_of, steps_of
-from bench.store.database import unpack_all
+from bench.store.database import FILE_NAME, unpack_all
 from bench.store.decoder import Decoder
 from bench.store.tail import Tail
 
@@ -30,14 +31,15 @@ class Samples(NamedTuple):
 
 
 class Scope(NamedTuple):
-    """Newest samples of a run, of the step in which they were acquired."""
+    """Newest samples of a run, of the step in which they were acquired; `begins` is the instant and bench time in s."""
 
     step: str
     until_s: float
     channels: Mapping[str, Samples]
+    begins: tuple[datetime, float] | None
 
 
-NOTHING = Scope("", 0.0, {})
+NOTHING = Scope("", 0.0, {}, None)
 
 
 def newest_samples(run: Path, over_s: Callable[[str], float]) -> Scope:
@@ -45,8 +47,10 @@ def newest_samples(run: Path, over_s: Callable[[str], float]) -> Scope:
 
     Pulse rates are those between consecutive latches, encoders are in degrees. Raises InputError and StoreError.
     """
+    if not (run / FILE_NAME).exists():
+        return NOTHING  # it has just begun
     with Tail(run) as tail:
-        newest = tail.blocks(0.0, 1)
+        newest, begins = tail.blocks(0.0, 1), tail.begins()
         if not newest:
             return NOTHING
         step, until_s = newest[0].step, newest[0].last_s
@@ -57,7 +61,9 @@ def newest_samples(run: Path, over_s: Callable[[str], float]) -> Scope:
         if frames:
             found |= dict(_samples(stream, decoder, unpack_all(frames), _units(run)))
     since_s = max((each.at_s[-1] for each in found.values()), default=until_s) - over_s(step)
-    return Scope(step, until_s, {name: _newest(each, since_s) for name, each in found.items() if len(each.at_s)})
+    return Scope(
+        step, until_s, {name: _newest(each, since_s) for name, each in found.items() if len(each.at_s)}, begins
+    )
 
 
 def period_s(steps: Iterable[Mapping[str, Any]], step: str) -> float | None:

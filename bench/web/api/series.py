@@ -111,15 +111,13 @@ async def samples(
     steps = (live.timeline or {}).get("steps", ()) if live is not None else ()
 
     def read() -> SamplesOfRun:
-        with Tail(path) as tail:
-            begins = tail.begins()
         found = newest_samples(path, lambda step: last or 2 * (period_s(steps, step) or 1.0))
         channels = {
             name: SamplesView(unit=each.unit, at_s=each.at_s.tolist(), values=each.values.tolist())
             for name, each in found.channels.items()
         }
         return SamplesOfRun(
-            zero=_zero(begins), step=found.step, until_s=found.until_s, period_s=period_s(steps, found.step),
+            zero=_zero(found.begins), step=found.step, until_s=found.until_s, period_s=period_s(steps, found.step),
             channels=channels,
         )  # fmt: skip
 

@@ -58,6 +58,7 @@ ELSEWHERE = {
     "POST /runs/{run}/answer", "POST /api/v1/runs/{run}/sign-off", "POST /api/v1/runs/{run}/report",
     "POST /api/v1/runs/{run}/reduction", "POST /api/v1/runs/{run}/resumption", "POST /api/v1/rehearsals",
     "POST /api/v1/alerts/test", "POST /api/v1/alerts/{id_}/acknowledge", "POST /runs/{run}/sign-off",
+    "POST /alerts/test", "POST /alerts/{id_}/acknowledge",
 }  # fmt: skip
 
 
