@@ -11,6 +11,7 @@ from bench.engine.ending import EndRequest
 from bench.engine.engine import Engine
 from bench.engine.journal import Journal
 from bench.engine.monitor import Monitor
+from bench.engine.pulse import NO_GUARDIAN, Pulse
 from bench.engine.questions import Question
 from bench.engine.state import RunState
 from bench.errors import InputError, StoreError
@@ -20,7 +21,7 @@ from bench.sequence.language.values import in_words
 
 
 def commands_of(  # noqa: C901  one small function for each command
-    engine: Engine, monitor: Monitor, notice: Callable[[str], None], *, can_pause: bool
+    engine: Engine, monitor: Monitor, notice: Callable[[str], None], *, can_pause: bool, pulse: Pulse | None = None
 ) -> Handlers:
     """Return the handlers of all commands by name.
 
@@ -65,7 +66,8 @@ def commands_of(  # noqa: C901  one small function for each command
         return f"answered: {question.text}"
 
     async def status(_: Arguments) -> str:
-        state = {"state": "running"} | state_to_json(engine.journal.state) | _now(engine, monitor)
+        guardian = {"guardian": pulse.guardian if pulse is not None else NO_GUARDIAN}
+        state = {"state": "running", **state_to_json(engine.journal.state), **guardian, **_now(engine, monitor)}
         await durable(engine.journal, "the state of the run could not be written to the disk")
         return json.dumps(state, ensure_ascii=False)
 

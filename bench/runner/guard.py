@@ -19,7 +19,7 @@ from pathlib import Path
 from bench.clock import Stopwatch
 from bench.config.bench import LoadedBench
 from bench.engine.ending import EndRequest, Outcome
-from bench.engine.pulse import Pulse
+from bench.engine.pulse import GUARDIAN_LATE, GUARDIAN_OK, Pulse
 from bench.errors import BenchError
 from bench.guardian.watch import ARMED, BEAT_S, CANNOT, LONGEST, Over, beat, over
 from bench.runner.held import energising_addresses
@@ -76,6 +76,7 @@ async def guarded(loaded: LoadedBench, run: Path, signals: Signals, writer: RunW
     guard = Guard(roles, Pulse([role for role in roles if loaded.bench.devices[role].safe_state.hold_s]))
     try:
         _wait_until_armed(link)
+        guard.pulse.guardian = GUARDIAN_OK
         beating = asyncio.create_task(_send_heartbeats(link, process.pid, signals, guard, writer), name="guardian")
         try:
             yield guard
@@ -131,9 +132,9 @@ async def _send_heartbeats(
         commits, waits = writer.commits
         try:
             link.send(beat(turns, commits, polls, waits=waits, may_hold=guard.pulse.may_hold()))
-            untaken = 0
+            untaken, guard.pulse.guardian = 0, GUARDIAN_OK
         except BlockingIOError:
-            untaken += 1
+            untaken, guard.pulse.guardian = untaken + 1, GUARDIAN_LATE
             os.kill(guardian, signal.SIGCONT)  # somebody may have stopped it
             if untaken > STILL_BEATS:
                 signals.request_end(EndSignal("a guardian that hangs", STILL))

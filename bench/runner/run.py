@@ -103,7 +103,7 @@ async def run_plan(
             with (
                 signals.calling(_acting(engine, observer, teardown_s)),
                 hold.calling(partial(engine.hold, POWER_FAILURE)),
-                control_socket(folder, _handlers(engine, monitor, observer, can_pause=can_pause)),
+                control_socket(folder, _handlers(engine, monitor, observer, can_pause=can_pause, pulse=pulse)),
                 answers_from_terminal(engine.prompts, observer, can_wait=can_pause),
             ):
                 outcome = await engine.run()
@@ -220,8 +220,10 @@ async def _close(rig: Rig, outcome: Outcome) -> None:
         outcome.failed(error_message(problem))
 
 
-def _handlers(engine: Engine, monitor: Monitor, observer: Observer, *, can_pause: bool) -> Handlers:
-    commands = commands_of(engine, monitor, observer.notice, can_pause=can_pause)
+def _handlers(
+    engine: Engine, monitor: Monitor, observer: Observer, *, can_pause: bool, pulse: Pulse | None
+) -> Handlers:
+    commands = commands_of(engine, monitor, observer.notice, can_pause=can_pause, pulse=pulse)
     return {**commands, **orders_of(engine.manual, engine.journal, observer.notice)}
 
 

@@ -38,6 +38,7 @@ from bench.station.signoff.decisions import SignOff
 from bench.station.signoff.placing import Placing, UsableKey
 from bench.station.storage.database import Database
 from bench.station.storage.snapshots import Snapshots
+from bench.station.units.histories import Histories
 from bench.station.watchdog import Watchdog, watchdog_every_s
 from bench.station.worker import Checked, Workers, check
 from bench.store.runs import RunSummary
@@ -65,11 +66,12 @@ class Daemon:
         self.placing, self.approvals = Placing(self.sign_off, settings.runs), Workers(limit_s=APPROVED_WITHIN_S)
         self.sequences, self.jobs = Sequences(settings), Jobs()
         self.texts, self.drafts = Texts(settings), Workers(limit_s=DRAFT_S)
+        self.histories = Histories(self.catalogue)
         self.resuming = Resuming(settings, self.queue, launch)
         self.parts: dict[str, Part] = {
             "queue": self.scheduler,
             "live view": self.live,
-            "timelines": Timelines(self.live, workers),
+            "timelines": Timelines(self.live, workers, self.catalogue),
             "snapshots": Snapshots(database),
             "sign-off": self.placing,
             "jobs": self.jobs,

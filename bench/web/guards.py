@@ -22,6 +22,7 @@ from bench.web.origins import host_is_allowed, is_admitted
 
 HEADER_LIMIT_BYTES, BODY_LIMIT_BYTES, BODY_OF_NOBODY_BYTES = 2**13, 2**20, 2**14
 BODY_S, BODY_OF_NOBODY_S = 60.0, 10.0
+POLL = "bench-poll"  # header of what a page asks for by itself
 ASKED_AGAIN_S = 5.0  # whether the reader of a stream may still read
 CSP = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -76,7 +77,7 @@ class Guards:
         self._expect_form(scope, headers)
         if not is_admitted(scope["method"], headers, "https" if self._secure else "http"):
             raise _RefusedError(403, "send a token; without one, only pages of this station may do this")
-        person = self._person(scope, headers)
+        person = self._person(scope, headers, uses=not _is_poll(scope, headers))
         scope.setdefault("state", {})["person"] = person
         if person is not None and makes_safe(scope["method"], scope["path"]) and Right.STOP in person.scopes:
             await self._app(scope, receive, send)  # at once, whatever else is going on, and without its body
@@ -123,6 +124,11 @@ class Guards:
         except _RefusedError:
             return False
         return now is not None and person.scopes <= now.scopes
+
+
+def _is_poll(scope: Scope, headers: Headers) -> bool:
+    """Return True for a question that an open page repeats by itself: it does not keep a session alive."""
+    return scope["method"] == "GET" and POLL in headers
 
 
 def address_of(scope: Scope) -> str:

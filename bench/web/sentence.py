@@ -75,12 +75,16 @@ class Sentence(NamedTuple):
     total: int
 
 
-def sentence_of(live: LiveRun, steady: tuple[float, float] | None = None) -> Sentence:
-    """Return what a run does; `steady` are slope per s and range of the reading that a soak waits for."""
+def sentence_of(live: LiveRun, steady: tuple[float, float] | None = None, since: str = "") -> Sentence:
+    """Return what a run does; `steady` are slope per s and range of the reading that a soak waits for.
+
+    `since` is the time of day since when it has stayed within the range that the soak permits; "" if it has not.
+    """
     steps: Sequence[Facts] = (live.timeline or {}).get("steps", ())
     places = {step["id"]: place for place, step in enumerate(steps)}
     at = {step: places.get(first_visit(step)) for step in live.state.under_way}
-    now = " · ".join(_now(live, step, {} if place is None else steps[place], steady) for step, place in at.items())
+    planned = {step: {} if place is None else steps[place] for step, place in at.items()}
+    now = " · ".join(_now(live, step, facts, steady, since) for step, facts in planned.items())
     found = [place for place in at.values() if place is not None]
     last = max(found, default=min(live.state.done, max(0, len(steps) - 1)))
     following = last + 1 if at else last
@@ -89,13 +93,25 @@ def sentence_of(live: LiveRun, steady: tuple[float, float] | None = None) -> Sen
     return Sentence(state, now or _without_step(live, len(steps)), then, ", ".join(at), last + 1, len(steps))
 
 
-def soaking(live: LiveRun) -> tuple[str, float] | None:
-    """Return reading and evaluation time in s of a soak in progress that waits for stability, or None."""
+class Soaking(NamedTuple):
+    """Soak in progress that waits for stability: reading, evaluation time in s, permitted range, and its begin.
+
+    The begin is bench time in s, 0 while it is not known.
+    """
+
+    reading: str
+    over_s: float
+    band_c: float
+    begun_s: float
+
+
+def soaking(live: LiveRun) -> Soaking | None:
+    """Return the soak in progress that waits for stability, or None."""
     steps = {step["id"]: step["facts"] for step in (live.timeline or {}).get("steps", ())}
     for step in live.state.under_way:
         match steps.get(first_visit(step)):
-            case {"verb": "soak", "role": role, "until_stable": {"hold_s": hold_s}}:
-                return str(role), float(hold_s)
+            case {"verb": "soak", "role": role, "until_stable": {"hold_s": hold_s, "band_c": band_c}}:
+                return Soaking(str(role), float(hold_s), float(band_c), _begun_s(live, step) or 0.0)
     return None
 
 
@@ -119,7 +135,7 @@ def _without_step(live: LiveRun, total: int) -> str:
     return tr("Completes the record and the report") if live.state.done >= total else tr("Between two steps")
 
 
-def _now(live: LiveRun, step: str, planned: Facts, steady: tuple[float, float] | None) -> str:
+def _now(live: LiveRun, step: str, planned: Facts, steady: tuple[float, float] | None, since: str) -> str:
     """Return what a step does, and how far it is."""
     if not planned:
         return tr("order {number}", number=step.rpartition("=")[2]) if "/order=" in step else step
@@ -128,7 +144,7 @@ def _now(live: LiveRun, step: str, planned: Facts, steady: tuple[float, float] |
     parts = [in_words(NOW, planned), _progress(planned["facts"], _elapsed_s(live, step))]
     match planned["facts"]:
         case {"verb": "soak", "until_stable": stable} if steady is not None:
-            parts += [_steadiness(stable, *steady)]
+            parts += [_steadiness(stable, *steady, since)]
         case {"verb": "ramp", "role": role}:
             parts += [_newest(live, f"{role}.process_value")]
         case {"verb": "wait_until", "reading": name}:
@@ -165,13 +181,15 @@ def _progress(facts: Facts, elapsed_s: float | None) -> str:
     return tr("for {passed}", passed=passed) if facts["verb"] in ("wait_until", "acquire", "prompt") else ""
 
 
-def _steadiness(stable: Facts, slope_per_s: float, spread: float) -> str:
+def _steadiness(stable: Facts, slope_per_s: float, spread: float, since: str) -> str:
     """Return slope and range of the reading of a soak beside those that are permitted."""
     slope, most = number(slope_per_s * 3600, form=".1f"), number(stable["slope_c_per_h"])
-    return tr(
-        "slope {slope} °C/h (needs ≤ {most}), range {range} °C (needs ≤ {band})",
-        slope=slope, most=most, range=number(spread, form=".2f"), band=number(stable["band_c"]),
-    )  # fmt: skip
+    band = number(stable["band_c"])
+    slope_text = tr("slope {slope} °C/h (needs ≤ {most})", slope=slope, most=most)
+    if since:
+        return tr(", ").join((tr("within {band} °C since {time}", band=band, time=since), slope_text))
+    range_text = tr("range {range} °C (needs ≤ {band})", range=number(spread, form=".2f"), band=band)
+    return tr(", ").join((slope_text, range_text))
 
 
 def _newest(live: LiveRun, name: str) -> str:
@@ -181,6 +199,9 @@ def _newest(live: LiveRun, name: str) -> str:
 
 def _elapsed_s(live: LiveRun, step: str) -> float | None:
     """Return the bench time since a step began; None if that is not known."""
-    begun = next((e.at_s for e in reversed(live.events) if e.step == step and e.kind == "step_begins"), None)
-    now_s = live.status.get("now_s")
+    begun, now_s = _begun_s(live, step), live.status.get("now_s")
     return None if begun is None or now_s is None else max(0.0, float(now_s) - begun)
+
+
+def _begun_s(live: LiveRun, step: str) -> float | None:
+    return next((e.at_s for e in reversed(live.events) if e.step == step and e.kind == "step_begins"), None)

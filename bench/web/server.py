@@ -25,6 +25,7 @@ from bench.station.part import Part
 from bench.station.settings import Settings
 from bench.station.storage.audit import Audit
 from bench.web.access import EVERYTHING, Person
+from bench.web.ahead import Ahead
 from bench.web.app import make_app
 from bench.web.assets import lacking
 from bench.web.connections import Connection, Handshake, connection_of
@@ -96,8 +97,9 @@ async def _serve(settings: Settings, listening: Listening, say: Callable[[str], 
 
 
 def _more(daemon: Daemon) -> dict[str, Part]:
-    """Return further parts that the settings ask for."""
-    return {"MQTT": Mqtt(daemon, daemon.settings.mqtt)} if daemon.settings.mqtt is not None else {}
+    """Return the parts of a station that serves pages, and those that the settings ask for."""
+    mqtt = {"MQTT": Mqtt(daemon, daemon.settings.mqtt)} if daemon.settings.mqtt is not None else {}
+    return {"work ahead": Ahead(daemon), **mqtt}
 
 
 class _Server(uvicorn.Server):
@@ -174,10 +176,13 @@ def _banner(listening: Listening, identity: Identity) -> str:
 def _listener(listening: Listening) -> socket.socket:
     family = socket.AF_INET6 if ":" in listening.host else socket.AF_INET
     try:
-        return socket.create_server((listening.host, listening.port), family=family, backlog=BACKLOG)
+        listener = socket.create_server((listening.host, listening.port), family=family, backlog=BACKLOG)
     except OSError as problem:
         address = f"{listening.host}:{listening.port}"
         raise BenchError(f"{address} cannot be used ({problem}); choose another --port") from None
+    # Connections inherit it: asyncio sets it only where a socket names its protocol, and 40 ms an answer are at stake.
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return listener
 
 
 def _url(listening: Listening, listener: socket.socket) -> str:

@@ -32,7 +32,8 @@ def number(value: float | None, unit: str = "", form: str = ".6g") -> str:
     """Return a number with a true minus sign and its unit; "?" for an unknown one."""
     if value is None:
         return f"? {unit}".strip()
-    text = f"{value:{form}}".replace("-", "−")
+    text = f"{value:z{form}}" if form[-1:] in "fe" else f"{value:{form}}"
+    text = text.replace("-", "−")
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".strip()
 
 

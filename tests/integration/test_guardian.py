@@ -19,6 +19,7 @@ from bench.guardian.notes import WRITTEN_WITHIN_S
 from bench.guardian.watch import LEASE_S
 from bench.runner import guard
 from bench.runner.quiet import Quiet
+from bench.runner.tell import send_command
 from bench.store.reader import RunReader
 from tests.support.energised import SAFE, SEQUENCE, Process, Wires, wires
 from tests.support.guardians import guardian_of, has_ended, has_made_safe
@@ -58,6 +59,7 @@ def rescued(run: Process, guardian: int, within_s: float) -> list[dict]:
 @pytest.mark.parametrize("step", ["setup/wait", "steps/wait"])
 def test_a_run_that_is_killed_leaves_a_safe_bench(bench, tmp_path, state, step):
     run, guardian = running(bench, tmp_path, step)
+    assert json.loads(send_command(run.path, "status"))["guardian"] == "ok"
     run.process.kill()
     run.process.wait(5)
     incident = rescued(run, guardian, WITHIN_S)

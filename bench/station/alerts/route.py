@@ -66,7 +66,9 @@ class Sending(Part):
         problem = await send(self.route, message, self.limit_s)
         if problem:
             self.failures += 1
-            self.failure = f"the last alert was not sent at {wall_utc():%Y-%m-%d %H:%M} UTC: {problem}. Test the route"
+            self.failure = (
+                f"the last alert was not sent at {wall_utc():%Y-%m-%d %H:%M} UTC: {problem.rstrip('.')}. Test the route"
+            )
         else:
             self.successes, self.failure = self.successes + 1, ""
         return problem

@@ -212,6 +212,12 @@ class AlertTable:
         """Return the newest alerts, newest first."""
         return [_alert(row) for row in self._database.rows("SELECT * FROM alert ORDER BY at DESC LIMIT ?", limit)]
 
+    def unacknowledged(self, limit: int) -> list[Alert]:
+        """Return the newest urgent alerts that nobody has acknowledged, newest first."""
+        marks = ",".join("?" * len(URGENT))
+        query = f"SELECT * FROM alert WHERE acknowledged IS NULL AND kind IN ({marks}) ORDER BY at DESC LIMIT ?"  # noqa: S608  only question marks
+        return [_alert(row) for row in self._database.rows(query, *sorted(URGENT), limit)]
+
     def open(self) -> int:
         """Return the number of urgent alerts that nobody has acknowledged."""
         marks = ",".join("?" * len(URGENT))

@@ -66,6 +66,13 @@ def before_run(request: RunRequest, *, look: bool = True) -> BeforeRun:
     return found.model_copy(update={"preflight": shown, "unattended_allowed": lines.is_green})
 
 
+def imported() -> None:
+    """Import what checks, pictures and rehearsals need, so that the first of them does not wait for it."""
+    import bench.app.preflight
+    import bench.app.rehearse
+    import bench.report.plan_view.picture  # noqa: F401
+
+
 def plan_picture(request: RunRequest, lang: str) -> str:
     """Return the picture of a plan as SVG. Raises InputError."""
     from bench.app.request import load_checked

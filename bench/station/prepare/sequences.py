@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,8 +67,11 @@ class SequenceView(_Model):
         return {each.name: chosen.get(each.name, each.default) for each in self.parameters}
 
 
+Mark = tuple[int, int]
+
+
 class _Kept(NamedTuple):
-    mark: tuple[int, int]
+    mark: Mark
     view: SequenceView
 
 
@@ -87,19 +90,44 @@ class Sequences:
         """Return a sequence. Raises InputError."""
         return self._view(self._settings.sequence_file(name))
 
+    def changed(self) -> dict[Path, Mark]:
+        """Return the files that were not read since they have changed."""
+        found = {path: mark for path in self._files().values() if (mark := _mark(path)) is not None}
+        return {path: mark for path, mark in found.items() if path not in self._kept or self._kept[path].mark != mark}
+
+    def is_own(self, path: Path) -> bool:
+        """Return True for a file of the laboratory."""
+        return path.parent == self._settings.own_sequences
+
+    def keep(self, path: Path, mark: Mark, view: SequenceView) -> SequenceView:
+        """Keep the view of a file as it was when it had this mark, and return it."""
+        self._kept[path] = _Kept(mark, view)
+        return view
+
     def _files(self) -> dict[str, Path]:
         folders = [*reversed(shipped("sequences")), self._settings.own_sequences]
         return {path.stem: path for folder in folders for path in folder.glob("*.yaml") if path.is_file()}
 
     def _view(self, path: Path) -> SequenceView:
-        try:
-            state = path.stat()
-        except OSError as problem:
-            return SequenceView(name=path.stem, problem=str(problem))
-        mark = (state.st_mtime_ns, state.st_size)
-        if (kept := self._kept.get(path)) is None or kept.mark != mark:
-            kept = self._kept[path] = _Kept(mark, view_of(path, own=path.parent == self._settings.own_sequences))
-        return kept.view
+        if (mark := _mark(path)) is None:
+            return SequenceView(name=path.stem, problem=f"{path.name}: it cannot be read")
+        if (kept := self._kept.get(path)) is not None and kept.mark == mark:
+            return kept.view
+        return self.keep(path, mark, view_of(path, own=self.is_own(path)))
+
+
+def _mark(path: Path) -> Mark | None:
+    """Return time of change and size of a file; None if it is not there."""
+    try:
+        state = path.stat()
+    except OSError:
+        return None
+    return state.st_mtime_ns, state.st_size
+
+
+def views_of(paths: Mapping[Path, bool]) -> list[SequenceView]:
+    """Return the views of sequence files, by whether they are of the laboratory. For worker processes."""
+    return [view_of(path, own=own) for path, own in paths.items()]
 
 
 def view_of(path: Path, *, own: bool) -> SequenceView:

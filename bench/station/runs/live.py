@@ -6,10 +6,10 @@ import asyncio
 import json
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime, timedelta
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.clock import wall_utc
 from bench.engine.state import RunState, advanced
@@ -17,7 +17,8 @@ from bench.errors import BenchError, InputError, StoreError
 from bench.runner.tell import send_command
 from bench.station.part import Part
 from bench.station.prepare.plans import timeline_of_run
-from bench.station.runs.catalogue import request_of
+from bench.station.runs.catalogue import Catalogue, request_of
+from bench.station.runs.remaining import Course, earlier_courses, left_by_courses, left_by_plan
 from bench.station.worker import Workers
 from bench.store.reader import Event
 from bench.store.runs import RunSummary
@@ -27,10 +28,23 @@ EVENTS_KEPT = 200
 NO_TIMELINE: Mapping[str, Any] = {"steps": [], "total_s": 0.0}
 
 
+class Ending(NamedTuple):
+    """Estimated wall time of the end of a run, with its bounds.
+
+    These are by `runs` earlier runs of the same plan; without any, by the limits of soaks and waits.
+    """
+
+    ends: datetime
+    least: datetime
+    most: datetime
+    runs: int
+
+
 class LiveRun:
     """View of one run. `events` are the newest entries of its journal, `status` the last answer of its process.
 
     `begun` are the instant of the begin by the clock of the bench, and its bench time in s; None until they are read.
+    `earlier` are the courses of earlier runs of the same plan.
     """
 
     def __init__(self, run: RunSummary) -> None:
@@ -39,6 +53,7 @@ class LiveRun:
         self.events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self.status: Mapping[str, Any] = {}
         self.timeline: Mapping[str, Any] | None = None
+        self.earlier: Sequence[Course] = ()
         self.begun: tuple[datetime, float] | None = None
         self._seen: tuple[datetime, float] | None = None  # first look: wall time and bench time
         self._now: tuple[datetime, float] | None = None
@@ -90,21 +105,30 @@ class LiveRun:
         return self.begun[0] + timedelta(seconds=event.at_s - self.begun[1]) if self.begun is not None else None
 
     def ends(self) -> datetime | None:
-        """Return the estimated wall time of the end: that of the plan, later by what its steps took longer so far."""
-        if self.timeline is None or self._now is None or self.begun is None:
+        """Return the estimated wall time of the end."""
+        found = self.ending()
+        return found.ends if found is not None else None
+
+    def ending(self) -> Ending | None:
+        """Return the estimated wall time of the end and its bounds; None while the plan is not known."""
+        if not self.timeline or self._now is None or self.begun is None:
             return None
         steps = self.timeline["steps"]
+        if not steps:
+            return Ending(wall_utc(), wall_utc(), wall_utc(), 0)
         begins = [float(step["begin_s"]) for step in steps]
         now_s = self._now[1] - self.begun[1]
         at = next((n for n, step in enumerate(steps) if step["id"] in self.state.under_way), None)
         if at is None:
-            at = max(0, bisect_right(begins, now_s) - 1)
-            in_step_s = 0.0
+            at, in_step_s = max(0, bisect_right(begins, now_s) - 1), 0.0
         else:
             begun_s = next((e.at_s for e in reversed(self.events) if e.step == steps[at]["id"]), self._now[1])
-            in_step_s = min(self._now[1] - begun_s, float(steps[at]["duration_s"]))
-        left_s = max(0.0, float(self.timeline["total_s"]) - begins[at] - in_step_s) if begins else 0.0
-        return wall_utc() + timedelta(seconds=left_s / self.speed)
+            in_step_s = self._now[1] - begun_s
+        left = left_by_courses(self.earlier, steps[at]["id"], in_step_s) or left_by_plan(
+            steps, float(self.timeline["total_s"]), at, in_step_s
+        )
+        ends, least, most = (wall_utc() + timedelta(seconds=each / self.speed) for each in left[:3])
+        return Ending(ends, least, most, left.runs)
 
 
 class Live(Part):
@@ -136,15 +160,16 @@ class Timelines(Part):
     every_s = 1.0
     stuck_after_s = 600.0  # a worker has a minute for each of them
 
-    def __init__(self, live: Live, workers: Workers) -> None:
+    def __init__(self, live: Live, workers: Workers, catalogue: Catalogue) -> None:
         super().__init__()
-        self._live, self._workers = live, workers
+        self._live, self._workers, self._catalogue = live, workers, catalogue
 
     async def look(self) -> None:
-        """Make the timelines that are missing."""
+        """Make the timelines that are missing, and look for earlier runs of the same plan."""
         for live in [each for each in self._live.runs.values() if each.timeline is None]:
             try:
                 live.timeline = await self._workers.call(timeline_of_run, live.run.path) or NO_TIMELINE
             except InputError:
                 live.timeline = NO_TIMELINE
                 raise
+            live.earlier = await asyncio.to_thread(earlier_courses, self._catalogue, live.run)

@@ -6,7 +6,8 @@ An oscillation faster than the intervals stays visible as a band between lowest 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import lru_cache
 from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +19,7 @@ from bench.config.bench import load_kept_bench
 from bench.errors import BenchError, InputError
 from bench.metrology.acquisition import Counts
 from bench.reduce.stored_run import BENCH_COPY
+from bench.station.runs.deviation import DEVIATION, deviation, expectations
 from bench.store.database import unpack_all
 from bench.store.decoder import Decoder, decoders_of
 from bench.store.tail import Bucket, Tail, TailBlock
@@ -26,6 +28,7 @@ PULSE_RATE = "pulse/s"
 MOST_BLOCKS = 600  # decoded for one answer
 LEAST_WIDTH_S = 0.1
 POINTS = 600
+FINE_S = 1.0  # intervals in which a pulse rate is compared with its expectation
 Array = NDArray[np.float64]
 
 
@@ -47,7 +50,8 @@ def width_of(span_s: float, points: int) -> float:
 def thinned(run: Path, channels: Iterable[str], since_s: float, width_s: float) -> dict[str, Thinned]:
     """Return the series of channels of a run from an instant, in bench time. Raises InputError and StoreError.
 
-    Channels are those of readings, and DEVICE.CHANNEL of counters for their pulse rates.
+    Channels are those of readings, DEVICE.CHANNEL of counters for their pulse rates, and DEVICE.CHANNEL.deviation for
+    their deviation from the expectation.
     """
     with Tail(run) as tail:
         units = tail.channels()
@@ -57,9 +61,17 @@ def thinned(run: Path, channels: Iterable[str], since_s: float, width_s: float) 
             for name in wanted
             if name in units
         }
-        counted = [name for name in wanted if name not in units]
+        counted = {name.removesuffix(DEVIATION) for name in wanted if name not in units}
         blocks = tail.blocks(since_s, MOST_BLOCKS) if counted else []
-    return found | _rates(run, counted, blocks, since_s, width_s)
+        rates = _rates(run, counted, blocks, math.floor(since_s / width_s) * width_s)
+        for name in wanted:
+            if name in rates:
+                found[name] = Thinned(PULSE_RATE, width_s, buckets_of(*rates[name], width_s))
+            elif (base := name.removesuffix(DEVIATION)) in rates and (expected := expectations(run).get(base)):
+                fine_s = min(width_s, FINE_S)
+                away = deviation(tail, expected, buckets_of(*rates[base], fine_s), fine_s)
+                found[name] = Thinned(PULSE_RATE, width_s, joined(away, width_s))
+    return found
 
 
 def slope_and_range(run: Path, channel: str, over_s: float) -> tuple[float, float] | None:
@@ -74,30 +86,43 @@ def slope_and_range(run: Path, channel: str, over_s: float) -> tuple[float, floa
     return slope, max(each.high for each in buckets) - min(each.low for each in buckets)
 
 
+def within_since_s(run: Path, channel: str, begun_s: float, most: float) -> float | None:
+    """Return the bench time since when a reading has stayed within a range of `most`; None without readings."""
+    with Tail(run) as tail:
+        _, last_s = tail.span_s()
+        buckets = tail.envelope(channel, begun_s, width_of(max(last_s - begun_s, 1.0), POINTS))
+    since_s, low, high = None, math.inf, -math.inf
+    for each in reversed(buckets):
+        low, high = min(low, each.low), max(high, each.high)
+        if high - low > most:
+            break
+        since_s = max(each.at_s, begun_s)
+    return since_s
+
+
 def _rates(
-    run: Path, channels: list[str], blocks: list[TailBlock], since_s: float, width_s: float
-) -> dict[str, Thinned]:
+    run: Path, channels: Collection[str], blocks: list[TailBlock], from_s: float
+) -> dict[str, tuple[Array, Array]]:
+    """Return instants and pulse rates of channels from an instant on."""
     if not channels:
         return {}
     collected: dict[str, list[tuple[Array, Array]]] = {}
-    decoders, from_s = _decoders(run), math.floor(since_s / width_s) * width_s
+    decoders = decoders_in(run)
     for (stream, _), group in groupby(blocks, key=lambda block: (block.stream, block.step)):
         if stream in decoders:
             for channel, (at_s, rates) in _rates_of(decoders[stream], list(group)):
                 new = (at_s >= from_s) & np.isfinite(rates)
                 collected.setdefault(f"{stream}.{channel}", []).append((at_s[new], rates[new]))
-    return {
-        name: Thinned(PULSE_RATE, width_s, buckets_of(*_joined(parts), width_s))
-        for name, parts in collected.items()
-        if name in channels
-    }
+    return {name: _joined(parts) for name, parts in collected.items() if name in channels}
 
 
 def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     return np.concatenate([at_s for at_s, _ in parts]), np.concatenate([values for _, values in parts])
 
 
-def _decoders(run: Path) -> Mapping[str, Decoder]:
+@lru_cache(maxsize=16)  # the copy of the bench file in a run does not change
+def decoders_in(run: Path) -> Mapping[str, Decoder]:
+    """Return the decoders of the devices of a run that send frames, by role. Raises InputError."""
     try:
         return decoders_of(load_kept_bench(run / BENCH_COPY).devices, run)
     except BenchError as problem:
@@ -114,13 +139,13 @@ def _rates_of(decoder: Decoder, blocks: list[TailBlock]) -> Iterator[tuple[str, 
 
 def rates_of(counts: Counts) -> Array:
     """Return the net pulse rate between consecutive latches, (N - 1,) in pulse/s."""
-    pulses = _steps(counts.positive, counts.counter_bits) - _steps(counts.negative, counts.counter_bits)
-    took_s = _steps(counts.tick, counts.tick_bits) * counts.tick_period_s
+    pulses = steps_of(counts.positive, counts.counter_bits) - steps_of(counts.negative, counts.counter_bits)
+    took_s = steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(pulses / took_s, np.float64)
 
 
-def _steps(values: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
+def steps_of(values: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
     """Return the differences of a counter that wraps."""
     return np.mod(np.diff(values), np.int64(1) << bits) if bits < 63 else np.diff(values)
 
@@ -135,3 +160,14 @@ def buckets_of(at_s: Array, values: Array, width_s: float) -> list[Bucket]:
     mean = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
     columns = (numbers[starts] * width_s, low, high, mean)
     return [Bucket(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+
+
+def joined(buckets: Iterable[Bucket], width_s: float) -> list[Bucket]:
+    """Return intervals joined to wider ones; the mean is that of their means."""
+    found = []
+    for number, group in groupby(buckets, key=lambda each: math.floor(each.at_s / width_s + 1e-9)):
+        parts = list(group)
+        mean = math.fsum(each.mean for each in parts) / len(parts)
+        low, high = min(each.low for each in parts), max(each.high for each in parts)
+        found.append(Bucket(number * width_s, low, high, mean))
+    return found

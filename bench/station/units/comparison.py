@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from bench.errors import StoreError
 from bench.station.runs.findings import FindingView, read_findings
-from bench.station.units.history import BENCH_COPY, SEQUENCE_COPY, calibration_of, without_place
-from bench.station.units.trends import e_n
+from bench.station.units.history import BENCH_COPY, SEQUENCE_COPY, Identities, calibration_of, without_place
+from bench.station.units.trends import Calibration, e_n
 from bench.store.runs import RunSummary
 
 
@@ -53,7 +53,8 @@ def compare(first: RunSummary, second: RunSummary) -> Comparison:
         except StoreError as problem:
             problems.append(str(problem))
             found.append({})
-    results = [_compared(first, second, key, *(each.get(key) for each in found)) for key in {**found[0], **found[1]}]
+    one, other = (_Side(run, Identities(run.manifest)) for run in (first, second))
+    results = [_compared(one, other, key, found[0].get(key), found[1].get(key)) for key in {**found[0], **found[1]}]
     return Comparison(
         first=first.id, second=second.id, same_unit=first.units == second.units, results=results, problems=problems,
         differs=dict(_differences(first.manifest, second.manifest)),
@@ -66,8 +67,19 @@ def _by_id(run: RunSummary) -> dict[str, FindingView]:
     return {without_place(each.id, places) if alone else each.id: each for each in found}
 
 
+class _Side(NamedTuple):
+    """One of two runs, with the errors of its instruments."""
+
+    run: RunSummary
+    identities: Identities
+
+    def calibration(self, finding: FindingView) -> Calibration:
+        begun = datetime.fromisoformat(str(self.run.manifest["started"]))
+        return calibration_of(begun, finding, self.identities)
+
+
 def _compared(
-    first: RunSummary, second: RunSummary, key: str, one: FindingView | None, other: FindingView | None
+    first: _Side, second: _Side, key: str, one: FindingView | None, other: FindingView | None
 ) -> ComparedView:
     both = one is not None and other is not None and one.unit == other.unit
     some = other or one
@@ -76,13 +88,8 @@ def _compared(
     return ComparedView(
         id=key, quantity=some.quantity, name=some.name, at=some.at, unit=some.unit, first=one, second=other,
         difference=other.value - one.value if both and one and other else None,
-        e_n=e_n(calibration_of(first, _begun(first), one), calibration_of(second, _begun(second), other))
-        if comparable and one and other else None,
+        e_n=e_n(first.calibration(one), second.calibration(other)) if comparable and one and other else None,
     )  # fmt: skip
-
-
-def _begun(run: RunSummary) -> datetime:
-    return datetime.fromisoformat(str(run.manifest["started"]))
 
 
 def _differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, str]]]:

@@ -94,6 +94,7 @@ class _Found(NamedTuple):
     run: RunSummary
     at: datetime
     finding: FindingView
+    calibration: Calibration
 
 
 def history(uut: str, runs: Iterable[RunSummary]) -> UnitHistory:
@@ -127,9 +128,11 @@ def _findings(run: RunSummary, uut: str) -> Iterator[tuple[str, _Found]]:
     found, places = _kept_findings(str(run.path), str(run.manifest.get("ended", "")))
     begun = datetime.fromisoformat(str(run.manifest["started"]))
     kind = f"{run.manifest.get('sequence')}{' (simulated)' if run.manifest.get('simulated') else ''}"
+    identities = Identities(run.manifest)
     for each in found:
         if each.uut == uut and each.verdict != "INVALID" and each.expanded > 0.0:
-            yield f"{kind}: {without_place(each.id, places)} / {each.unit}", _Found(run, begun, each)
+            calibration = calibration_of(begun, each, identities)
+            yield f"{kind}: {without_place(each.id, places)} / {each.unit}", _Found(run, begun, each, calibration)
 
 
 @lru_cache(maxsize=256)
@@ -144,12 +147,33 @@ def without_place(id_: str, places: Iterable[str]) -> str:
     return f"{label}/{tail}" if slash and place in set(places) else id_
 
 
-def calibration_of(run: RunSummary, at: datetime, finding: FindingView) -> Calibration:
+class Identities(dict[str, str | None]):
+    """Identity of the error of each device in the runs of a manifest, as text; None if it is not known."""
+
+    def __init__(self, manifest: Mapping[str, Any]) -> None:
+        super().__init__()
+        hashes = manifest.get("hashes", {})
+        self._instruments, self._bench = manifest.get("instruments", {}), hashes.get(BENCH_COPY)
+        self._how = [hashes.get(SEQUENCE_COPY), manifest.get("parameters")]
+
+    def __missing__(self, device: str) -> str | None:
+        who = self._instruments.get(device)
+        if who is None:
+            identity = self._bench
+        elif who.get("serial"):
+            identity = [who.get("maker"), who.get("model"), who["serial"], who.get("calibration")]
+        else:
+            identity = None
+        self[device] = json.dumps([identity, self._how], sort_keys=True) if identity is not None else None
+        return self[device]
+
+
+def calibration_of(at: datetime, finding: FindingView, identities: Identities) -> Calibration:
     """Return a finding as a calibration, with the errors that other runs may share."""
-    return Calibration(at, finding.value, finding.expanded, dict(shared_errors(run.manifest, finding)))
+    return Calibration(at, finding.value, finding.expanded, dict(shared_errors(identities, finding)))
 
 
-def shared_errors(manifest: Mapping[str, Any], finding: FindingView) -> Iterator[tuple[str, float]]:
+def shared_errors(identities: Identities, finding: FindingView) -> Iterator[tuple[str, float]]:
     """Yield the errors of a finding that are the same in each run of the same instruments, with their identity.
 
     They are the type B lines of the budget that results of one run share, such as `head.zero`. Their identity is the
@@ -158,25 +182,17 @@ def shared_errors(manifest: Mapping[str, Any], finding: FindingView) -> Iterator
     of another result, and the level of the fixture, on which units are mounted anew, differ in each run. Where it is
     not certain that an error is the same, it counts as another one, which makes the uncertainty of a difference larger.
     """
-    instruments, hashes = manifest.get("instruments", {}), manifest.get("hashes", {})
-    how = [hashes.get(SEQUENCE_COPY), manifest.get("parameters")]
     for line in finding.budget:
         if line.type != "B" or line.shared is None or NEW_EACH_RUN.search(line.shared):
             continue
-        who = instruments.get(line.shared.partition(".")[0])
-        if who is None:
-            identity = hashes.get(BENCH_COPY)
-        elif who.get("serial"):
-            identity = [who.get("maker"), who.get("model"), who["serial"], who.get("calibration")]
-        else:
-            identity = None
+        identity = identities[line.shared.partition(".")[0]]
         if identity is not None:
-            yield f"{line.source} of {json.dumps([identity, how], sort_keys=True)}", line.u
+            yield f"{line.source} of {identity}", line.u
 
 
 def _series(key: str, found: list[_Found]) -> SeriesView:
     last = found[-1]
-    calibrations = [calibration_of(each.run, each.at, each.finding) for each in found]
+    calibrations = [each.calibration for each in found]
     chart = control_chart([each.value for each in calibrations])
     signals: dict[int, list[str]] = {}
     for each in chart.signals if chart is not None else ():

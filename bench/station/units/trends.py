@@ -79,13 +79,12 @@ class Drift(NamedTuple):
 
 def covariance(found: Sequence[Calibration]) -> Array:
     """Covariance matrix of the values: u² on the diagonal, and the products of the errors that two share beside it."""
-    matrix = np.diag([each.u**2 for each in found]).astype(np.float64)
-    for row, first in enumerate(found):
-        for column, second in enumerate(found[:row]):
-            both = first.shared.keys() & second.shared.keys()
-            matrix[row, column] = matrix[column, row] = math.fsum(
-                first.shared[name] * second.shared[name] for name in both
-            )
+    names = {name: place for place, name in enumerate(dict.fromkeys(name for each in found for name in each.shared))}
+    errors = np.zeros((len(found), len(names)))
+    for row, each in enumerate(found):
+        errors[row, [names[name] for name in each.shared]] = list(each.shared.values())
+    matrix: Array = errors @ errors.T
+    np.fill_diagonal(matrix, [each.u**2 for each in found])
     return matrix
 
 

@@ -16,7 +16,7 @@ from bench.station.runs.after_a_run import reduction, report
 from bench.station.runs.findings import RunFindings, findings_of
 from bench.station.runs.record_files import FileView, files_of, opened
 from bench.station.units.comparison import Comparison, compare
-from bench.station.units.history import UnitHistory, history
+from bench.station.units.history import UnitHistory
 from bench.store.runs import RunSummary
 from bench.web.access import Operator, Reader
 from bench.web.services import Services, Station
@@ -56,7 +56,7 @@ async def unit(
     station: Station, _: Reader, serial: Annotated[str, Query(min_length=1, max_length=64)], quantity: str = ""
 ) -> UnitHistory:
     """Return the history of a unit: each result over its calibrations, E_n, drift, control chart."""
-    found = await asyncio.to_thread(lambda: history(serial, station.daemon.catalogue.all()))
+    found = await asyncio.to_thread(station.daemon.histories.of, serial)
     if not found.runs:
         raise InputError(f"there is no run of unit '{serial}'")
     chosen = [each for each in found.series if quantity in ("", each.quantity)]

@@ -11,6 +11,7 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
 from bench.station.queue.items import Short
+from bench.station.runs.scope import newest_samples, period_s
 from bench.station.runs.series import POINTS, Thinned, thinned, width_of
 from bench.store.tail import Tail
 from bench.web.access import Reader
@@ -49,7 +50,8 @@ async def series(
 ) -> SeriesOfRun:  # fmt: skip
     """Return channels of a run from bench time `since` on, or over the `last` seconds, in about `points` intervals.
 
-    Channels are readings, and DEVICE.CHANNEL of counters for their pulse rates. `width` continues an earlier answer.
+    Channels are readings, DEVICE.CHANNEL of counters for their pulse rates, and DEVICE.CHANNEL.deviation for their
+    deviation from what is expected of a unit at rest. `width` continues an earlier answer.
     """
     path = station.daemon.catalogue.run(run).path
 
@@ -61,9 +63,8 @@ async def series(
         width_s = width or width_of(max(until_s - since_s, 1.0), points)
         least_s = max(since_s, until_s - 20_000 * width_s)  # bounds the answer, whatever the width
         found = thinned(path, channel, least_s, width_s)
-        zero = datetime.fromtimestamp(begins[0].timestamp() - begins[1], begins[0].tzinfo) if begins else None
         return SeriesOfRun(
-            zero=zero, until_s=until_s, width_s=width_s, channels={k: _view(v) for k, v in found.items()}
+            zero=_zero(begins), until_s=until_s, width_s=width_s, channels={k: _view(v) for k, v in found.items()}
         )
 
     return await asyncio.to_thread(read)
@@ -77,3 +78,51 @@ def _view(found: Thinned) -> SeriesView:
         unit=found.unit, at_s=[each.at_s for each in found.buckets], low=column("low"), high=column("high"),
         mean=column("mean"),
     )  # fmt: skip
+
+
+class SamplesView(BaseModel):
+    """Samples of a channel."""
+
+    unit: str
+    at_s: list[float] = Field(description="bench time in s")
+    values: list[float]
+
+
+class SamplesOfRun(BaseModel):
+    """Newest samples of a run, each of them."""
+
+    zero: datetime | None = Field(description="instant of bench time 0 by the clock of the bench")
+    step: str = Field(description="step in which they were acquired; empty without any")
+    until_s: float = Field(description="bench time of the end of the acquisition so far in s")
+    period_s: float | None = Field(description="period of the oscillation during which they were acquired, in s")
+    channels: dict[str, SamplesView]
+
+
+@router.get("/{run}/samples")
+async def samples(
+    station: Station, _: Reader, run: str, last: Annotated[float | None, Query(gt=0, le=600)] = None
+) -> SamplesOfRun:
+    """Return the newest acquired samples of a run: pulse rates between latches, values that a unit sends, encoders.
+
+    They are those of the `last` seconds of the newest acquisition; without it of two periods of an oscillation, else of
+    2 s. At most 20,000 of each channel.
+    """
+    path, live = station.daemon.catalogue.run(run).path, station.daemon.live.runs.get(run)
+    steps = (live.timeline or {}).get("steps", ()) if live is not None else ()
+
+    def read() -> SamplesOfRun:
+        found = newest_samples(path, lambda step: last or 2 * (period_s(steps, step) or 1.0))
+        channels = {
+            name: SamplesView(unit=each.unit, at_s=each.at_s.tolist(), values=each.values.tolist())
+            for name, each in found.channels.items()
+        }
+        return SamplesOfRun(
+            zero=_zero(found.begins), step=found.step, until_s=found.until_s, period_s=period_s(steps, found.step),
+            channels=channels,
+        )  # fmt: skip
+
+    return await asyncio.to_thread(read)
+
+
+def _zero(begins: tuple[datetime, float] | None) -> datetime | None:
+    return datetime.fromtimestamp(begins[0].timestamp() - begins[1], begins[0].tzinfo) if begins else None

@@ -12,9 +12,9 @@ class Place(NamedTuple):
     title: str
 
 
-# In this order: Station, Runs, Units, Queue, Instruments, Sequences; only those that exist.
+# In this order: Station, Runs, Units, Queue, Instruments, Sequences, Alerts; only those that exist.
 PLACES = (
     Place("/", "Station"), Place("/runs", "Runs"), Place("/units", "Units"), Place("/queue", "Queue"),
-    Place("/instruments", "Instruments"), Place("/sequences", "Sequences"),
+    Place("/instruments", "Instruments"), Place("/sequences", "Sequences"), Place("/alerts", "Alerts"),
 )  # fmt: skip
-TITLES = ("Station", "Runs", "Units", "Queue", "Instruments", "Sequences")
+TITLES = ("Station", "Runs", "Units", "Queue", "Instruments", "Sequences", "Alerts")

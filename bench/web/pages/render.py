@@ -12,14 +12,17 @@ from jinja2 import Environment
 
 from bench.clock import wall_utc
 from bench.figures.languages import ENGLISH, LANGUAGES, language
-from bench.figures.templates import environment_of
+from bench.figures.sayings import said
+from bench.figures.templates import Compiled, environment_of
 from bench.web.access import Person, Scope
+from bench.web.open_alerts import Line, opened
 from bench.web.pages.files import static
 from bench.web.pages.places import PLACES
 from bench.web.services import Services
 
 LANGUAGE, THEME = "bench_language", "bench_theme"
 THEMES = ("light", "dark")
+TEMPLATES_OF, COMPILED = "bench.web", Compiled()
 
 
 def page(request: Request, template: str, *, status: int = 200, place: str = "", **values: Any) -> HTMLResponse:
@@ -68,6 +71,7 @@ def _frame(request: Request) -> dict[str, Any]:
         "station_title": services.daemon.settings.title,
         "banner": services.banner,
         "troubles": services.daemon.problems() if person_of(request) is not None else [],
+        "open_alerts": opened(services) if person_of(request) is not None else Line(),
         "places": PLACES,
         "zone": zone,
         "now": wall_utc().astimezone(ZoneInfo(zone)),
@@ -77,4 +81,4 @@ def _frame(request: Request) -> dict[str, Any]:
 @lru_cache(maxsize=1)
 def environment() -> Environment:
     """Environment of all templates. `tr` translates, `static` is the address of a file."""
-    return environment_of("bench.web", static=static, may=may, zone_of=ZoneInfo)
+    return environment_of(TEMPLATES_OF, COMPILED, static=static, may=may, said=said, zone_of=ZoneInfo)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from datetime import datetime, timedelta
 from typing import Any, NamedTuple
 
 from bench.clock import wall_utc
@@ -15,14 +13,14 @@ from bench.station.runs.live import LiveRun
 from bench.station.view import ItemView, item_views
 from bench.web.news import Line, news
 from bench.web.pages.drawn import Timeline, timeline
-from bench.web.pages.readings import SET_POINT, Row, label, rows
+from bench.web.pages.outlook import Guarded, ends, guard_of, since, zero_of
+from bench.web.pages.panels import panels_of
+from bench.web.pages.readings import Row, rows
 from bench.web.pages.trends import Trend
 from bench.web.sentence import STATES, Sentence, sentence_of
 from bench.web.services import Services
-from bench.web.shown import FORMS, clock_time
 
 NEWS_SHOWN = 6
-UNITS_OF_CURVES = ("°C", "pulse/s", "°", "°/s", "A", "V")
 
 
 class Ending(NamedTuple):
@@ -34,7 +32,7 @@ class Ending(NamedTuple):
 
 
 class Screen(NamedTuple):
-    """A run in progress as it is shown. `panels` are the curves as JSON for the script."""
+    """A run in progress as it is shown. `ends_why` says what its end is from; `panels` are the curves as JSON."""
 
     bench: str
     run: str
@@ -45,6 +43,7 @@ class Screen(NamedTuple):
     state_text: str
     sentence: Sentence
     ends: str
+    ends_why: str
     speed: str
     timeline: Timeline | None
     rows: list[Row]
@@ -54,6 +53,7 @@ class Screen(NamedTuple):
     interlocks: list[str]
     questions: list[Mapping[str, Any]]
     safe: list[str]
+    guard: Guarded
     ending: Ending
     panels: str
     zone: str
@@ -61,21 +61,20 @@ class Screen(NamedTuple):
 
 def screen_of(live: LiveRun, bench: str, zone: str, trend: Trend) -> Screen:
     """Return the screen of a run in the current language."""
-    sentence, now = sentence_of(live, trend.steady), wall_utc()
+    sentence, now = sentence_of(live, trend.steady, since(live, trend, zone)), wall_utc()
     manifest, plan = live.run.manifest, live.timeline or {}
     steps = plan.get("steps", ())
     planned = steps[sentence.number - 1] if steps else {}
-    ends = live.ends()
     return Screen(
         bench, live.run.id, tr(str(manifest.get("title", ""))), " · ".join(live.run.units),
         str(manifest.get("operator", "")), sentence.state, tr(STATES[sentence.state]), sentence,
-        clock_time(ends, zone, now) if steps and ends else "",
+        *ends(live, zone, now),
         tr("simulated, {speed} times as fast", speed=f"{live.speed:.0f}") if live.speed > 1.5 else "",
         timeline(plan, sentence.number - 1, _in_step_s(live, sentence.step)), rows(live, planned, trend),
-        news(reversed(live.events), _zero(live), {step["id"]: step for step in steps}, NEWS_SHOWN),
+        news(reversed(live.events), zero_of(live), {step["id"]: step for step in steps}, NEWS_SHOWN),
         list(live.state.problems), live.holds, [by for by in live.holds if by != OPERATOR],
-        list(live.status.get("questions", ())), _safe(plan),
-        _ending(live, plan, planned), _panels(live, trend), zone,
+        list(live.status.get("questions", ())), _safe(plan), guard_of(live.status, plan),
+        _ending(live, plan, planned), panels_of(live, trend), zone,
     )  # fmt: skip
 
 
@@ -90,12 +89,6 @@ def waiting_at(services: Services, bench: str) -> list[ItemView]:
     """Return the items that wait for a bench."""
     daemon = services.daemon
     return item_views(daemon, [each for each in daemon.queue.waiting() if each.submission.bench == bench])
-
-
-def _zero(live: LiveRun) -> datetime | None:
-    """Return the instant of bench time 0 by the clock of the bench."""
-    begun = live.begun
-    return begun[0] - timedelta(seconds=begun[1]) if begun is not None else None
 
 
 def _in_step_s(live: LiveRun, step: str) -> float:
@@ -133,31 +126,3 @@ def _ending(live: LiveRun, plan: Mapping[str, Any], planned: Mapping[str, Any]) 
         tr("Interrupts this step now, then about {teardown} of teardown.", teardown=teardown),
         tr("Drops everything, without a teardown. Within {within}: {states}.", within=duration(within), states=states),
     )
-
-
-def _panels(live: LiveRun, trend: Trend) -> str:
-    """Return the curves of a run as JSON: panels by unit, each with its channels."""
-    units = dict(trend.units)
-    units |= dict.fromkeys((live.timeline or {}).get("counted", ()), "pulse/s")
-    panels = []
-    for unit in (each for each in UNITS_OF_CURVES if each in units.values()):
-        names = [name for name, its in units.items() if its == unit]
-        channels = [{"name": name, "label": _legend(name), "isTarget": name.endswith(SET_POINT)} for name in names]
-        panels.append({"unit": unit, "title": tr(TITLES[unit]), "least": FORMS[unit][1], "channels": channels})
-    return json.dumps(panels, ensure_ascii=False)
-
-
-def _legend(name: str) -> str:
-    if name.endswith(SET_POINT):
-        return tr("{device} set point", device=label(name.removesuffix(SET_POINT)))
-    return label(name)
-
-
-TITLES = {
-    "°C": "Temperature",
-    "pulse/s": "Pulse rate",
-    "°": "Angle",
-    "°/s": "Rate",
-    "A": "Current",
-    "V": "Voltage",
-}

@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bench.clock import Stopwatch
 from bench.errors import BenchError
+from bench.station.runs.deviation import expectations
 from bench.station.runs.live import LiveRun
-from bench.station.runs.series import slope_and_range, thinned
+from bench.station.runs.series import slope_and_range, thinned, within_since_s
 from bench.store.tail import Bucket, Tail
 from bench.web.sentence import soaking
 
@@ -24,7 +25,9 @@ MOST_RUNS = 16
 class Trend(NamedTuple):
     """Trends of a run at bench time `until_s`: `hours` of readings and newest `rates` in pulse/s, by channel.
 
-    `units` are those of all recorded channels. `steady` are slope per s and range of the reading that a soak waits for.
+    `units` are those of all recorded channels. `steady` are slope per s and range of the reading that a soak waits for;
+    it has stayed within the permitted range since bench time `since_s`, None if not for its evaluation time. `expected`
+    are the channels whose pulse rate can be compared with an expectation.
     """
 
     until_s: float = 0.0
@@ -32,6 +35,8 @@ class Trend(NamedTuple):
     rates: Mapping[str, Bucket] = {}
     steady: tuple[float, float] | None = None
     units: Mapping[str, str] = {}
+    since_s: float | None = None
+    expected: tuple[str, ...] = ()
 
 
 class Trends:
@@ -55,15 +60,30 @@ class Trends:
 
 def _read(live: LiveRun) -> Trend:
     path = live.run.path
-    steady = None
     with suppress(BenchError):
         with Tail(path) as tail:
             units, (_, until_s) = tail.channels(), tail.span_s()
         hours = thinned(path, units, max(0.0, until_s - HOUR_S), WIDTH_S)
         counted = (live.timeline or {}).get("counted", ())
         rates = thinned(path, counted, max(0.0, until_s - RATES_OVER_S), WIDTH_S)
-        if (soak := soaking(live)) is not None:
-            steady = slope_and_range(path, *soak)
         newest = {name: each.buckets[-1] for name, each in rates.items() if each.buckets}
-        return Trend(until_s, {name: each.buckets for name, each in hours.items()}, newest, steady, units)
+        buckets = {name: each.buckets for name, each in hours.items()}
+        return Trend(until_s, buckets, newest, units=units, expected=_expected(live), **_soak(live, until_s))
     return Trend()
+
+
+def _soak(live: LiveRun, until_s: float) -> dict[str, Any]:
+    """Return how steady the reading of a soak in progress is."""
+    soak = soaking(live)
+    if soak is None:
+        return {}
+    since_s = within_since_s(live.run.path, soak.reading, soak.begun_s, soak.band_c)
+    is_long = since_s is not None and until_s - since_s >= soak.over_s
+    steady = slope_and_range(live.run.path, soak.reading, soak.over_s)
+    return {"steady": steady, "since_s": since_s if is_long else None}
+
+
+def _expected(live: LiveRun) -> tuple[str, ...]:
+    """Return the channels of the units of a run that have an expectation."""
+    places = {unit.get("place") for unit in live.run.manifest.get("units", ())}
+    return tuple(name for name, each in expectations(live.run.path).items() if each.place in places)

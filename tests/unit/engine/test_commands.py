@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from bench.engine.journal import Journal
+from bench.engine.pulse import Pulse
 from bench.engine.questions import PromptQueue, Question
 from bench.engine.state import replayed
 from bench.errors import InputError, StoreError
@@ -18,12 +19,12 @@ from bench.store.reader import RunReader
 from bench.store.writer import RunWriter
 
 
-def commands(writer: RunWriter, message: list[str]):
+def commands(writer: RunWriter, message: list[str], pulse: Pulse | None = None):
     journal = Journal(writer)
     prompts = PromptQueue(lambda _question: None)
     manual = SimpleNamespace(to_json=lambda: None)
     engine = SimpleNamespace(journal=journal, prompts=prompts, resume=lambda: None, holds=[], manual=manual)
-    return engine, commands_of(engine, SimpleNamespace(newest=dict), message.append, can_pause=True)
+    return engine, commands_of(engine, SimpleNamespace(newest=dict), message.append, can_pause=True, pulse=pulse)
 
 
 def test_the_status_has_only_what_is_on_the_disk(tmp_path: Path) -> None:
@@ -75,6 +76,17 @@ def test_a_full_disk_is_told_in_place_of_a_status(tmp_path: Path) -> None:
             InputError, match="the state of the run could not be written to the disk: the run store cannot write"
         ):
             await handlers["status"]({})
+        writer.close()
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize(("pulse", "expected"), [(None, "none"), (Pulse(), "none"), (Pulse(guardian="late"), "late")])
+def test_the_status_says_whether_the_guardian_answers(tmp_path: Path, pulse: Pulse | None, expected: str) -> None:
+    async def main() -> None:
+        writer = RunWriter(tmp_path)
+        _, handlers = commands(writer, [], pulse)
+        assert json.loads(await handlers["status"]({}))["guardian"] == expected
         writer.close()
 
     asyncio.run(main())

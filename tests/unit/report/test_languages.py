@@ -31,7 +31,7 @@ from bench.report.tables import VARIABLES, WORST, model_sheet
 from bench.report.write import write_report
 from bench.sequence.method import known_methods, texts_of
 from bench.web import news, sentence
-from bench.web.pages import instruments, places, problems, screen
+from bench.web.pages import alerts, instruments, panels, places, problems
 from drivers.installed import loaded
 from tests.support.runs import ROOT, run_short
 
@@ -128,9 +128,11 @@ def texts_in_tables():
         sentence.NEXT,
         sentence.STATES,
         news.NEWS,
-        screen.TITLES,
+        panels.TITLES,
         problems.TITLES,
         instruments.GUARDING,
+        alerts.KINDS,
+        alerts.STATES,
     )
     yield from places.TITLES
     for table in tables:

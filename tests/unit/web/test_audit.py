@@ -68,6 +68,7 @@ ELSEWHERE = {
     "POST /api/v1/benches/{bench}/manual", "POST /benches/{bench}/manual", "POST /api/v1/runs/{run}/orders/alive",
     "POST /manual/{run}/alive", "POST /manual/{run}/order", "POST /manual/{run}/halt", "POST /manual/{run}/finish",
     "POST /instruments/acknowledge",
+    "POST /alerts/test", "POST /alerts/{id_}/acknowledge",
 }  # fmt: skip
 
 

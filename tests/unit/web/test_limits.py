@@ -235,6 +235,21 @@ def test_a_session_that_is_not_used_ends_where_the_station_wants_it(tmp_path, mo
     with_station(tmp_path, act, idle=timedelta(minutes=30))
 
 
+def test_a_page_that_asks_by_itself_does_not_keep_a_session(tmp_path, monkeypatch):
+    now, ahead = identity.wall_utc, [timedelta()]
+    monkeypatch.setattr(identity, "wall_utc", lambda: now() + ahead[0])
+
+    async def act(here):
+        here.add_users()
+        cookie = here.session("viewer")
+        for minutes, expected in ((29, 204), (58, 401)):
+            ahead[0] = timedelta(minutes=minutes)
+            answer = await here.ask("GET", "/alerts/open", headers={"bench-poll": "true"}, cookie=cookie)
+            assert answer.status == expected
+
+    with_station(tmp_path, act, idle=timedelta(minutes=30))
+
+
 def test_cookies_are_bound_to_the_host_behind_tls(tmp_path):
     async def act(here):
         here.add_users()

@@ -59,6 +59,10 @@ DELETE /api/v1/tokens/{id_}                     admin
 GET    /api/v1/audit                            admin
 GET    /api/v1/audit/verify                     admin
 GET    /                                       read
+GET    /alerts                                 read
+GET    /alerts/open                            read
+POST   /alerts/test                            engineer
+POST   /alerts/{id_}/acknowledge               run
 GET    /api/v1/alerts                          read
 GET    /api/v1/alerts/routes                   read
 POST   /api/v1/alerts/test                     engineer
@@ -79,6 +83,7 @@ POST   /api/v1/runs/{run}/report               run
 GET    /api/v1/runs/{run}/resumption           read
 POST   /api/v1/runs/{run}/resumption           run
 GET    /api/v1/runs/{run}/series               read
+GET    /api/v1/runs/{run}/samples              read
 GET    /api/v1/sequences                       read
 GET    /api/v1/sequences/{name}                read
 GET    /api/v1/unit                            read

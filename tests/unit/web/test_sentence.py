@@ -50,7 +50,11 @@ def test_a_soak_says_how_long_how_steady_and_what_is_next(live):
     )
     assert found.then == "next: turn head to 1°"
     assert (found.state, found.step, found.total) == ("running", SOAK, 421)
-    assert soaking(live) == ("unit_temperature", 600.0)
+    assert soaking(live) == ("unit_temperature", 600.0, 0.2, 1000.0)
+    within = sentence_of(live, steady=(-0.00001 / 3600, 0.12), since="14:02")
+    assert within.now == (
+        "Soaking at −40 °C, 23 min of at least 60 min, within 0.2 °C since 14:02, slope 0.0 °C/h (needs ≤ 1)"
+    )
 
 
 def test_a_repeated_step_has_the_words_of_the_first(live):
