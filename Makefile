@@ -81,6 +81,7 @@ benchmark: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.long_acquisition
 	$(BIN)/python -m benchmarks.night_reduction
 	$(BIN)/python -m benchmarks.check_many
+	$(BIN)/python -m benchmarks.station_viewers
 
 # Programs that other people wrote, for the tests that let them talk to ours.
 peers: $(VENV)/.docs

@@ -41,7 +41,7 @@ def test_a_run_is_started_with_the_scanner_and_seen_to_its_verdict(tmp_path):
         page.click("h1 a")
         assert "QF-0815" in page.inner_text("h1")
         assert page.locator("svg.chart").count() > 0
-        for path in ("unit?serial=QF-0815", "runs", "queue", "units", f"compare?run={run}&run={run}"):
+        for path in ("unit?serial=QF-0815", "runs", "queue", "units", "alerts", f"compare?run={run}&run={run}"):
             page.goto(f"{station.url}{path}")
             assert seen.grave() == [], path
     assert seen.complaints == []

@@ -31,6 +31,11 @@ steps:
 PICTURE = '<svg xmlns="http://www.w3.org/2000/svg" width="300" height="200"><script>document.title = 1</script></svg>'
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.peer("chromium", "playwright")]
 LONG_MS = 90_000  # on a busy machine a run takes its time to begin
+# The first three curves, and whether they are seen without scrolling.
+SEEN = """[...document.querySelectorAll('#plots figure')].slice(0, 3).map(each => ({
+  title: each.querySelector('figcaption span').textContent,
+  seen: each.getBoundingClientRect().bottom <= document.getElementById('plots').getBoundingClientRect().bottom + 1
+}))"""
 CHAMBER = "tr:has(th[title='chamber.process_value']) .value"
 
 
@@ -64,7 +69,19 @@ def test_a_technician_watches_a_run_and_aborts_it(tmp_path):
         assert sorted(took_s)[2] < 1.0, took_s
 
         page.wait_for_selector("#plots canvas")
+        station.until(lambda: page.locator("#plots figure").count() >= 3)
+        shown = page.evaluate(SEEN)
+        assert [each["title"].partition(" / ")[0] for each in shown] == [
+            "Temperature", "Pulse rate minus expectation", "Angle",
+        ]  # fmt: skip
+        assert all(each["seen"] for each in shown), shown
+        assert page.inner_text(".guard") == "no guardian · leases 0 of 4"
+        assert "that of the plan" in str(page.get_attribute(".ends", "title"))
         assert seen.grave() == []
+        page.click("[data-scope]")
+        page.wait_for_selector("#plots canvas, #plots .quiet")
+        page.click("button[data-last='3600']")
+        page.wait_for_selector("#plots figure")
         page.click("text=Pause")
         page.wait_for_selector("text=Resume")
         assert "the run pauses" in page.inner_text("#said")

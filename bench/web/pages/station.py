@@ -24,8 +24,8 @@ from bench.web.shown import clock_time
 router = APIRouter(include_in_schema=False)
 # Parts of the page, each swapped when it changes.
 PARTS = (
-    "headline", "timeline", "sentence", "details", "alarms", "readings", "guard", "news", "questions", "actions",
-    "after_step", "stop_now", "abort_does", "panels",
+    "headline", "timeline", "sentence", "details", "alarms", "readings", "guard", "safe", "news", "questions",
+    "actions", "after_step", "stop_now", "abort_does", "panels",
 )  # fmt: skip
 LOOK_EVERY_S = 0.25  # twice in each look of the station at its runs
 ALIVE_EVERY_S = 3.0
