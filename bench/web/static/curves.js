@@ -13,7 +13,7 @@
 const RENEW_MS = 2000;
 const POINTS = 600;
 const FIRST = 3; // panels that are seen without scrolling
-const LEAST_PX = 72;
+const LEAST_PX = 64;
 const SWING_S = 30; // around a polled reading of an axis that oscillates, in which its lowest and highest values are looked for
 const COLOURS = ["--first", "--second", "--third"];
 const DASHES = [[], [8, 4], [2, 3]];
@@ -59,6 +59,7 @@ function begin(place) {
       box.append(title);
       place.append(box);
       const hasTimes = number === Math.min(FIRST, all.length) - 1 || number === all.length - 1;
+      if (hasTimes) box.className = "times";
       const plot = new uPlot(options(panel, place, zone, hasTimes, isScope, () => span(held, last)), data(panel, held), box);
       const legend = box.querySelector(".u-legend");
       if (legend !== null) title.append(legend);
