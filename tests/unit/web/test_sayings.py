@@ -16,7 +16,7 @@ from tests.support.station_pages import HTML, asked
 SAYINGS = sayings_of("zh")
 # Modules whose refusals and reasons a technician meets on a page.
 MET = (
-    "station/leases.py", "station/jobs.py", "station/signoff.py", "station/queue/table.py", "station/queue/resuming.py",
+    "station/leases.py", "station/jobs.py", "station/signoff/decisions.py", "station/queue/table.py", "station/queue/resuming.py",
     "station/queue/scheduler.py", "station/prepare/releases.py",
     "station/prepare/texts.py", "station/prepare/versions.py", "web/api/sequences.py", "web/pages/editing.py",
     "station/runs/catalogue.py", "station/alerts/table.py",
