@@ -16,12 +16,12 @@ from tests.support.station_pages import HTML, asked
 SAYINGS = sayings_of("zh")
 # Modules whose refusals and reasons a technician meets on a page.
 MET = (
-    "station/leases.py", "station/jobs.py", "station/signoff/decisions.py", "station/queue/table.py", "station/queue/resuming.py",
-    "station/queue/scheduler.py", "station/prepare/releases.py",
+    "station/leases.py", "station/jobs.py", "station/signoff/decisions.py", "station/queue/table.py",
+    "station/queue/resuming.py", "station/queue/scheduler.py", "station/prepare/releases.py",
     "station/prepare/texts.py", "station/prepare/versions.py", "web/api/sequences.py", "web/pages/editing.py",
-    "station/runs/catalogue.py", "station/alerts/table.py",
-    "station/alerts/alerts.py", "web/api/results.py", "web/api/runs.py", "web/api/alerts.py", "web/pages/start.py",
-    "web/pages/runs.py", "runner/commands.py", "app/preflight.py",
+    "station/runs/catalogue.py", "station/alerts/table.py", "station/alerts/alerts.py", "web/api/results.py",
+    "web/api/runs.py", "web/api/alerts.py", "web/pages/start.py", "web/pages/runs.py", "runner/commands.py",
+    "app/preflight.py",
 )  # fmt: skip
 REASONS = {"InputError", "StaleError", "LeasedError", "InUseError", "Line"}
 PARTS = {"queue", "live view", "alerts", "snapshots", "jobs", "alert route {}"}  # "{name}: {problem}" of the daemon
