@@ -20,7 +20,7 @@ import pytest
 
 TESTS = Path(__file__).parents[1]
 BUDGETS: dict[str, dict[str, float]] = tomllib.loads((TESTS / "budget.toml").read_text(encoding="utf-8"))
-MARGIN = 1.5  # processors of one kind differ by less, and so does a run beside others
+MARGIN = 2.0  # the same tests have taken 1.7 times as long on the same kind of machine in another hour
 
 Spent = dict[str, dict[str, float]]  # part (a table of budget.toml) -> test -> processor seconds
 
