@@ -48,7 +48,7 @@ def create(path: Path) -> sqlite3.Connection:
     settings are read back.
     """
     try:
-        with _closed_on_error(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
+        with closed_on_error(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
             _make_commits_durable(database, path)
             database.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
     except sqlite3.Error as problem:
@@ -60,7 +60,7 @@ def reopen(path: Path) -> sqlite3.Connection:
     """Open the database of an interrupted run for appending; SQLite recovers it. Raises StoreError as `create` does."""
     open_to_read(path).close()
     try:
-        with _closed_on_error(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
+        with closed_on_error(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
             if (version := database.execute("PRAGMA user_version").fetchone()[0]) != VERSION:
                 raise StoreError(f"{path}: has format {version}, this program appends to format {VERSION}")
             _make_commits_durable(database, path)
@@ -100,7 +100,7 @@ def open_to_read(path: Path) -> sqlite3.Connection:
     try:
         _roll_back(path)
         read_only = f"{path.absolute().as_uri()}?mode=ro"
-        with _closed_on_error(sqlite3.connect(read_only, uri=True, isolation_level=None)) as database:
+        with closed_on_error(sqlite3.connect(read_only, uri=True, isolation_level=None)) as database:
             version = database.execute("PRAGMA user_version").fetchone()[0]
             if version == 0:
                 raise StoreError(f"{path}: has no tables; {_why_empty(path)}")
@@ -142,7 +142,7 @@ def _roll_back(path: Path) -> None:
 
 
 @contextmanager
-def _closed_on_error(database: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
+def closed_on_error(database: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
     """Close the database if the block raises; otherwise leave it open."""
     try:
         yield database

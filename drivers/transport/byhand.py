@@ -27,6 +27,7 @@ class SharedLine(Tap):
     async def exchange(self, data: bytes, answer_s: float) -> bytes:
         """Send bytes unchanged; return the answer up to a silence of the line."""
         self._listener = Listener()
+        self._listener.lost = ""  # it listens to a connection that is open
         try:
             self.line.write(data)
             return await self._listener.until_quiet(answer_s)

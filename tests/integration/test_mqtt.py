@@ -9,7 +9,7 @@ import signal
 import socket
 import threading
 from collections import Counter
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from datetime import timedelta
 from statistics import median
 from typing import NamedTuple
@@ -136,7 +136,8 @@ def test_the_access_list_denies_what_it_shall(tmp_path):
             assert "refuses messages (Not authorized) to bench/lab4/status" in problems[0]
             assert "access list" in problems[0]
         assert seen.received == []
-        assert Positions(tmp_path / "station").is_new is False
+        with closing(Positions(tmp_path / "station")) as positions:
+            assert positions.is_new is False
 
 
 def test_neither_a_broker_of_another_authority_nor_a_client_without_a_certificate_is_trusted(tmp_path):

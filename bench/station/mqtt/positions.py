@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from bench.errors import StoreError
 from bench.files import make_folder
+from bench.store.database import closed_on_error
 
 FILE_NAME = "mqtt.db"
 CONNECTIONS = 256
@@ -36,11 +37,12 @@ class Positions:
         try:
             make_folder(folder)
             self._database = sqlite3.connect(self.path, isolation_level=None, timeout=5, check_same_thread=False)
-            self._database.execute("PRAGMA journal_mode=WAL")
-            self._database.execute("PRAGMA synchronous=FULL")
-            self._database.executescript(_TABLES)
-            rows = self._database.execute("SELECT name, seq, mark FROM run").fetchall()
-            self.is_new = not self._database.execute("SELECT begun FROM connection").fetchone()[0]
+            with closed_on_error(self._database):
+                self._database.execute("PRAGMA journal_mode=WAL")
+                self._database.execute("PRAGMA synchronous=FULL")
+                self._database.executescript(_TABLES)
+                rows = self._database.execute("SELECT name, seq, mark FROM run").fetchall()
+                self.is_new = not self._database.execute("SELECT begun FROM connection").fetchone()[0]
         except (OSError, sqlite3.Error) as problem:
             raise StoreError(f"{self.path}: cannot be opened ({problem})") from problem
         self._of = {name: Position(seq, mark) for name, seq, mark in rows}

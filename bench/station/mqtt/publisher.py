@@ -11,6 +11,7 @@ import os
 import resource
 import signal
 import sys
+from contextlib import closing
 from typing import Any
 
 import aiomqtt
@@ -61,7 +62,11 @@ class Publisher:
         self._news.set()
 
     async def work(self) -> None:
-        """Connect again and again, until cancelled."""
+        """Connect again and again, until cancelled; it can be called once."""
+        with closing(self._positions):
+            await self._again_and_again()
+
+    async def _again_and_again(self) -> None:
         backoff = Backoff()
         while True:
             watch = Stopwatch()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from bench.errors import InUseError, StoreError
 from bench.files import DRAFT, make_folder
+from bench.store.database import closed_on_error
 
 FILE_NAME = "station.db"
 VERSION = 1
@@ -36,12 +37,13 @@ class Database:
             make_folder(folder)
             folder.chmod(0o700)
             self._database = sqlite3.connect(self.path, isolation_level=None, timeout=0.5, check_same_thread=False)
-            self._database.row_factory = sqlite3.Row
-            # The first reading takes the lock, which the system removes with the process.
-            self._database.execute("PRAGMA locking_mode=EXCLUSIVE")
-            self._database.execute("PRAGMA journal_mode=WAL")
-            self._database.execute("PRAGMA synchronous=FULL")
-            self._expect_version()
+            with closed_on_error(self._database):
+                self._database.row_factory = sqlite3.Row
+                # The first reading takes the lock, which the system removes with the process.
+                self._database.execute("PRAGMA locking_mode=EXCLUSIVE")
+                self._database.execute("PRAGMA journal_mode=WAL")
+                self._database.execute("PRAGMA synchronous=FULL")
+                self._expect_version()
         except sqlite3.OperationalError as problem:
             if "locked" in str(problem):
                 raise InUseError(f"{self.path}: another station of this folder is running") from None

@@ -173,7 +173,7 @@ def test_nonsense_is_answered_with_what_is_known_and_the_silent_keep_nobody_wait
             client.connect(socket_address(address))
             client.sendall(line)
             answer = json.loads(client.makefile("rb").readline())
-        known = "pause, resume, stop, stop_after_step, abort, skip, repeat, answer, status"
+        known = "pause, resume, stop, stop_after_step, abort, skip, repeat, answer, status, order, halt, finish, alive"
         assert answer == {"refused": f"expected one of {known}"}
     began_s = time.monotonic()
     assert run.send_command("abort").returncode == 0

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import shutil
+from contextlib import ExitStack, closing
 
 import pytest
 
@@ -59,7 +60,8 @@ async def published(tmp_path, of, run):
 def test_a_broker_that_drops_connections_gets_every_event_once_or_again(tmp_path, runs, monkeypatch, capsys):
     monkeypatch.setattr(connection, "FIRST_WAIT_S", 0.01)
     monkeypatch.setattr(publisher, "LOOK_EVERY_S", 0.01)
-    Positions(tmp_path / "station").begin({})
+    with closing(Positions(tmp_path / "station")) as positions:
+        positions.begin({})
     run = later(runs)
     expected = seqs(run)
 
@@ -73,19 +75,27 @@ def test_a_broker_that_drops_connections_gets_every_event_once_or_again(tmp_path
     assert [each["seq"] for each in events] == expected
     assert all(each["is_historical"] for each in events)
     assert [each["run"] for each in of.of("/results")].count(run.name) >= 1
-    assert Positions(tmp_path / "station").of(run.name).seq == expected[-1]
+    with closing(Positions(tmp_path / "station")) as positions:
+        assert positions.of(run.name).seq == expected[-1]
     assert of.connections > 4
     (text,) = {line for line in capsys.readouterr().out.splitlines() if "no event is lost" in line}
     assert "127.0.0.1" in json.loads(text)["text"]
 
 
-def outbox(tmp_path, runs, benches=None):
-    positions = Positions(tmp_path / "station")
-    return positions, Outbox(runs, benches or {}, positions, Topics("lab3"))
+@pytest.fixture
+def outbox(tmp_path, runs):
+    """Makes the positions of a station, and its outbox."""
+    with ExitStack() as opened:
+
+        def make(benches=None):
+            positions = opened.enter_context(closing(Positions(tmp_path / "station")))
+            return positions, Outbox(runs, benches or {}, positions, Topics("lab3"))
+
+        yield make
 
 
-def test_what_ended_before_the_first_connection_is_not_published(tmp_path, runs):
-    positions, box = outbox(tmp_path, runs)
+def test_what_ended_before_the_first_connection_is_not_published(tmp_path, runs, outbox):
+    positions, box = outbox()
     box.connected()
     assert list(box.batches()) == []
     new = later(runs)
@@ -93,16 +103,16 @@ def test_what_ended_before_the_first_connection_is_not_published(tmp_path, runs)
     assert batch.run == new.name
     assert [message.is_historical for _, message in batch.messages] == [False] * 20
     positions.close()
-    _, again = outbox(tmp_path, runs)
+    _, again = outbox()
     again.connected()
     (batch,) = again.batches()
     assert [message.is_historical for _, message in batch.messages] == [True] * 20
 
 
-def test_the_results_come_last_with_uncertainty_and_limits(tmp_path, runs, shared_runs):
+def test_the_results_come_last_with_uncertainty_and_limits(tmp_path, runs, shared_runs, outbox):
     new = later(runs)
     bench = json.loads((new / "manifest.json").read_text())["request"]["bench"]
-    positions, box = outbox(tmp_path, runs, {bench: "left"})
+    positions, box = outbox({bench: "left"})
     positions.begin({next(each.name for each in runs.iterdir() if each != new): Position(9, "")})
     positions.move(new.name, Position(seqs(new)[-2], ""))
     box.connected()
@@ -120,11 +130,11 @@ def test_the_results_come_last_with_uncertainty_and_limits(tmp_path, runs, share
     assert new.name in [each.run for each in box.batches()]
 
 
-def test_a_record_that_cannot_be_read_holds_up_nothing(tmp_path, runs):
+def test_a_record_that_cannot_be_read_holds_up_nothing(tmp_path, runs, outbox):
     new = later(runs)
     (new / "run.db").write_bytes(b"no database")
     (runs / "2031_not_a_run").mkdir()
-    positions, box = outbox(tmp_path, runs)
+    positions, box = outbox()
     positions.begin({})
     box.connected()
     for batch in box.batches():
@@ -171,13 +181,13 @@ def test_the_number_of_a_connection_is_durable(tmp_path):
     assert numbers == [number % 256 for number in range(1, 301)]
 
 
-def test_results_that_are_too_many_for_a_broker_are_counted(tmp_path, runs):
+def test_results_that_are_too_many_for_a_broker_are_counted(tmp_path, runs, outbox):
     new = later(runs)
     found = json.loads((new / "results.json").read_text())
     first = found["findings"][0]
     found["findings"] = [first] * 1000
     (new / "results.json").write_text(json.dumps(found))
-    positions, box = outbox(tmp_path, runs)
+    positions, box = outbox()
     positions.begin({})
     positions.move(new.name, Position(seqs(new)[-1], ""))
     (new / "seal.json").unlink()  # the run has changed; without a seal this is not noticed
