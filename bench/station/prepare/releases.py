@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Iterator, Mapping
 from datetime import datetime
@@ -14,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from bench.app.inputs import digest_of
 from bench.clock import wall_utc
 from bench.errors import InputError
+from bench.station.prepare.differences import difference_of
 from bench.station.storage.database import Database
 
 Kind = Literal["sequence", "bench"]
@@ -126,16 +126,3 @@ def _parts(sequence: str, bench: str, inputs: Mapping[str, str]) -> Iterator[tup
     others = {each: inputs[each] for each in inputs.keys() - own.keys() if not each.startswith(_OF_ONE_RUN)}
     yield "sequence", sequence, own
     yield "bench", bench, others
-
-
-def difference_of(
-    title: str, old: Mapping[str, str] | None, new: Mapping[str, str], around: int = 1,
-    titles: tuple[str, str] = ("released", "now"),
-) -> Iterator[str]:  # fmt: skip
-    """Yield the lines that differ between two versions of files, as `diff -u` writes them, with some lines around."""
-    for name in sorted({*(old or {}), *new}):
-        before, after = (old or {}).get(name, ""), new.get(name, "")
-        old_title, new_title = (f"{title}: {name}, {each}" for each in titles)
-        yield from difflib.unified_diff(
-            before.splitlines(), after.splitlines(), old_title, new_title, lineterm="", n=around
-        )

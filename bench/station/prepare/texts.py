@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from threading import Lock
 
@@ -118,17 +116,6 @@ def as_file(text: str) -> str:
     if size > SIZE_LIMIT_BYTES:
         raise InputError(f"a sequence has at most {SIZE_LIMIT_BYTES // 1024} KiB, this text has {size // 1024 + 1} KiB")
     return found
-
-
-def digest_of_text(text: str) -> str:
-    """Return the SHA-256 of a text."""
-    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
-
-
-def difference(old: str, new: str, old_title: str, new_title: str, around: int = 3) -> list[str]:
-    """Return the lines that differ, as `diff -u` writes them, with some lines around; [] if none do."""
-    lines: Sequence[str] = old.splitlines()
-    return list(difflib.unified_diff(lines, new.splitlines(), old_title, new_title, lineterm="", n=around))
 
 
 def file_name(name: str) -> str:

@@ -14,10 +14,10 @@ from bench.app.inputs import digest_of
 from bench.config.document import SIZE_LIMIT_BYTES
 from bench.errors import StaleError
 from bench.reduce.stored_run import SEQUENCE_COPY
-from bench.station.prepare import texts
+from bench.station.prepare import differences, texts
 from bench.station.prepare.completion import Completion, complete
 from bench.station.prepare.drafts import DraftCheck, Examined, bench_texts, check_draft, check_file, expect_readable
-from bench.station.prepare.releases import Kind, Release, difference_of
+from bench.station.prepare.releases import Kind, Release
 from bench.station.prepare.texts import SequenceText
 from bench.station.prepare.versions import Version
 from bench.station.queue.items import Line, Word
@@ -98,7 +98,7 @@ async def difference(
 ) -> Difference:
     """Return the difference of two versions of a sequence, as `diff -u` writes it."""
     before, after = [await _version(station, name, which) for which in (old, new)]
-    return Difference(lines=texts.difference(before, after, f"{name}, {old}", f"{name}, {new}"))
+    return Difference(lines=differences.difference(before, after, f"{name}, {old}", f"{name}, {new}"))
 
 
 async def _version(station: Services, name: str, which: str) -> str:
@@ -198,6 +198,6 @@ def _release(
     releases = station.daemon.releases
     newest = releases.newest(kind, name)
     with station.audit.noted(person, f"release {kind}", name, reason=comment) as facts:
-        lines = list(difference_of(f"{kind} {name}", newest.texts if newest is not None else {}, found))
+        lines = list(differences.difference_of(f"{kind} {name}", newest.texts if newest is not None else {}, found))
         facts["difference"], facts["digest"] = lines[:200], digest_of(found)
         return releases.release_one(kind, name, found, person.name, comment)

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from bench.errors import InputError, StoreError
 from bench.figures.languages import language
 from bench.figures.times_and_sizes import duration
-from bench.station.prepare import texts
+from bench.station.prepare import differences, texts
 from bench.station.prepare.drafts import DraftCheck
 from bench.station.prepare.texts import ChangedError, SequenceText
 from bench.station.prepare.uses import suits
@@ -116,7 +116,7 @@ async def _act(request: Request, station: Services, person: Person, given: Editi
     try:
         await api.save(station, person, given.name, given.change())
     except ChangedError as changed:
-        lines = texts.difference(changed.now.text, texts.as_file(given.text), "saved now", "yours")
+        lines = differences.difference(changed.now.text, texts.as_file(given.text), "saved now", "yours")
         again = given._replace(base=changed.now.digest)
         return await _editor(request, station, again, problems=[str(changed)], difference=lines, status=409)
     except InputError as wrong:

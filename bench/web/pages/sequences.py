@@ -14,8 +14,9 @@ from bench.app.inputs import digest_of
 from bench.errors import BenchError, InputError, StaleError, StoreError
 from bench.figures.times_and_sizes import duration
 from bench.reduce.stored_run import BENCH_COPY, SEQUENCE_COPY
+from bench.station.prepare.differences import difference_of
 from bench.station.prepare.drafts import DraftCheck, Examined, FindingView, bench_texts
-from bench.station.prepare.releases import Kind, Release, difference_of
+from bench.station.prepare.releases import Kind, Release
 from bench.station.prepare.sequences import SequenceView, purpose_of
 from bench.station.prepare.uses import suits, uses_of
 from bench.station.prepare.versions import Version

@@ -10,7 +10,8 @@ import pytest
 
 from bench.config.document import SIZE_LIMIT_BYTES
 from bench.errors import InputError, StoreError
-from bench.station.prepare.texts import FOUND, ChangedError, Texts, difference
+from bench.station.prepare.differences import difference
+from bench.station.prepare.texts import FOUND, ChangedError, Texts
 from bench.station.settings import read_station
 
 FIRST, SECOND = "title: first\n", "title: second\n"
