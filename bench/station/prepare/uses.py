@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from pydantic import BaseModel, ConfigDict
 
@@ -60,6 +60,11 @@ async def uses_of(daemon: Daemon, views: Sequence[SequenceView]) -> dict[str, Us
 def suits(settings: Settings, view: SequenceView) -> dict[str, bool]:
     """Return whether each bench has what a sequence needs, by name; False for a bench file that cannot be read."""
     return {name: _suits(settings, name, view.needs.items()) for name in settings.benches}
+
+
+def chosen(suitable: Mapping[str, bool]) -> str:
+    """Return the first bench that has what a sequence needs, else the first one."""
+    return next((name for name, has_all in suitable.items() if has_all), next(iter(suitable)))
 
 
 def _suits(settings: Settings, name: str, needs: Iterable[tuple[str, str]]) -> bool:

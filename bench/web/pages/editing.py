@@ -18,7 +18,7 @@ from bench.figures.times_and_sizes import duration
 from bench.station.prepare import differences, texts
 from bench.station.prepare.drafts import DraftCheck
 from bench.station.prepare.texts import ChangedError, SequenceText
-from bench.station.prepare.uses import suits
+from bench.station.prepare.uses import chosen, suits
 from bench.web.access import Engineer, Person
 from bench.web.api import sequences as api
 from bench.web.guards import CSP
@@ -90,7 +90,7 @@ async def _begun(station: Services, text: SequenceText, bench: str, *, is_new: b
     if not bench:
         view = await asyncio.to_thread(station.daemon.sequences.named, text.name)
         suitable = await asyncio.to_thread(suits, station.daemon.settings, view)
-        bench = next((each for each, fits in suitable.items() if fits), next(iter(suitable)))
+        bench = chosen(suitable)
     name, base = ("", "") if is_new else (text.name, text.digest)
     return Editing(text.name, name, is_new, text.text, base, bench)
 

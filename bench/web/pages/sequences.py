@@ -18,7 +18,7 @@ from bench.station.prepare.differences import difference_of
 from bench.station.prepare.drafts import DraftCheck, Examined, FindingView, bench_texts
 from bench.station.prepare.releases import Kind, Release
 from bench.station.prepare.sequences import SequenceView, purpose_of
-from bench.station.prepare.uses import suits, uses_of
+from bench.station.prepare.uses import chosen, suits, uses_of
 from bench.station.prepare.versions import Version
 from bench.web.access import Engineer, Reader
 from bench.web.api import sequences as api
@@ -54,9 +54,10 @@ class Standing(NamedTuple):
 
 def standing(station: Services, kind: Kind, name: str, texts: Mapping[str, str], *, complete: bool) -> Standing:
     """Return how texts stand to the newest release; `complete` is False if a file of them could not be read."""
-    newest = station.daemon.releases.newest(kind, name)
-    lines = list(difference_of(name, newest.texts, texts, around=3)) if newest is not None else []
-    return Standing(station.daemon.releases.of(kind, name), lines, digest_of(texts) if complete else "")
+    releases = station.daemon.releases
+    found = releases.of(kind, name)
+    lines = list(difference_of(name, releases.texts_of(found[0].number), texts, around=3)) if found else []
+    return Standing(found, lines, digest_of(texts) if complete else "")
 
 
 @router.get("/sequences")
@@ -110,7 +111,7 @@ async def _sequence_page(
     text = await asyncio.to_thread(daemon.texts.text, name)
     view = await asyncio.to_thread(daemon.sequences.named, name)
     suitable = await asyncio.to_thread(suits, daemon.settings, view)
-    bench = bench or next((each for each, fits in suitable.items() if fits), next(iter(suitable)))
+    bench = bench or chosen(suitable)
     found = await _examined(station, name, bench)
     versions, no_versions = await _versions(station, name)
     texts = found.texts or {SEQUENCE_COPY: text.text}
