@@ -15,6 +15,7 @@ from bench.station.alerts.kinds import ENDS, URGENT, Cause, Kind
 from bench.station.alerts.settings import Route
 from bench.station.storage.database import Database
 
+_UNACKNOWLEDGED = f"acknowledged IS NULL AND kind IN ({','.join('?' * len(URGENT))})"  # with the sorted URGENT
 WINDOW = timedelta(minutes=10)  # at most one alert of a kind about one subject is sent within it
 TRIED_FOR = timedelta(hours=1)
 ESCALATED_FOR = timedelta(days=1)
@@ -214,14 +215,12 @@ class AlertTable:
 
     def unacknowledged(self, limit: int) -> list[Alert]:
         """Return the newest urgent alerts that nobody has acknowledged, newest first."""
-        marks = ",".join("?" * len(URGENT))
-        query = f"SELECT * FROM alert WHERE acknowledged IS NULL AND kind IN ({marks}) ORDER BY at DESC LIMIT ?"  # noqa: S608  only question marks
+        query = f"SELECT * FROM alert WHERE {_UNACKNOWLEDGED} ORDER BY at DESC LIMIT ?"  # noqa: S608  only question marks
         return [_alert(row) for row in self._database.rows(query, *sorted(URGENT), limit)]
 
     def open(self) -> int:
         """Return the number of urgent alerts that nobody has acknowledged."""
-        marks = ",".join("?" * len(URGENT))
-        query = f"SELECT COUNT(*) FROM alert WHERE acknowledged IS NULL AND kind IN ({marks})"  # noqa: S608  only question marks
+        query = f"SELECT COUNT(*) FROM alert WHERE {_UNACKNOWLEDGED}"  # noqa: S608  only question marks
         return int(self._database.rows(query, *sorted(URGENT))[0][0])
 
     def deliveries(self, alert: str) -> list[Delivery]:
