@@ -158,6 +158,11 @@ class RunSummary:
         return self.path.name
 
     @property
+    def has_outcome(self) -> bool:
+        """True if the run has ended and its record is not damaged."""
+        return self.state not in ("running", "interrupted", "damaged")
+
+    @property
     def units(self) -> tuple[str, ...]:
         """Serial numbers of the units under test."""
         return tuple(unit["uut"] for unit in self.manifest.get("units", []))

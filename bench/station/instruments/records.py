@@ -67,7 +67,7 @@ class Records:
         for event in entries:
             at = begins[0] + timedelta(seconds=event.at_s - begins[1]) if begins is not None else None
             found += [Fault(device, run.id, at, event.kind, text) for device, text in _told(event)]
-        if run.state not in ("running", "interrupted", "damaged"):
+        if run.has_outcome:
             self._faults[run.id] = found
         return found
 

@@ -68,7 +68,7 @@ class Catalogue:
         if (known := self._ended.get(path.name)) is not None and known[0] == mark:
             return known[1]
         found = summary(path)
-        if found.state not in ("running", "interrupted", "damaged"):
+        if found.has_outcome:
             self._ended[path.name] = (mark, found)
         return found
 

@@ -96,7 +96,7 @@ class SignOff:
         """Raise InputError unless a person may decide about a run; `others` are its operator and its submitter."""
         if by.casefold() in {other.casefold() for other in others if other}:
             raise InputError(f"{by} submitted or operated this run; a second person decides about it")
-        if run.state in ("running", "interrupted", "damaged"):
+        if not run.has_outcome:
             raise InputError(f"{run.id}: only a sealed run is signed off; this one is {run.state}")
         if (latched := latch(run)) is not None:
             raise InputError(f"{run.id}: is latched: {latched.why}. Acknowledge it first")
