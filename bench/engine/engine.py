@@ -275,13 +275,10 @@ class Engine:
     async def _make_one_safe(self, place: str, role: str) -> None:
         """Switch a supply or source off and read it back; raises if that fails."""
         source = self._rig.source(role)
-        self._monitor.being_made_safe.add(role)
-        try:
+        with self._monitor.making_safe(role):
             async with fair_timeout(self._rig.safe_within_s):
                 await source.make_safe()
                 found = await source.read()
-        finally:
-            self._monitor.being_made_safe.discard(role)
         self.journal.try_to_write("unit_off", place=place, device=role, output=found.output, current_a=found.current_a)
         if found.output:
             raise InstrumentFault(role, "its output is still on after it was made safe")

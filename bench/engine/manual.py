@@ -136,14 +136,12 @@ class Manual:
         bench = self._bench
         if (window := bench.monitor.windows.get(device)) is not None:
             window.on_since_s = None
-        bench.monitor.being_made_safe.add(device)
         try:
-            async with fair_timeout(bench.rig.safe_within_s):
-                await bench.rig.devices[device].make_safe()
+            with bench.monitor.making_safe(device):
+                async with fair_timeout(bench.rig.safe_within_s):
+                    await bench.rig.devices[device].make_safe()
         except (DriverError, TimeoutError) as problem:
             raise StepError(f"{device} could not be made safe after {order} had failed: {problem}") from problem
-        finally:
-            bench.monitor.being_made_safe.discard(device)
         bench.journal.write("order_made_safe", order, device=device)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -73,6 +74,15 @@ class Monitor:
         there = bench.with_units_in(self.units.places)
         self.windows = {place.supply: Allowed(*there.current_range(place.supply)) for place in there.places.values()}
         self.fault: asyncio.Future[Exception] = asyncio.get_running_loop().create_future()
+
+    @contextmanager
+    def making_safe(self, role: str) -> Iterator[None]:
+        """Within the context a device is made safe, which interrupts its answers to polls."""
+        self.being_made_safe.add(role)
+        try:
+            yield
+        finally:
+            self.being_made_safe.discard(role)
 
     def start(self) -> None:
         """Start polling."""
