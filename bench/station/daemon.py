@@ -32,7 +32,7 @@ from bench.station.queue.schedule import Expected, expected
 from bench.station.queue.scheduler import Scheduler
 from bench.station.queue.table import Queue
 from bench.station.runs.catalogue import Catalogue, bench_file_of
-from bench.station.runs.live import Live, Timelines
+from bench.station.runs.live import Live, LiveRun, Timelines
 from bench.station.settings import Settings
 from bench.station.signoff.decisions import SignOff
 from bench.station.signoff.placing import Placing, UsableKey
@@ -154,6 +154,11 @@ class Daemon:
         """Return the name of the bench of a run in progress, by its bench file; None for a file of somebody else."""
         live = self.live.runs.get(run)
         return self.bench_in(live.run.manifest) if live is not None else None
+
+    def live_at(self, bench: str) -> LiveRun | None:
+        """Return the run in progress at a bench, or None."""
+        runs = list(self.live.runs.values())  # which change while another thread looks
+        return next((live for live in runs if self.bench_in(live.run.manifest) == bench), None)
 
     def bench_in(self, manifest: Mapping[str, Any]) -> str | None:
         """Return the name of the bench of a run by its manifest; None for a bench file of somebody else."""

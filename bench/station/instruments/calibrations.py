@@ -50,7 +50,7 @@ def days_ahead(daemon: Daemon) -> int:
 
 def calibrations_of(name: str, bench: BenchFile, today: date, soon_days: int) -> list[CalibrationView]:
     """Return the calibrations of a bench, the next one due first."""
-    return sorted(_of(name, bench, today, soon_days), key=lambda each: (each.due, each.bench, each.name))
+    return sorted(_of(name, bench, today, soon_days), key=_by_due)
 
 
 def all_calibrations(daemon: Daemon, now: datetime) -> list[CalibrationView]:
@@ -62,7 +62,11 @@ def all_calibrations(daemon: Daemon, now: datetime) -> list[CalibrationView]:
         except InputError:
             continue  # its card says so
         found += _of(name, bench, today_at(daemon, name, now), days_ahead(daemon))
-    return sorted(found, key=lambda each: (each.due, each.bench, each.name))
+    return sorted(found, key=_by_due)
+
+
+def _by_due(each: CalibrationView) -> tuple[date, str, str]:
+    return each.due, each.bench, each.name
 
 
 def today_at(daemon: Daemon, bench: str, now: datetime) -> date:

@@ -116,7 +116,7 @@ def bench_instruments(daemon: Daemon, name: str, now: datetime) -> BenchInstrume
         bench = daemon.scheduler.bench(name)
     except InputError as problem:
         return BenchInstruments(name=name, title=title, problem=error_message(problem))
-    runs, live = daemon.records.runs(name), _live(daemon, name)
+    runs, live = daemon.records.runs(name), daemon.live_at(name)
     faults = daemon.records.faults(runs, list(bench.devices))
     certificates = calibrations_of(name, bench, today_at(daemon, name, now), days_ahead(daemon))
     readings = _readings(bench, live)
@@ -133,10 +133,6 @@ def bench_instruments(daemon: Daemon, name: str, now: datetime) -> BenchInstrume
         lease=LeaseView.of(lease) if lease is not None else None, locked_out=why_locked_out(bench),
         latches=_latches(runs), stopped=daemon.queue.stopped(name), **_holder(live),
     )  # fmt: skip
-
-
-def _live(daemon: Daemon, bench: str) -> LiveRun | None:
-    return next((live for live in list(daemon.live.runs.values()) if daemon.bench_in(live.run.manifest) == bench), None)
 
 
 def _holder(live: LiveRun | None) -> dict[str, Any]:

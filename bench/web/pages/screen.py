@@ -80,9 +80,8 @@ def screen_of(live: LiveRun, bench: str, zone: str, trend: Trend) -> Screen:
 
 def live_of(services: Services, bench: str) -> LiveRun | None:
     """Return the run in progress at a bench, or None. Raises InputError for a bench that the station does not have."""
-    daemon = services.daemon
-    daemon.settings.bench_file(bench)
-    return next((live for live in daemon.live.runs.values() if daemon.bench_of(live.run.id) == bench), None)
+    services.daemon.settings.bench_file(bench)
+    return services.daemon.live_at(bench)
 
 
 def waiting_at(services: Services, bench: str) -> list[ItemView]:
