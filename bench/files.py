@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import hashlib
 import os
 import shutil
 import stat
@@ -14,6 +15,20 @@ from pathlib import Path
 from bench.errors import InputError, StoreError
 
 DRAFT = ".draft"
+
+
+def mark_of(path: Path) -> tuple[int, int] | None:
+    """Return time of change in ns and size of a file, which a change of it changes; None if it is not there."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size
+
+
+def content_hash(data: bytes) -> str:
+    """Return the SHA-256 of a content, with the prefix `sha256:`."""
+    return f"sha256:{hashlib.sha256(data).hexdigest()}"
 
 
 def write_atomically(path: Path, data: bytes) -> None:

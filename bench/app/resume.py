@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +11,7 @@ from bench.app.inputs import inputs_of
 from bench.app.request import PreparedRun, RunRequest, prepare
 from bench.engine.past import Past, done_of, interrupted_in, past_of, steps_to_restore
 from bench.errors import InputError
+from bench.files import content_hash
 from bench.runner.held import energising_addresses, is_followed
 from bench.sequence.language.values import as_written
 from bench.store.energised import energised
@@ -159,7 +159,7 @@ def _holds(prepared: PreparedRun) -> bool:
 
 def _changed(prepared: PreparedRun, manifest: Mapping[str, Any]) -> list[str]:
     """Return the differences from the start of the run: files, parameters, program."""
-    now = {name: f"sha256:{sha256(text.encode()).hexdigest()}" for name, text in inputs_of(prepared).items()}
+    now = {name: content_hash(text.encode()) for name, text in inputs_of(prepared).items()}
     changed = [name for name in {**now, **manifest["hashes"]} if now.get(name) != manifest["hashes"].get(name)]
     problems = [f"{name} has changed since the run began; its copy is in the run directory" for name in changed]
     parameters = {name: as_written(value) for name, value in prepared.plan.parameters.items()}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import math
@@ -17,6 +16,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from bench.config.models import BenchFile
 from bench.errors import InputError, StoreError
+from bench.files import content_hash
 from bench.metrology.calibration.linearity import RELATIVE, Linearity
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.calibration.second_order import NAMES
@@ -71,7 +71,7 @@ def calibration_files(
 def _digest_of(content: Mapping[str, Any]) -> str:
     """Digest of all other content of a file, independent of indentation and order."""
     text = json.dumps({key: value for key, value in content.items() if key != DIGEST}, sort_keys=True)
-    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
+    return content_hash(text.encode())
 
 
 class _Polynomial(Tolerant):

@@ -8,7 +8,6 @@ it does not seem altered if the program is killed or the power fails meanwhile.
 from __future__ import annotations
 
 import fcntl
-import hashlib
 import json
 import os
 import re
@@ -23,7 +22,7 @@ from typing import Any
 
 from bench.clock import wall_utc
 from bench.errors import StoreError
-from bench.files import write_atomically
+from bench.files import content_hash, write_atomically
 from bench.reduce.evaluate import Results
 from bench.report.afterwards import Afterwards
 from bench.store.kept_json import TEXT, WHOLE, list_of, named, object_of, one_of, read_kept
@@ -111,7 +110,7 @@ def replacing(folder: Path, name: str, content: bytes) -> Iterator[None]:
 
     Raises StoreError.
     """
-    written = f"sha256:{hashlib.sha256(content).hexdigest()}"
+    written = content_hash(content)
     known = _known(folder / REVISIONS)
     if known.files.get(name) != written:
         _keep(folder, replace(known, writing={name: written}))
@@ -204,7 +203,7 @@ def _keep(folder: Path, reports: _Reports) -> None:
 
 def _hash_of(content: object) -> str:
     text = json.dumps(content, ensure_ascii=False, sort_keys=True)
-    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
+    return content_hash(text.encode())
 
 
 def examined(folder: Path) -> Record:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import json
 import os
 import re
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import InputError, StoreError
-from bench.files import is_locked, make_folder, sync_folder, write_atomically
+from bench.files import content_hash, is_locked, make_folder, sync_folder, write_atomically
 from bench.store.kept_json import read_kept
 from bench.store.manifest_form import MANIFEST_FORM, SEAL_FORM
 
@@ -205,7 +204,7 @@ def _matches_seal(path: Path, manifest: Mapping[str, Any]) -> bool:
     if not all((path / name).is_file() for name in files):
         return False
     of_manifest = files.get(MANIFEST)
-    return bool(of_manifest == f"sha256:{hashlib.sha256((path / MANIFEST).read_bytes()).hexdigest()}")
+    return bool(of_manifest == content_hash((path / MANIFEST).read_bytes()))
 
 
 def _is_locked(path: Path) -> bool:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import StoreError
-from bench.files import DRAFT, write_both
+from bench.files import DRAFT, content_hash, write_both
 from bench.store.chain import Link
 from bench.store.database import FILE_NAME
 from bench.store.kept_json import read_kept
@@ -48,7 +48,7 @@ def close_record(directory: RunDirectory, manifest: Mapping[str, Any], begun: by
         files = {**manifest["hashes"], FILE_NAME: file_hash(folder / FILE_NAME)}
     except OSError as problem:
         raise StoreError(f"{folder}: cannot be sealed ({problem})") from problem
-    files[MANIFEST] = _named(hashlib.sha256(json_text(manifest).encode()))
+    files[MANIFEST] = content_hash(json_text(manifest).encode())
     content = {
         "schema": SEAL_SCHEMA,
         "run": folder.name,
@@ -80,8 +80,4 @@ def sealable(folder: Path) -> Iterator[str]:
 def file_hash(path: Path) -> str:
     """Return the SHA-256 of a file with the prefix `sha256:`. Raises OSError."""
     with path.open("rb") as file:
-        return _named(hashlib.file_digest(file, "sha256"))
-
-
-def _named(found: Any) -> str:
-    return f"sha256:{found.hexdigest()}"
+        return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"

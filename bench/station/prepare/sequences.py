@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from bench.config.load import shipped
 from bench.errors import InputError
+from bench.files import mark_of
 from bench.sequence.document.model import Parameter, SequenceFile
 from bench.sequence.language.expressions import Value
 from bench.sequence.language.values import as_written
@@ -92,7 +93,7 @@ class Sequences:
 
     def changed(self) -> dict[Path, Mark]:
         """Return the files that were not read since they have changed."""
-        found = {path: mark for path in self._files().values() if (mark := _mark(path)) is not None}
+        found = {path: mark for path in self._files().values() if (mark := mark_of(path)) is not None}
         return {path: mark for path, mark in found.items() if path not in self._kept or self._kept[path].mark != mark}
 
     def is_own(self, path: Path) -> bool:
@@ -109,20 +110,11 @@ class Sequences:
         return {path.stem: path for folder in folders for path in folder.glob("*.yaml") if path.is_file()}
 
     def _view(self, path: Path) -> SequenceView:
-        if (mark := _mark(path)) is None:
+        if (mark := mark_of(path)) is None:
             return SequenceView(name=path.stem, problem=f"{path.name}: it cannot be read")
         if (kept := self._kept.get(path)) is not None and kept.mark == mark:
             return kept.view
         return self.keep(path, mark, view_of(path, own=self.is_own(path)))
-
-
-def _mark(path: Path) -> Mark | None:
-    """Return time of change and size of a file; None if it is not there."""
-    try:
-        state = path.stat()
-    except OSError:
-        return None
-    return state.st_mtime_ns, state.st_size
 
 
 def views_of(paths: Mapping[Path, bool]) -> list[SequenceView]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.errors import InputError
+from bench.files import mark_of
 from bench.store.runs import LOCK, MANIFEST, RunSummary, summary
 
 TICKET = "ticket"
@@ -60,11 +61,8 @@ class Catalogue:
         return self.runs.iterdir() if self.runs.is_dir() else iter(())
 
     def _summary(self, path: Path) -> RunSummary:
-        try:
-            state = (path / MANIFEST).stat()
-        except OSError:
+        if (mark := mark_of(path / MANIFEST)) is None:
             return summary(path)
-        mark = (state.st_mtime_ns, state.st_size)
         if (known := self._ended.get(path.name)) is not None and known[0] == mark:
             return known[1]
         found = summary(path)

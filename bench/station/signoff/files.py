@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.config.laboratory import CertificateFields, LaboratoryFile, mark_of
 from bench.errors import InputError, StoreError
-from bench.files import sync_folder, write_atomically
+from bench.files import content_hash, sync_folder, write_atomically
 from bench.report.approval import APPROVAL, SCHEMA
 from bench.report.optional import imported
 from bench.report.revision import issued_name, replacing, writing
@@ -55,7 +54,7 @@ def write_staged(run: Path, signed: Signed, issue: Issue) -> dict[str, str]:
         files = {name: _report(run, signed, issue, content), APPROVAL: json_text(content).encode()}
         for each, data in files.items():
             write_atomically(_staged(run, each), data)
-    return {**{each: _hash(data) for each, data in files.items()}, **calibrations, CHAIN: head}
+    return {**{each: content_hash(data) for each, data in files.items()}, **calibrations, CHAIN: head}
 
 
 def settle(run: Path, pending: Pending) -> None:
@@ -87,7 +86,7 @@ def _put_in_place(run: Path, signed: Signed) -> None:
     for name in sorted(_written(signed), key=lambda each: each == APPROVAL):
         staged, path = _staged(run, name), run / name
         found = staged if staged.exists() else path
-        if not found.is_file() or _hash(content := found.read_bytes()) != signed.binds[name]:
+        if not found.is_file() or content_hash(content := found.read_bytes()) != signed.binds[name]:
             continue  # the page of the run compares hashes, and says to issue the report again
         if name == APPROVAL:
             _move(staged, path)
@@ -151,10 +150,6 @@ def _approval(run: Path, signed: Signed, issue: Issue, head: str, calibrations: 
 
 def _calibrations(run: Path) -> dict[str, str]:
     return {path.name: file_hash(path) for path in sorted(run.glob("calibration_*.json"))}
-
-
-def _hash(data: bytes) -> str:
-    return f"sha256:{hashlib.sha256(data).hexdigest()}"
 
 
 def _stated(laboratory: LaboratoryFile | None) -> dict[str, str]:
