@@ -6,7 +6,7 @@ import json
 import math
 import sqlite3
 from collections.abc import Collection, Mapping
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -25,6 +25,7 @@ _BLOCKS = """SELECT seq, stream, step, frames, first_s, last_s, crc, data FROM b
 _STEPS = """SELECT seq, at_s, kind, step, data FROM journal WHERE kind IN ('step_begins', 'step_ended', 'step_cut',
   'step_failed') AND instr(data, ?) ORDER BY seq"""
 _OUT_OF_ORDER_S = 60.0  # readings of several devices are written in the order of their arrival
+Begins = tuple[datetime, float] | None  # instant of the begin of a run and its bench time in s; None if not known
 
 
 class TailReading(NamedTuple):
@@ -92,7 +93,7 @@ class Tail:
         """Return the number of the last entry of the journal; 0 if there is none."""
         return int(self._rows("SELECT COALESCE(MAX(seq), 0) FROM journal")[0][0])
 
-    def begins(self) -> tuple[datetime, float] | None:
+    def begins(self) -> Begins:
         """Return the instant of the begin of the run by the clock of its bench, and its bench time in s."""
         first = self.events(0, 1)
         utc = first[0].data.get("utc") if first else None
@@ -159,6 +160,11 @@ class Tail:
             return self._database.execute(query, values).fetchall()
         except sqlite3.Error as problem:
             raise StoreError(f"{self._run}: cannot be read ({problem})") from problem
+
+
+def instant_at(begins: Begins, at_s: float | None) -> datetime | None:
+    """Return the instant of a bench time by the clock of the bench; None if one of both is not known."""
+    return begins[0] + timedelta(seconds=at_s - begins[1]) if begins is not None and at_s is not None else None
 
 
 def _data(text: object) -> Mapping[str, Any]:

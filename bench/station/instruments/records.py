@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from datetime import datetime, timedelta
+from datetime import datetime
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ from bench.errors import StoreError
 from bench.station.runs.catalogue import Catalogue
 from bench.store.reader import Event
 from bench.store.runs import RunSummary
-from bench.store.tail import Tail
+from bench.store.tail import Tail, instant_at
 
 RUNS, RUNS_WITH_ERRORS, ENTRIES = 50, 5, 200
 FAULTS = ("fault", "device_left_out", "not_reached", "step_failed", "order_made_safe", "made_safe")
@@ -65,8 +65,8 @@ class Records:
         except StoreError:
             return found  # it has just begun, or its record is damaged, which the page of the run shows
         for event in entries:
-            at = begins[0] + timedelta(seconds=event.at_s - begins[1]) if begins is not None else None
-            found += [Fault(device, run.id, at, event.kind, text) for device, text in _told(event)]
+            at = instant_at(begins, event.at_s)
+            found += [Fault(device, run.id, at, event.kind, text) for device, text in _errors(event)]
         if run.has_outcome:
             self._faults[run.id] = found
         return found
@@ -95,7 +95,7 @@ def identified(role: str, entry: DeviceEntry, runs: list[RunSummary]) -> Identif
     return None
 
 
-def _told(event: Event) -> Iterator[tuple[str, str]]:
+def _errors(event: Event) -> Iterator[tuple[str, str]]:
     """Yield device and text of each error in an entry."""
     data = event.data
     text = str(data.get("text") or data.get("problem") or "")

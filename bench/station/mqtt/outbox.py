@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ from bench.station.mqtt.topics import Topics, bench_of_file
 from bench.station.runs.catalogue import Catalogue, bench_file_of
 from bench.store.reader import Event as Entry
 from bench.store.runs import MANIFEST, RunSummary
-from bench.store.tail import Tail
+from bench.store.tail import Begins, Tail, instant_at
 
 AT_ONCE = 20
 RESULTS = "results.json"
@@ -26,9 +25,6 @@ LARGEST_RESULTS = 64 * 1024 * 1024
 _STILL = ("running", "interrupted")
 _PASSING = ("interrupted", "damaged")  # a run that is being sealed is the latter for a moment
 _ALARMS = frozenset({"problem", "stalled", "unit_dropped", "device_left_out", "unanswered", "step_failed", "power"})
-
-
-Begins = tuple[datetime, float] | None  # instant and bench time in s of the begin of a run
 
 
 class Batch(NamedTuple):
@@ -136,10 +132,9 @@ def alarm(entry: Entry) -> str:
 
 
 def _event(run: str, begins: Begins, entry: Entry, *, is_historical: bool) -> Event:
-    at = begins[0] + timedelta(seconds=entry.at_s - begins[1]) if begins is not None else None
     return Event(
-        id=f"{run}:{entry.seq}", run=run, seq=entry.seq, kind=entry.kind, step=entry.step, at_s=entry.at_s, at=at,
-        data=_bounded(entry.data), is_historical=is_historical,
+        id=f"{run}:{entry.seq}", run=run, seq=entry.seq, kind=entry.kind, step=entry.step, at_s=entry.at_s,
+        at=instant_at(begins, entry.at_s), data=_bounded(entry.data), is_historical=is_historical,
     )  # fmt: skip
 
 

@@ -12,9 +12,9 @@ from bench.station.mqtt.messages import Question, Questions, Reading, State
 from bench.station.mqtt.settings import MqttSettings
 from bench.station.mqtt.topics import Topics
 from bench.station.view import BenchView, ReadingView, RunView, StationView
+from bench.store.tail import Begins, instant_at
 
 ENDS_MOVED = timedelta(seconds=30)
-Begins = tuple[datetime, float] | None  # instant and bench time in s of the begin of a run
 
 
 class Shown(NamedTuple):
@@ -91,7 +91,7 @@ def _reading(run: RunView, begun: Begins, reading: ReadingView) -> Reading:
     at_s = None
     if run.now_s is not None and reading.age_s is not None:
         at_s = round(run.now_s - reading.age_s, 3)
-    at = begun[0] + timedelta(seconds=at_s - begun[1]) if begun is not None and at_s is not None else None
     return Reading(
-        run=run.run, value=reading.value, unit=reading.unit, quality=reading.quality, why=reading.why, at_s=at_s, at=at
-    )
+        run=run.run, value=reading.value, unit=reading.unit, quality=reading.quality, why=reading.why, at_s=at_s,
+        at=instant_at(begun, at_s),
+    )  # fmt: skip

@@ -22,7 +22,7 @@ from bench.station.runs.remaining import Course, earlier_courses, left_by_course
 from bench.station.worker import Workers
 from bench.store.reader import Event
 from bench.store.runs import RunSummary
-from bench.store.tail import Tail
+from bench.store.tail import Begins, Tail, instant_at
 
 EVENTS_KEPT = 200
 NO_TIMELINE: Mapping[str, Any] = {"steps": [], "total_s": 0.0}
@@ -54,7 +54,7 @@ class LiveRun:
         self.status: Mapping[str, Any] = {}
         self.timeline: Mapping[str, Any] | None = None
         self.earlier: Sequence[Course] = ()
-        self.begun: tuple[datetime, float] | None = None
+        self.begun: Begins = None
         self._seen: tuple[datetime, float] | None = None  # first look: wall time and bench time
         self._now: tuple[datetime, float] | None = None
 
@@ -102,7 +102,7 @@ class LiveRun:
 
     def instant_of(self, event: Event) -> datetime | None:
         """Return the instant of an entry by the clock of the bench; None until that is known."""
-        return self.begun[0] + timedelta(seconds=event.at_s - self.begun[1]) if self.begun is not None else None
+        return instant_at(self.begun, event.at_s)
 
     def ends(self) -> datetime | None:
         """Return the estimated wall time of the end."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ from bench.reduce.stored_run import BENCH_COPY
 from bench.station.runs.series import PULSE_RATE, Array, decoders_in, rates_of, steps_of
 from bench.store.database import FILE_NAME, unpack_all
 from bench.store.decoder import Decoder
-from bench.store.tail import Tail
+from bench.store.tail import Begins, Tail
 
 MOST = 20_000  # samples of a channel
 MOST_BLOCKS = 100
@@ -36,7 +35,7 @@ class Scope(NamedTuple):
     step: str
     until_s: float
     channels: Mapping[str, Samples]
-    begins: tuple[datetime, float] | None
+    begins: Begins
 
 
 NOTHING = Scope("", 0.0, {}, None)

@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field
 from bench.station.queue.items import Short
 from bench.station.runs.scope import newest_samples, period_s
 from bench.station.runs.series import POINTS, Thinned, thinned, width_of
-from bench.store.tail import Tail
+from bench.store.tail import Tail, instant_at
 from bench.web.access import Reader
 from bench.web.services import Station
 
@@ -50,8 +50,8 @@ async def series(
 ) -> SeriesOfRun:  # fmt: skip
     """Return channels of a run from bench time `since` on, or over the `last` seconds, in about `points` intervals.
 
-    Channels are readings, DEVICE.CHANNEL of counters for their pulse rates, and DEVICE.CHANNEL.deviation for their
-    deviation from what is expected of a unit at rest. `width` continues an earlier answer.
+    Channels are readings, DEVICE.CHANNEL for the pulse rate of a counter, and DEVICE.CHANNEL.deviation for this rate
+    minus the one expected of a unit at rest. With the `width` of an earlier answer, its intervals are continued.
     """
     path = station.daemon.catalogue.run(run).path
 
@@ -64,7 +64,10 @@ async def series(
         least_s = max(since_s, until_s - 20_000 * width_s)  # bounds the answer, whatever the width
         found = thinned(path, channel, least_s, width_s)
         return SeriesOfRun(
-            zero=_zero(begins), until_s=until_s, width_s=width_s, channels={k: _view(v) for k, v in found.items()}
+            zero=instant_at(begins, 0.0),
+            until_s=until_s,
+            width_s=width_s,
+            channels={k: _view(v) for k, v in found.items()},
         )
 
     return await asyncio.to_thread(read)
@@ -117,12 +120,8 @@ async def samples(
             for name, each in found.channels.items()
         }
         return SamplesOfRun(
-            zero=_zero(found.begins), step=found.step, until_s=found.until_s, period_s=period_s(steps, found.step),
-            channels=channels,
+            zero=instant_at(found.begins, 0.0), step=found.step, until_s=found.until_s,
+            period_s=period_s(steps, found.step), channels=channels,
         )  # fmt: skip
 
     return await asyncio.to_thread(read)
-
-
-def _zero(begins: tuple[datetime, float] | None) -> datetime | None:
-    return datetime.fromtimestamp(begins[0].timestamp() - begins[1], begins[0].tzinfo) if begins else None

@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 from bench.figures.languages import tr
 from bench.figures.times_and_sizes import duration
 from bench.station.runs.live import LiveRun
+from bench.store.tail import instant_at
 from bench.web.pages.trends import Trend
 from bench.web.shown import clock_time
 
@@ -22,18 +23,10 @@ class Guarded(NamedTuple):
     why: str
 
 
-def zero_of(live: LiveRun) -> datetime | None:
-    """Return the instant of bench time 0 by the clock of the bench."""
-    begun = live.begun
-    return begun[0] - timedelta(seconds=begun[1]) if begun is not None else None
-
-
 def since(live: LiveRun, trend: Trend, zone: str) -> str:
     """Return since when the reading of a soak is within its range, by the clock of the bench; "" if it is not."""
-    zero = zero_of(live)
-    if zero is None or trend.since_s is None:
-        return ""
-    return f"{(zero + timedelta(seconds=trend.since_s)).astimezone(ZoneInfo(zone)):%H:%M}"
+    at = instant_at(live.begun, trend.since_s)
+    return f"{at.astimezone(ZoneInfo(zone)):%H:%M}" if at is not None else ""
 
 
 def ends(live: LiveRun, zone: str, now: datetime) -> tuple[str, str]:

@@ -11,9 +11,10 @@ from bench.figures.languages import tr
 from bench.figures.times_and_sizes import duration
 from bench.station.runs.live import LiveRun
 from bench.station.view import ItemView, item_views
+from bench.store.tail import instant_at
 from bench.web.news import Line, news
 from bench.web.pages.drawn import Timeline, timeline
-from bench.web.pages.outlook import Guarded, ends, guard_of, since, zero_of
+from bench.web.pages.outlook import Guarded, ends, guard_of, since
 from bench.web.pages.panels import panels_of
 from bench.web.pages.readings import Row, rows
 from bench.web.pages.trends import Trend
@@ -71,7 +72,7 @@ def screen_of(live: LiveRun, bench: str, zone: str, trend: Trend) -> Screen:
         *ends(live, zone, now),
         tr("simulated, {speed} times as fast", speed=f"{live.speed:.0f}") if live.speed > 1.5 else "",
         timeline(plan, sentence.number - 1, _in_step_s(live, sentence.step)), rows(live, planned, trend),
-        news(reversed(live.events), zero_of(live), {step["id"]: step for step in steps}, NEWS_SHOWN),
+        news(reversed(live.events), instant_at(live.begun, 0.0), {step["id"]: step for step in steps}, NEWS_SHOWN),
         list(live.state.problems), live.holds, [by for by in live.holds if by != OPERATOR],
         list(live.status.get("questions", ())), _safe(plan), guard_of(live.status, plan),
         _ending(live, plan, planned), panels_of(live, trend), zone,
