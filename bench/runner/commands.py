@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any
 
 from bench.engine.ending import EndRequest
@@ -16,7 +16,7 @@ from bench.engine.questions import Question
 from bench.engine.state import RunState
 from bench.errors import InputError, StoreError
 from bench.quality import Fresh, Invalid, Latest, Stale
-from bench.runner.control import STOPS, Arguments, Handlers
+from bench.runner.control import STOPS, Arguments, Handler, Handlers
 from bench.sequence.language.values import in_words
 
 
@@ -71,19 +71,23 @@ def commands_of(  # noqa: C901  one small function for each command
         await durable(engine.journal, "the state of the run could not be written to the disk")
         return json.dumps(state, ensure_ascii=False)
 
-    def command(name: str, act: Callable[[Arguments], str]) -> Callable[[Arguments], Awaitable[str]]:
-        async def done(request: Arguments) -> str:
-            reply = act(request)
-            engine.journal.try_to_write("command", command=name, **request)
-            notice(f"{name.replace('_', ' ')} by {request['by']}: {reply}")
-            if name not in STOPS:
-                await durable(engine.journal, f"{reply}; this is not recorded on the disk")
-            return reply
-
-        return done
-
     acts = (pause, resume, stop, stop_after_step, abort, skip, repeat, answer)
-    return {act.__name__: command(act.__name__, act) for act in acts} | {"status": status}
+    return {act.__name__: recorded(act, engine.journal, notice) for act in acts} | {"status": status}
+
+
+def recorded(act: Callable[[Arguments], str], journal: Journal, notice: Callable[[str], None]) -> Handler:
+    """Return the handler of a command that has the name of its function: recorded, with its sender, once it is done."""
+    name = act.__name__
+
+    async def done(request: Arguments) -> str:
+        reply = act(request)
+        journal.try_to_write("command", command=name, **request)
+        notice(f"{name.replace('_', ' ')} by {request['by']}: {reply}")
+        if name not in STOPS:
+            await durable(journal, f"{reply}; this is not recorded on the disk")
+        return reply
+
+    return done
 
 
 async def durable(journal: Journal, otherwise: str) -> None:

@@ -37,7 +37,8 @@ LINE_LIMIT_BYTES = 4096
 BUSY: Mapping[str, Any] = {"refused": "too many clients are connected to this run", "again": True}
 
 Arguments = Mapping[str, str]
-Handlers = Mapping[str, Callable[[Arguments], Awaitable[str]]]
+Handler = Callable[[Arguments], Awaitable[str]]
+Handlers = Mapping[str, Handler]
 
 
 @contextmanager

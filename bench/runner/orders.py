@@ -8,7 +8,7 @@ from collections.abc import Callable
 from bench.engine.journal import Journal
 from bench.engine.manual import Manual
 from bench.errors import InputError
-from bench.runner.commands import durable
+from bench.runner.commands import durable, recorded
 from bench.runner.control import Arguments, Handlers
 
 
@@ -21,26 +21,19 @@ def orders_of(manual: Manual, journal: Journal, notice: Callable[[str], None]) -
         await durable(journal, f"{begun} begins; this is not recorded on the disk")
         return begun
 
-    async def halt(request: Arguments) -> str:
-        halted = manual.halt(_given(request, "device"))
-        await _told(request, "halt", f"halted: {halted}", device=request["device"])
-        return f"halted: {halted}"
+    def halt(request: Arguments) -> str:
+        return f"halted: {manual.halt(_given(request, 'device'))}"
 
-    async def finish(request: Arguments) -> str:
+    def finish(_: Arguments) -> str:
         manual.finish()
-        await _told(request, "finish", "the session ends, and everything is made safe")
         return "the session ends, and everything is made safe"
 
     async def alive(_: Arguments) -> str:
         manual.heard()
         return json.dumps(manual.to_json())
 
-    async def _told(request: Arguments, command: str, reply: str, **facts: str) -> None:
-        journal.try_to_write("command", command=command, by=request["by"], user=request["user"], **facts)
-        notice(f"{command} by {request['by']}: {reply}")
-        await durable(journal, f"{reply}; this is not recorded on the disk")
-
-    return {"order": order, "halt": halt, "finish": finish, "alive": alive}
+    acts = {act.__name__: recorded(act, journal, notice) for act in (halt, finish)}
+    return {"order": order, **acts, "alive": alive}
 
 
 def _given(request: Arguments, name: str) -> str:
