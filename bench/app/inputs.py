@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import ChainMap
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -35,14 +36,15 @@ def sequence_inputs(document: Document) -> dict[str, str]:
 
 
 def bench_inputs(loaded: LoadedBench, others: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
-    """Return the text of a bench file and of the files that it names, by the names of copies that no other has."""
-    copies = {**others, BENCH_COPY: loaded.document.text}
+    """Return the text of a bench file and of the files that it names, by names of copies; `others` have theirs."""
+    copies = {BENCH_COPY: loaded.document.text}
+    known = ChainMap(copies, dict(others))
     for role, entry in loaded.bench.devices.items():
         copies |= {path.name: text_of(path) for path in entry.files.values()}
         for document in (each for each in vars(entry.options).values() if isinstance(each, DocumentFile)):
             name, text = document.path.name, document.path.read_text("utf-8")
-            copies[name if copies.get(name, text) == text else f"{role}_{name}"] = text
-    return {name: text for name, text in copies.items() if others.get(name) is not text}
+            copies[name if known.get(name, text) == text else f"{role}_{name}"] = text
+    return copies
 
 
 def digest_of(inputs: Mapping[str, str]) -> str:
