@@ -25,13 +25,14 @@ from bench.web.api.preparing import bench_info, read_fields
 from bench.web.api.runs import Done
 from bench.web.pages.controls import controls, order_of
 from bench.web.pages.readings import label
-from bench.web.pages.render import form_of, language_of, page, rendered
+from bench.web.pages.render import form_of, language_of, page, rendered, with_prefix
 from bench.web.pages.screen import live_of
+from bench.web.pages.start import UNIT
 from bench.web.services import Services, Station
 from bench.web.shown import number, reading
 
 router = APIRouter(include_in_schema=False)
-PLACE, UNIT = "/instruments", "unit."
+PLACE = "/instruments"
 ORDERS_SHOWN = 12
 
 
@@ -71,10 +72,7 @@ async def manual_page(
 async def begin(request: Request, station: Station, person: Engineer, bench: str) -> Response:
     """Queue a session of manual control."""
     form = await form_of(request)
-    units = {name.removeprefix(UNIT): serial.strip() for name, serial in form.items() if name.startswith(UNIT)}
-    wanted = api.Session(
-        units={place: serial for place, serial in units.items() if serial}, order=form.get("order", "")
-    )
+    wanted = api.Session(units=with_prefix(form, UNIT), order=form.get("order", ""))
     await api.begin(station, person, bench, wanted, form.get("key", "")[:100])
     return RedirectResponse(f"/benches/{bench}/manual", 303)
 

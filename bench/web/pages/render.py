@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 from zoneinfo import ZoneInfo
@@ -53,6 +54,11 @@ def person_of(request: Request) -> Person | None:
 async def form_of(request: Request) -> dict[str, str]:
     """Return the fields of a form that are text."""
     return {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
+
+
+def with_prefix(fields: Mapping[str, str], prefix: str) -> dict[str, str]:
+    """Return the fields whose names begin with a prefix, by the rest of their names."""
+    return {name.removeprefix(prefix): value.strip() for name, value in fields.items() if name.startswith(prefix)}
 
 
 def may(person: Person | None, scope: str) -> bool:

@@ -20,7 +20,7 @@ from bench.station.queue.items import Submission
 from bench.web.access import Operator
 from bench.web.api import queue
 from bench.web.api.preparing import BenchInfo, bench_info, rehearsal_id, submission_of
-from bench.web.pages.render import form_of, page
+from bench.web.pages.render import form_of, page, with_prefix
 from bench.web.services import Services, Station
 
 router = APIRouter(include_in_schema=False)
@@ -65,10 +65,7 @@ def draft_of(fields: Mapping[str, str]) -> Draft:
     if len(fields) > MOST_FIELDS or any(len(value) > LONGEST for value in fields.values()):
         raise InputError("this form is not one of this station: it is too large")
     given = {name: fields[name].strip() for name in FIELDS if fields.get(name, "").strip()}
-    units, settings = (
-        {name.removeprefix(kind): value.strip() for name, value in fields.items() if name.startswith(kind)}
-        for kind in (UNIT, SET)
-    )
+    units, settings = with_prefix(fields, UNIT), with_prefix(fields, SET)
     return Draft(given, {place: serial for place, serial in units.items() if serial}, settings)
 
 
