@@ -191,12 +191,8 @@ class _Execution:
 
     async def _recorded(self) -> _Run:
         """Run the plan with its record, its guardian and the watches on clock and power."""
-        prepared, observer, resumption, bench = (
-            self.prepared,
-            self.observer,
-            self.resumption,
-            self.prepared.loaded.bench,
-        )
+        prepared, observer, resumption = self.prepared, self.observer, self.resumption
+        bench = prepared.loaded.bench
         began_s = asyncio.get_running_loop().time() if resumption is None else resumption.began_s
         clock = Clock(instant(bench, resumption))
         writer, digest = RunWriter(self.folder, resumed=resumption is not None), ""
@@ -222,7 +218,7 @@ class _Execution:
                 observer.notice(writer.ledger_problem)
                 journal.write("warning", text=writer.ledger_problem)
             journal.write("run_ended", how=outcome.how)
-        except Exception as problem:  # noqa: BLE001  the outcome, and what is not safe, must not be lost
+        except Exception as problem:  # noqa: BLE001  the outcome must be kept, with the devices that are not safe
             outcome.failed(error_message(problem))
         try:
             writer.close()

@@ -1,4 +1,4 @@
-"""What the records of the last runs of a bench tell about its instruments: identities and errors."""
+"""Identities and errors of the instruments of a bench, from the records of its last runs."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ def _instrument(
         identity = {part: known.text(part) for part in ("maker", "model", "serial", "firmware")}
         identity |= {"identified_by": known.run, "identified_at": known.at}
         identity["serial_verified"] = bool(known.identity.get("serial_verified"))
-    told = [
+    shown = [
         FaultView(run=each.run, at=each.at, kind=each.kind, text=each.text) for each in faults if each.device == role
     ]
     return InstrumentView(
@@ -162,7 +162,7 @@ def _instrument(
         capabilities=sorted(entry.description.capabilities), connection=str(entry.connection),
         simulated=entry.connection.simulated, limits=limits_of(entry), safe_state=entry.safe_state.words,
         calibrations=[each for each in certificates if each.device == role], readings=readings,
-        channels=_channels(bench, role), faults=told[:FAULTS_SHOWN], held_by=_held_by(entry), **identity,
+        channels=_channels(bench, role), faults=shown[:FAULTS_SHOWN], held_by=_held_by(entry), **identity,
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from bench.files import make_folder
 LIMIT_S = 20.0
 MOST = 200
 ID = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
-STATION = "station"  # who keeps what was changed without the station
+STATION = "station"  # author of changes that were made without the station
 _SETTINGS = (
     "core.hooksPath=/dev/null", "core.fsmonitor=false", "core.attributesFile=/dev/null", "core.autocrlf=false",
     "core.quotePath=false", "core.fsync=all", "commit.gpgSign=false", "gc.auto=0", "log.showSignature=false",

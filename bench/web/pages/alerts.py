@@ -1,4 +1,4 @@
-"""Alerts: what is open and who has acknowledged it, by which routes it went, and a test of each route."""
+"""Page of alerts: open and earlier ones with their deliveries and acknowledgements, and a test of each route."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Page of alerts: what is open is on every page until somebody acknowledges it, and each route has a test."""
+"""Page of alerts: an open alert is shown on every page until it is acknowledged, and each route has a test."""
 
 import asyncio
 import re
