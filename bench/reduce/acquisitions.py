@@ -158,8 +158,8 @@ class _BenchState:
         if "angles_deg" in data:
             now = now.moved(data["angles_deg"], data.get("came_from", {}))
         if "mount" in data:
-            now = replace(now, mount=_mount(bench, data["mount"]))
-        now = replace(now, input=data.get("input", now.input), sources_a=_sources_on(now.sources_a, data))
+            now = replace(now, mount=mount_of(bench, data["mount"]))
+        now = replace(now, input=data.get("input", now.input), sources_a=sources_on(now.sources_a, data))
         now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
         return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
 
@@ -205,7 +205,7 @@ def _supplies_on(
     return after_s
 
 
-def _sources_on(before_a: Mapping[str, float], data: Mapping[str, Any]) -> Mapping[str, float]:
+def sources_on(before_a: Mapping[str, float], data: Mapping[str, Any]) -> Mapping[str, float]:
     """Current sources that are on after outputs have been set."""
     after_a = dict(before_a)
     for found in data.get("outputs", {data.get("role"): data}).values():
@@ -216,7 +216,8 @@ def _sources_on(before_a: Mapping[str, float], data: Mapping[str, Any]) -> Mappi
     return after_a
 
 
-def _mount(bench: BenchFile, name: str | None = None) -> Mount:
+def mount_of(bench: BenchFile, name: str | None = None) -> Mount:
+    """Return a mount of the fixture by its name; without a name the one at the beginning of a run."""
     mount = bench.fixture.mount(name)
     return Mount(name or next(iter(bench.fixture.mounts), ""), mount.angle, mount.roll, mount.clock)
 
@@ -227,7 +228,7 @@ def _acquired(reader: RunReader, bench: BenchFile, label: str) -> Iterator[tuple
     Of a repeated step only the last execution counts. Acquisitions after an incomplete move are left out: their angle
     is unknown.
     """
-    state = _BenchState(dict.fromkeys(bench.axes, 0.0), _mount(bench), math.nan)
+    state = _BenchState(dict.fromkeys(bench.axes, 0.0), mount_of(bench), math.nan)
     dwells = DwellNames()
     found: dict[str, tuple[Event, str, _BenchState]] = {}
     begun: dict[str, tuple[float, float]] = {}

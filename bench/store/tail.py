@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -23,7 +23,7 @@ _ENVELOPE = (
 _BLOCKS = """SELECT seq, stream, step, frames, first_s, last_s, crc, data FROM block WHERE last_s >= ?
   ORDER BY seq DESC LIMIT ?"""
 _STEPS = """SELECT seq, at_s, kind, step, data FROM journal WHERE kind IN ('step_begins', 'step_ended', 'step_cut',
-  'step_failed') AND instr(data, ?) ORDER BY seq"""
+  'step_failed') AND ({any_of}) ORDER BY seq"""
 _OUT_OF_ORDER_S = 60.0  # readings of several devices are written in the order of their arrival
 Begins = tuple[datetime, float] | None  # instant of the begin of a run and its bench time in s; None if not known
 
@@ -126,9 +126,10 @@ class Tail:
         rows = self._rows(_ENVELOPE, width_s, self._first_after(first_s - _OUT_OF_ORDER_S), channel, first_s)
         return [Bucket(number * width_s, low, high, mean) for number, low, high, mean in rows]
 
-    def steps_with(self, text: str) -> list[Event]:
-        """Return the begins and ends of steps whose data contain a text, in order."""
-        return [Event(seq, at_s, kind, step, _data(data)) for seq, at_s, kind, step, data in self._rows(_STEPS, text)]
+    def steps_with(self, texts: Sequence[str]) -> list[Event]:
+        """Return the begins and ends of steps whose data contain one of some texts, in order."""
+        rows = self._rows(_STEPS.format(any_of=" OR ".join(["instr(data, ?)"] * len(texts))), *texts)
+        return [Event(seq, at_s, kind, step, _data(data)) for seq, at_s, kind, step, data in rows]
 
     def blocks(self, since_s: float, limit: int) -> list[TailBlock]:
         """Return the newest `limit` blocks of frames that end after an instant, in order, still packed."""

@@ -15,7 +15,6 @@ from bench.errors import InputError
 from bench.report.plan_view.timeline import timeline_json
 from bench.sequence.steps.verbs import Step, verb_of
 from bench.store.runs import summary
-from drivers.can.sent_frames import Counted
 
 _NESTED = ("during",)
 _PATHS, _TUPLES = ("parameters", "uut_model", "answers", "scenario"), ("settings", "units", "calibrations")
@@ -37,7 +36,7 @@ def timeline_of(request: RunRequest) -> dict[str, Any]:
     timeline = timeline_json(checked.expected, checked.bench)
     for step, span in zip(timeline["steps"], checked.expected.spans, strict=True):
         step["facts"] = {"phase": span.step.phase, **facts_of(span.step.step)}
-    return timeline | {"limits": _limits(checked.bench), "counted": _counted(checked.bench)}
+    return timeline | {"limits": _limits(checked.bench), "outputs": _outputs(checked.bench)}
 
 
 def facts_of(step: Step) -> dict[str, Any]:
@@ -61,9 +60,7 @@ def _limits(bench: BenchFile) -> dict[str, tuple[float, float]]:
     return {name: (limits.min, limits.max) for name, limits in found.items() if limits is not None}
 
 
-def _counted(bench: BenchFile) -> list[str]:
-    """Return the channels that count pulses, as DEVICE.CHANNEL."""
+def _outputs(bench: BenchFile) -> dict[str, str]:
+    """Return the units of the outputs that devices send, by DEVICE.CHANNEL."""
     devices = bench.devices.items()
-    return [
-        f"{role}.{name}" for role, entry in devices for name, out in entry.outputs.items() if isinstance(out, Counted)
-    ]
+    return {f"{role}.{name}": out.unit for role, entry in devices for name, out in entry.outputs.items()}

@@ -1,91 +1,138 @@
-"""Deviation of pulse rates from what the bench file lets expect of a unit at rest, for curves.
+"""Deviation of outputs from what the bench file lets expect of a unit at rest, for curves.
 
-The expectation is the nominal change of the output for 1 g, times the part of gravity along the input axis at the angle
-to which the head was moved: S·K1·sin(elevation). It is for units on a head with one level axis whose nominal scale
-factor is in the bench file, while the head stands still and no source feeds the converter; elsewhere there is none.
+The expectation is the nominal change of the output for 1 g, times the part of gravity along the sensor's axis at the
+angles to which the axes of the table were moved: S·K1·g_x, or of an inertial unit one such product for each
+accelerometer. While the current source is plugged into a converter, it is S·I instead. There is none while the table
+moves, before its first move, of gyros, and of units without nominal data in the bench file.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 from bench.config.bench import load_kept_bench
-from bench.config.fixture import InputAxis
+from bench.config.models import BenchFile
+from bench.metrology.orientation import turned_axes
+from bench.reduce.acquisitions import mount_of, sources_on
 from bench.reduce.stored_run import BENCH_COPY
+from bench.store.reader import Event
 from bench.store.tail import Bucket, Tail
 
 DEVIATION = ".deviation"  # added to the name of a channel
 
 
-class Expectation(NamedTuple):
-    """What is expected of the unit in a place: `per_g` in pulse/s for 1 g, raised by `own_deg` in its fixture.
+@dataclass(frozen=True, slots=True)
+class Stimulus:
+    """What acts on the units: angles of the axes moved so far, mount, and currents of sources that are on, in A.
 
-    `mounts_deg` are angles by which the ways of mounting raise it, the first one at the beginning of a run.
+    `moving` are the axes whose angles are not known; `input` is what feeds the converters.
     """
 
-    place: str
-    head: str
-    source: str | None
-    axis: InputAxis
-    own_deg: float
-    per_g: float
-    mounts_deg: Mapping[str, float]
+    angles_deg: Mapping[str, float] = field(default_factory=dict)
+    moving: frozenset[str] = frozenset()
+    mount: str | None = None
+    input: str = "accelerometer"
+    sources_a: Mapping[str, float] = field(default_factory=dict)
 
-    def at(self, head_deg: float, mount: str | None) -> float:
-        """Return the expected pulse rate at an angle of the head, in pulse/s."""
-        mounted = self.mounts_deg.get(mount or next(iter(self.mounts_deg), ""), 0.0)
-        return self.per_g * math.sin(math.radians(self.axis.input_deg(head_deg) + mounted + self.own_deg))
+    def after(self, event: Event, axes: Sequence[str]) -> Stimulus:
+        """Return what acts after an entry of the journal."""
+        data = event.data
+        match event.kind:
+            case "run_resumed":  # everything was off in between, and a person may have turned the table
+                return replace(self, moving=frozenset(axes), input="accelerometer", sources_a={})
+            case "step_begins":
+                begun = axes if "attitude" in data else [axis for axis in axes if axis == data.get("device")]
+                return replace(self, moving=self.moving.union(begun))
+            case "step_ended":
+                return self._after_step(data, axes)
+            case _:
+                return self
+
+    def _after_step(self, data: Mapping[str, Any], axes: Sequence[str]) -> Stimulus:
+        moved = data.get("angles_deg", {data.get("device"): data["angle_deg"]} if "angle_deg" in data else {})
+        return replace(
+            self, angles_deg={**self.angles_deg, **moved},
+            moving=self.moving.difference(axes if "angles_deg" in data else moved),
+            mount=data.get("mount", self.mount), input=data.get("input", self.input),
+            sources_a=sources_on(self.sources_a, data),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Expectation:
+    """What is expected of a sensor of the unit in a place, in `unit`.
+
+    `per_g` is the change of its output for 1 g, `per_a` for 1 A of the source of the place. `row` is that of its axis
+    in the orientation of the unit: the input axis, or x, y and z.
+    """
+
+    bench: BenchFile
+    place: str
+    unit: str
+    per_g: float
+    per_a: float | None = None
+    row: int = 0
+
+    def at(self, acts: Stimulus) -> float | None:
+        """Return the expected output; None if it is not known."""
+        entry, fixture = self.bench.places[self.place], self.bench.fixture
+        if entry.source is not None and acts.input == "source":
+            return None if self.per_a is None else self.per_a * acts.sources_a.get(entry.source, 0.0)
+        if acts.moving or (self.bench.axes and not acts.angles_deg):
+            return None
+        turns = [(points, acts.angles_deg.get(role, 0.0)) for role, points in self.bench.axes.items()]
+        axes = turned_axes(turns, fixture.x, fixture.z, mount_of(self.bench, acts.mount), entry.mount_angle)
+        return self.per_g * float(axes[self.row, 2])
 
 
 @lru_cache(maxsize=32)  # the copy of the bench file in a run does not change
 def expectations(run: Path) -> Mapping[str, Expectation]:
     """Return the expectation of each channel, as DEVICE.CHANNEL, of the bench of a run. Raises InputError."""
-    bench = load_kept_bench(run / BENCH_COPY)
-    axis, heads = bench.fixture.input_axis, bench.with_capability("positioner")
-    if axis is None or not heads or any(mount.clock for mount in bench.fixture.mounts.values()):
-        return {}
-    mounts = {name: mount.angle for name, mount in bench.fixture.mounts.items()}
-    return {
-        f"{bench.measured_by(name)}.{entry.channel}": Expectation(
-            name, heads[0], entry.source, axis, entry.mount_angle, per_g, mounts
-        )
-        for name, entry in bench.places.items()
-        if entry.channel and (per_g := bench.nominal_per_g(name)) is not None
-    }
+    return dict(_expectations(load_kept_bench(run / BENCH_COPY)))
 
 
-def deviation(tail: Tail, expected: Expectation, rates: Sequence[Bucket], width_s: float) -> list[Bucket]:
-    """Return pulse rates minus their expectation; intervals without one are left out."""
-    course = list(_course(tail, expected))
-    begins = [at_s for at_s, _ in course]
-    found = []
-    for each in rates:
-        place = bisect_right(begins, each.at_s + width_s) - 1
-        rate = course[place][1] if place >= 0 else None
-        if rate is not None:
-            found.append(Bucket(each.at_s, each.low - rate, each.high - rate, each.mean - rate))
+def _expectations(bench: BenchFile) -> Iterator[tuple[str, Expectation]]:
+    devices = bench.devices.items()
+    names = {channel: f"{role}.{channel}" for role, entry in devices for channel in entry.outputs}
+    for place, entry in bench.places.items():
+        per_g, nominal = bench.nominal_per_g(place), entry.nominal
+        if per_g is None or nominal is None:
+            continue
+        per_a = None if nominal.K1 is None else per_g / nominal.K1
+        sensors = entry.channels and (entry.channels.acc_x, entry.channels.acc_y, entry.channels.acc_z)
+        for row, channel in enumerate(sensors or (entry.channel or entry.telemetry,)):
+            if channel in names:
+                yield names[channel], Expectation(bench, place, bench.output_unit(place), per_g, per_a, row)
+
+
+def course(tail: Tail, bench: BenchFile) -> list[tuple[float, Stimulus]]:
+    """Return what acts on the units of a bench from each instant on, as the journal has it; at first from -∞."""
+    axes = list(bench.axes)
+    named = [*axes, *bench.with_capability("current_source"), "mount", "input", "attitude", "angles_deg"]
+    events = tail.steps_with([f'"{name}"' for name in named]) + tail.of_kinds(["run_resumed"], 1000)
+    acts = Stimulus()
+    found = [(-math.inf, acts)]
+    for event in sorted(events, key=lambda each: each.seq):
+        acts = acts.after(event, axes)
+        found.append((event.at_s, acts))
     return found
 
 
-def _course(tail: Tail, expected: Expectation) -> Iterator[tuple[float, float | None]]:
-    """Yield what is expected from an instant on, as the journal has it: None while the head moves or a source is on."""
-    named = [tail.steps_with(json) for json in (f'"{expected.head}"', f'"{expected.source}"', '"mount"')]
-    events = {each.seq: each for found in named for each in found}
-    angle_deg: float | None = None
-    mount: str | None = None
-    is_fed = False
-    for _, event in sorted(events.items()):
-        data = event.data
-        if data.get("device") == expected.head:
-            read = data.get("angle_deg") if event.kind == "step_ended" else None
-            angle_deg = float(read) if isinstance(read, (int, float)) else None
-        if expected.source is not None and expected.source in (data.get("device"), data.get("role")):
-            is_fed = data.get("output") not in ("off", False)
-        if event.kind == "step_ended" and data.get("mount"):
-            mount = str(data["mount"])
-        yield event.at_s, None if angle_deg is None or is_fed else expected.at(angle_deg, mount)
+def deviation(
+    acts: Sequence[tuple[float, Stimulus]], expected: Expectation, outputs: Iterable[Bucket], width_s: float
+) -> list[Bucket]:
+    """Return outputs minus their expectation; left out are intervals without one, or in which it changes."""
+    begins, values = [at_s for at_s, _ in acts], [expected.at(each) for _, each in acts]
+    found = []
+    for each in outputs:
+        first, last = bisect_right(begins, each.at_s) - 1, bisect_right(begins, each.at_s + width_s) - 1
+        value = values[last]
+        if value is not None and all(other == value for other in values[first:last]):
+            found.append(Bucket(each.at_s, each.low - value, each.high - value, each.mean - value))
+    return found

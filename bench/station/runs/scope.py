@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.config.bench import load_kept_bench
 from bench.metrology.acquisition import Counts, Positions
-from bench.reduce.stored_run import BENCH_COPY
-from bench.station.runs.series import PULSE_RATE, Array, decoders_in, rates_of, steps_of
+from bench.station.runs.series import Array, decoders_in, rates_of, steps_of, units_of
 from bench.store.database import FILE_NAME, unpack_all
 from bench.store.decoder import Decoder
 from bench.store.tail import Begins, Tail
@@ -58,7 +55,7 @@ def newest_samples(run: Path, over_s: Callable[[str], float]) -> Scope:
     for stream, decoder in decoders_in(run).items():
         frames = [(each.data, each.frames, each.crc) for each in blocks if each.stream == stream]
         if frames:
-            found |= dict(_samples(stream, decoder, unpack_all(frames), _units(run)))
+            found |= dict(_samples(stream, decoder, unpack_all(frames), units_of(run)))
     since_s = max((each.at_s[-1] for each in found.values()), default=until_s) - over_s(step)
     return Scope(
         step, until_s, {name: _newest(each, since_s) for name, each in found.items() if len(each.at_s)}, begins
@@ -81,9 +78,9 @@ def _samples(stream: str, decoder: Decoder, block: Any, units: Mapping[str, str]
         name = f"{stream}.{channel}"
         at_s = _instants(output.host_s, output.tick, output.tick_bits, output.tick_period_s)
         if isinstance(output, Counts):
-            yield name, Samples(PULSE_RATE, at_s[1:], rates_of(output))
+            yield name, Samples(units[name], at_s[1:], rates_of(output))
         else:
-            yield name, Samples(units.get(name, ""), at_s, output.values)
+            yield name, Samples(units[name], at_s, output.values)
     for role, position in decoder.positions(block).items():
         yield f"{role}.angle", Samples("°", *_angles(position))
 
@@ -105,10 +102,3 @@ def _angles(found: Positions) -> tuple[Array, Array]:
 def _newest(found: Samples, since_s: float) -> Samples:
     kept = np.flatnonzero((found.at_s >= since_s) & np.isfinite(found.values))[-MOST:]
     return Samples(found.unit, found.at_s[kept], found.values[kept])
-
-
-@lru_cache(maxsize=16)
-def _units(run: Path) -> Mapping[str, str]:
-    """Return the units of the channels that devices send, as DEVICE.CHANNEL."""
-    devices = load_kept_bench(run / BENCH_COPY).devices.items()
-    return {f"{role}.{name}": output.unit for role, entry in devices for name, output in entry.outputs.items()}

@@ -1,4 +1,4 @@
-"""Series of a run for curves: readings and pulse rates, thinned to lowest, highest and mean of short intervals.
+"""Series of a run for curves: readings and outputs of units, thinned to lowest, highest and mean of short intervals.
 
 An oscillation faster than the intervals stays visible as a band between lowest and highest, and is never aliased.
 """
@@ -19,7 +19,7 @@ from bench.config.bench import load_kept_bench
 from bench.errors import BenchError, InputError
 from bench.metrology.acquisition import Counts
 from bench.reduce.stored_run import BENCH_COPY
-from bench.station.runs.deviation import DEVIATION, deviation, expectations
+from bench.station.runs.deviation import DEVIATION, course, deviation, expectations
 from bench.store.database import unpack_all
 from bench.store.decoder import Decoder, decoders_of
 from bench.store.tail import Bucket, Tail, TailBlock
@@ -28,12 +28,12 @@ PULSE_RATE = "pulse/s"
 MOST_BLOCKS = 600  # decoded for one answer
 LEAST_WIDTH_S = 0.1
 POINTS = 600
-FINE_S = 1.0  # intervals in which a pulse rate is compared with its expectation
+FINE_S = 1.0  # intervals in which an output is compared with its expectation
 Array = NDArray[np.float64]
 
 
 class Thinned(NamedTuple):
-    """Series of a channel: intervals of `width_s`, in order. `since_s` is where a series of rates begins."""
+    """Series of a channel: intervals of `width_s`, in order."""
 
     unit: str
     width_s: float
@@ -50,27 +50,40 @@ def width_of(span_s: float, points: int) -> float:
 def thinned(run: Path, channels: Iterable[str], since_s: float, width_s: float) -> dict[str, Thinned]:
     """Return the series of channels of a run from an instant, in bench time. Raises InputError and StoreError.
 
-    Channels are those of readings, DEVICE.CHANNEL of counters for their pulse rates, and DEVICE.CHANNEL.deviation for
-    their deviation from the expectation.
+    Channels are those of readings, DEVICE.CHANNEL for the output of a unit, a pulse rate where it is counted, and
+    DEVICE.CHANNEL.deviation for its deviation from the expectation.
     """
     with Tail(run) as tail:
-        units = tail.channels()
+        recorded = tail.channels()
         wanted = list(channels)
         found = {
-            name: Thinned(units[name], width_s, tail.envelope(name, since_s, width_s))
+            name: Thinned(recorded[name], width_s, tail.envelope(name, since_s, width_s))
             for name in wanted
-            if name in units
+            if name in recorded
         }
-        counted = {name.removesuffix(DEVIATION) for name in wanted if name not in units}
-        blocks = tail.blocks(since_s, MOST_BLOCKS) if counted else []
-        rates = _rates(run, counted, blocks, math.floor(since_s / width_s) * width_s)
-        for name in wanted:
-            if name in rates:
-                found[name] = Thinned(PULSE_RATE, width_s, buckets_of(*rates[name], width_s))
-            elif (base := name.removesuffix(DEVIATION)) in rates and (expected := expectations(run).get(base)):
-                fine_s = min(width_s, FINE_S)
-                away = deviation(tail, expected, buckets_of(*rates[base], fine_s), fine_s)
-                found[name] = Thinned(PULSE_RATE, width_s, joined(away, width_s))
+        sent = {name.removesuffix(DEVIATION) for name in wanted if name not in recorded}
+        blocks = tail.blocks(since_s, MOST_BLOCKS) if sent else []
+        outputs = _outputs(run, sent, blocks, math.floor(since_s / width_s) * width_s)
+        units = units_of(run) if outputs else {}
+        found |= {
+            name: Thinned(units[name], width_s, buckets_of(*outputs[name], width_s))
+            for name in wanted
+            if name in outputs
+        }
+        away = [name for name in wanted if name.endswith(DEVIATION) and name.removesuffix(DEVIATION) in outputs]
+        return found | _deviations(run, tail, away, outputs, width_s)
+
+
+def _deviations(
+    run: Path, tail: Tail, names: Collection[str], outputs: Mapping[str, tuple[Array, Array]], width_s: float
+) -> dict[str, Thinned]:
+    """Return deviations from the expectation, by name; channels without an expectation are left out."""
+    expected = {name: each for name in names if (each := expectations(run).get(name.removesuffix(DEVIATION)))}
+    fine_s, acts, found = min(width_s, FINE_S), None, {}
+    for name, each in expected.items():
+        acts = acts or course(tail, each.bench)
+        buckets = deviation(acts, each, buckets_of(*outputs[name.removesuffix(DEVIATION)], fine_s), fine_s)
+        found[name] = Thinned(each.unit, width_s, joined(buckets, width_s))
     return found
 
 
@@ -100,19 +113,19 @@ def within_since_s(run: Path, channel: str, begun_s: float, most: float) -> floa
     return since_s
 
 
-def _rates(
+def _outputs(
     run: Path, channels: Collection[str], blocks: list[TailBlock], from_s: float
 ) -> dict[str, tuple[Array, Array]]:
-    """Return instants and pulse rates of channels from an instant on."""
+    """Return instants and outputs of channels from an instant on."""
     if not channels:
         return {}
     collected: dict[str, list[tuple[Array, Array]]] = {}
     decoders = decoders_in(run)
     for (stream, _), group in groupby(blocks, key=lambda block: (block.stream, block.step)):
         if stream in decoders:
-            for channel, (at_s, rates) in _rates_of(decoders[stream], list(group)):
-                new = (at_s >= from_s) & np.isfinite(rates)
-                collected.setdefault(f"{stream}.{channel}", []).append((at_s[new], rates[new]))
+            for channel, (at_s, values) in _outputs_in(decoders[stream], list(group)):
+                new = (at_s >= from_s) & np.isfinite(values)
+                collected.setdefault(f"{stream}.{channel}", []).append((at_s[new], values[new]))
     return {name: _joined(parts) for name, parts in collected.items() if name in channels}
 
 
@@ -129,11 +142,20 @@ def decoders_in(run: Path) -> Mapping[str, Decoder]:
         raise InputError(f"the frames of this run cannot be decoded ({problem})") from None
 
 
-def _rates_of(decoder: Decoder, blocks: list[TailBlock]) -> Iterator[tuple[str, tuple[Array, Array]]]:
-    """Yield instants and pulse rates between the latches of consecutive blocks, by channel."""
+@lru_cache(maxsize=16)
+def units_of(run: Path) -> Mapping[str, str]:
+    """Return the units of the outputs that devices of a run send, by DEVICE.CHANNEL. Raises InputError."""
+    devices = load_kept_bench(run / BENCH_COPY).devices.items()
+    return {f"{role}.{name}": output.unit for role, entry in devices for name, output in entry.outputs.items()}
+
+
+def _outputs_in(decoder: Decoder, blocks: list[TailBlock]) -> Iterator[tuple[str, tuple[Array, Array]]]:
+    """Yield instants and outputs of consecutive blocks, by channel: pulse rates between latches, or samples."""
     block = unpack_all([(each.data, each.frames, each.crc) for each in blocks])
     for channel, output in decoder.outputs(block).items():
-        if isinstance(output, Counts) and len(output.tick) > 1:
+        if not isinstance(output, Counts):
+            yield channel, (output.host_s, output.values)
+        elif len(output.tick) > 1:
             yield channel, (output.host_s[1:], rates_of(output))
 
 

@@ -50,8 +50,9 @@ async def series(
 ) -> SeriesOfRun:  # fmt: skip
     """Return channels of a run from bench time `since` on, or over the `last` seconds, in about `points` intervals.
 
-    Channels are readings, DEVICE.CHANNEL for the pulse rate of a counter, and DEVICE.CHANNEL.deviation for this rate
-    minus the one expected of a unit at rest. With the `width` of an earlier answer, its intervals are continued.
+    Channels are readings, DEVICE.CHANNEL for an output of a unit, a pulse rate where it is counted, and
+    DEVICE.CHANNEL.deviation for this output minus the one expected of a unit at rest. With the `width` of an earlier
+    answer, its intervals are continued.
     """
     path = station.daemon.catalogue.run(run).path
 

@@ -11,7 +11,7 @@ from bench.station.runs.live import LiveRun
 from bench.station.runs.series import PULSE_RATE
 from bench.web.pages.readings import SET_POINT, label
 from bench.web.pages.trends import Trend
-from bench.web.shown import FORMS
+from bench.web.shown import ANY_FORM, FORMS
 
 UNITS_OF_CURVES = ("°C", "°", "pulse/s", "°/s", "A", "V")
 TITLES = {
@@ -27,10 +27,11 @@ TITLES = {
 def panels_of(live: LiveRun, trend: Trend) -> str:
     """Return the curves of a run as JSON: panels by unit, each with its channels; the first three are seen first."""
     units = dict(trend.units)
-    units |= dict.fromkeys((live.timeline or {}).get("counted", ()), PULSE_RATE)
+    sent = (live.timeline or {}).get("outputs", {})
+    units |= sent
     swung = _swung(live)
     panels = []
-    for unit in (each for each in UNITS_OF_CURVES if each in units.values()):
+    for unit in dict.fromkeys([each for each in UNITS_OF_CURVES if each in units.values()] + list(sent.values())):
         names = [name for name, its in units.items() if its == unit]
         channels = [
             {
@@ -39,20 +40,27 @@ def panels_of(live: LiveRun, trend: Trend) -> str:
             }
             for name in names
         ]  # fmt: skip
-        panels.append({"unit": unit, "title": tr(TITLES[unit]), "least": FORMS[unit][1], "channels": channels})
-    if trend.expected:
-        panels.insert(1 if panels and panels[0]["unit"] == "°C" else 0, _deviations(trend))
+        title = tr(TITLES.get(unit, "Output"))
+        panels.append({"unit": unit, "title": title, "least": _least(unit), "channels": channels})
+    place = 1 if panels and panels[0]["unit"] == "°C" else 0
+    panels[place:place] = [_deviations(trend, unit) for unit in dict.fromkeys(trend.expected.values())]
     return json.dumps(panels, ensure_ascii=False)
 
 
-def _deviations(trend: Trend) -> dict[str, Any]:
-    """Return the panel of pulse rates minus what is expected of the units."""
+def _deviations(trend: Trend, unit: str) -> dict[str, Any]:
+    """Return the panel of outputs in a unit minus what is expected of the units under test."""
     channels = [
         {"name": f"{name}{DEVIATION}", "label": label(name), "isTarget": False, "isSwung": False}
-        for name in trend.expected
+        for name, its in trend.expected.items()
+        if its == unit
     ]
-    title = tr("Pulse rate minus expectation")
-    return {"unit": PULSE_RATE, "title": title, "least": FORMS[PULSE_RATE][1], "zero": True, "channels": channels}
+    title = tr("Pulse rate minus expectation" if unit == PULSE_RATE else "Output minus expectation")
+    return {"unit": unit, "title": title, "least": _least(unit), "zero": True, "channels": channels}
+
+
+def _least(unit: str) -> float:
+    """Return the least range of a curve in a unit."""
+    return FORMS.get(unit, ANY_FORM)[1]
 
 
 def _swung(live: LiveRun) -> set[str]:

@@ -32,11 +32,11 @@ class Row(NamedTuple):
 
 
 def rows(live: LiveRun, planned: Mapping[str, Any], trend: Trend) -> list[Row]:
-    """Return the readings of a run: temperatures first, then in the order of the bench, pulse rates last."""
+    """Return the readings of a run: temperatures first, then in the order of the bench, outputs last."""
     readings = live.status.get("readings", {})
     shown = [(name, found) for name, found in readings.items() if not name.endswith(SET_POINT)]
     shown.sort(key=lambda each: trend.units.get(each[0]) != "°C")
-    return [_row(live, name, found, planned, trend) for name, found in shown] + list(_rates(live, trend))
+    return [_row(live, name, found, planned, trend) for name, found in shown] + list(_outputs(live, trend))
 
 
 def _row(live: LiveRun, name: str, found: Mapping[str, Any], planned: Mapping[str, Any], trend: Trend) -> Row:
@@ -56,12 +56,12 @@ def _row(live: LiveRun, name: str, found: Mapping[str, Any], planned: Mapping[st
     )  # fmt: skip
 
 
-def _rates(live: LiveRun, trend: Trend) -> Iterator[Row]:
-    form, _ = FORMS[PULSE_RATE]
-    for name in (live.timeline or {}).get("counted", ()):
-        found = trend.rates.get(name)
+def _outputs(live: LiveRun, trend: Trend) -> Iterator[Row]:
+    for name, unit in (live.timeline or {}).get("outputs", {}).items():
+        found, form = trend.outputs.get(name), FORMS.get(unit, ANY_FORM)[0]
         text = number(found.mean, form=form) if found is not None else "–"
-        yield Row(name, label(name), text, PULSE_RATE, "", "" if found is not None else tr("not counting"), "", "", "")
+        none = tr("not counting" if unit == PULSE_RATE else "not sending")
+        yield Row(name, label(name), text, unit, "", "" if found is not None else none, "", "", "")
 
 
 def label(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Trends of a run for its page: the last hour of each reading, newest pulse rates, and how steady a soak is."""
+"""Trends of a run for its page: the last hour of each reading, newest outputs, and how steady a soak is."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from bench.web.sentence import soaking
 
 HOUR_S = 3600.0
 WIDTH_S = 60.0
-RATES_OVER_S = 120.0
+OUTPUTS_OVER_S = 120.0
 RENEW_EVERY_S = 4.0
 MOST_RUNS = 16
 
 
 class Trend(NamedTuple):
-    """Trends of a run at bench time `until_s`: `hours` of readings and newest `rates` in pulse/s, by channel.
+    """Trends of a run at bench time `until_s`: `hours` of readings and newest `outputs` of units, by channel.
 
     `units` are those of all recorded channels. `steady` are slope per s and range of the reading that a soak waits for;
     it has stayed within the permitted range since bench time `since_s`, None if not for its evaluation time. `expected`
-    are the channels whose pulse rate can be compared with an expectation.
+    are the channels whose output can be compared with an expectation, with its unit.
     """
 
     until_s: float = 0.0
     hours: Mapping[str, list[Bucket]] = {}
-    rates: Mapping[str, Bucket] = {}
+    outputs: Mapping[str, Bucket] = {}
     steady: tuple[float, float] | None = None
     units: Mapping[str, str] = {}
     since_s: float | None = None
-    expected: tuple[str, ...] = ()
+    expected: Mapping[str, str] = {}
 
 
 class Trends:
@@ -64,9 +64,9 @@ def _read(live: LiveRun) -> Trend:
         with Tail(path) as tail:
             units, (_, until_s) = tail.channels(), tail.span_s()
         hours = thinned(path, units, max(0.0, until_s - HOUR_S), WIDTH_S)
-        counted = (live.timeline or {}).get("counted", ())
-        rates = thinned(path, counted, max(0.0, until_s - RATES_OVER_S), WIDTH_S)
-        newest = {name: each.buckets[-1] for name, each in rates.items() if each.buckets}
+        sent = (live.timeline or {}).get("outputs", ())
+        outputs = thinned(path, sent, max(0.0, until_s - OUTPUTS_OVER_S), WIDTH_S)
+        newest = {name: each.buckets[-1] for name, each in outputs.items() if each.buckets}
         buckets = {name: each.buckets for name, each in hours.items()}
         return Trend(until_s, buckets, newest, units=units, expected=_expected(live), **_soak(live, until_s))
     return Trend()
@@ -83,7 +83,7 @@ def _soak(live: LiveRun, until_s: float) -> dict[str, Any]:
     return {"steady": steady, "since_s": since_s if is_long else None}
 
 
-def _expected(live: LiveRun) -> tuple[str, ...]:
-    """Return the channels of the units of a run that have an expectation."""
+def _expected(live: LiveRun) -> dict[str, str]:
+    """Return the units of those outputs of the units of a run that have an expectation, by channel."""
     places = {unit.get("place") for unit in live.run.manifest.get("units", ())}
-    return tuple(name for name, each in expectations(live.run.path).items() if each.place in places)
+    return {name: each.unit for name, each in expectations(live.run.path).items() if each.place in places}

@@ -1,19 +1,35 @@
-"""Pulse rates minus their expectation, and the newest samples as they were acquired."""
+"""Outputs minus their expectation, and the newest samples as they were acquired."""
 
 import numpy as np
 import pytest
 
-from bench.config.fixture import InputAxis
+from bench.config.bench import load_bench
+from bench.config.fixture import Mount
 from bench.station.runs import deviation
-from bench.station.runs.deviation import Expectation
+from bench.station.runs.deviation import Expectation, Stimulus
 from bench.station.runs.scope import newest_samples, period_s
 from bench.station.runs.series import joined, thinned
 from bench.store.reader import Event
 from bench.store.tail import Bucket, Tail
-from tests.support.runs import run_short
+from tests.support.runs import ROOT, run_short
 
-AXIS = InputAxis(at_0="level", at_90="up")
-TURNED = Expectation("a", "head", "source", AXIS, 0.0, 1000.0, {"upright": 0.0, "inverted": 180.0})
+HEAD = load_bench(ROOT / "config" / "simulated.yaml").bench
+MOUNTS = {"upright": Mount(), "inverted": Mount(angle="180°"), "clocked": Mount(clock="90°")}
+TURNED = Expectation(
+    HEAD.model_copy(update={"fixture": HEAD.fixture.model_copy(update={"mounts": MOUNTS})}), "a", "pulse/s", 1000.0
+)
+CHANNEL = load_bench(ROOT / "config" / "channel.yaml").bench
+FED = Expectation(CHANNEL, "a", "pulse/s", 11_300.0, 1e7)
+STEPS = """\
+schema: itb-sequence/1
+title: Short
+needs: {supply: power_supply, output: output%s}
+steps:
+  - {set: supply, voltage: %s V, current_limit: %s A, output: on}
+%steardown:
+%s  - {set: supply, output: off}
+"""
+ATTITUDES = [("down", "north"), ("west", "up"), ("east", "north"), ("up", "west")]
 
 
 class Journal:
@@ -22,13 +38,29 @@ class Journal:
     def __init__(self, *events):
         self._events = [Event(n, at_s, kind, "s", data) for n, (at_s, kind, data) in enumerate(events)]
 
-    def steps_with(self, text):
-        return [each for each in self._events if text.strip('"') in str(each.data)]
+    def steps_with(self, texts):
+        found = [each for each in self._events if any(text.strip('"') in str(each.data) for text in texts)]
+        return [each for each in found if each.kind != "run_resumed"]
+
+    def of_kinds(self, kinds, limit):
+        return [each for each in self._events if each.kind in kinds][:limit]
 
 
-def away(at_s, *events):
-    found = deviation.deviation(Journal(*events), TURNED, [Bucket(at_s, 990.0, 1010.0, 1000.0)], 1.0)
+def away(at_s, *events, expected=TURNED):
+    acts = deviation.course(Journal(*events), expected.bench)
+    found = deviation.deviation(acts, expected, [Bucket(at_s, 990.0, 1010.0, 1000.0)], 1.0)
     return [round(each.mean, 6) for each in found]
+
+
+def recorded(folder, bench, volts, amperes, steps, source=False):
+    """The series of a run of some steps: a function of the names of channels."""
+    sequence = folder / "short.yaml"
+    needs, off = (", source: current_source", "  - {set: source, output: off}\n") if source else ("", "")
+    text = STEPS % (needs, volts, amperes, "".join(f"  - {each}\n" for each in steps), off)
+    sequence.write_text(text, "utf-8")
+    ended = run_short(folder / "runs", bench=ROOT / "config" / bench, sequence=str(sequence))
+    assert ended.path is not None
+    return lambda *names: {name: each.buckets for name, each in thinned(ended.path, names, 0.0, 1.0).items()}
 
 
 @pytest.fixture(scope="module")
@@ -36,22 +68,37 @@ def run(tmp_path_factory):
     return run_short(tmp_path_factory.mktemp("deviation"), sequence="smoke").path
 
 
-def test_the_expectation_follows_angle_and_mount():
-    assert TURNED.at(90.0, None) == pytest.approx(1000.0)
-    assert TURNED.at(30.0, None) == pytest.approx(500.0)
-    assert TURNED.at(90.0, "inverted") == pytest.approx(-1000.0)
+@pytest.mark.parametrize(
+    ("angle_deg", "mount", "pps"),
+    [(90.0, None, 1000.0), (30.0, None, 500.0), (90.0, "inverted", -1000.0), (90.0, "clocked", 0.0), (0.0, None, 0.0)],
+)
+def test_the_expectation_follows_angle_and_mount(angle_deg, mount, pps):
+    assert TURNED.at(Stimulus({"head": angle_deg}, mount=mount)) == pytest.approx(pps, abs=1e-9)
 
 
-def test_there_is_none_before_the_head_was_moved_while_it_moves_and_while_a_source_is_on():
+def test_there_is_none_before_the_head_was_moved_and_while_it_moves():
     moved = (1.0, "step_begins", {"device": "head"}), (5.0, "step_ended", {"device": "head", "angle_deg": 90.0})
     assert away(0.0) == []
     assert away(10.0, *moved) == [0.0]
     assert away(2.0, *moved) == []
+    assert away(4.5, *moved) == []  # it arrives within the interval
     assert away(10.0, *moved, (8.0, "step_begins", {"device": "head", "target_deg": 1.0})) == []
-    on = (8.0, "step_begins", {"device": "source", "output": "on"})
-    assert away(10.0, *moved, on) == []
-    assert away(10.0, *moved, on, (9.0, "step_ended", {"role": "source", "output": False})) == [0.0]
     assert away(10.0, *moved, (8.0, "step_ended", {"mount": "inverted"})) == [2000.0]
+
+
+def test_there_is_none_after_an_interruption_until_the_head_is_moved_again():
+    moved = (1.0, "step_begins", {"device": "head"}), (5.0, "step_ended", {"device": "head", "angle_deg": 90.0})
+    assert away(10.0, *moved, (8.0, "run_resumed", {})) == []
+    assert away(10.0, *moved, (7.0, "run_resumed", {}), *((at_s + 7.0 - 5.0, *rest) for at_s, *rest in moved)) == [0.0]
+
+
+def test_while_a_source_feeds_the_converter_its_current_counts():
+    plugged = (1.0, "step_ended", {"input": "source"})
+    on = (5.0, "step_ended", {"role": "source", "current_a": 1e-4, "output": True, "voltage_v": None})
+    assert away(3.0, expected=FED) == [pytest.approx(1000.0 - 11_300.0)]  # up, as it is mounted first
+    assert away(3.0, plugged, expected=FED) == [1000.0]
+    assert away(10.0, plugged, on, expected=FED) == [0.0]
+    assert away(10.0, plugged, on, (8.0, "step_ended", {"role": "source", "output": False}), expected=FED) == [1000.0]
 
 
 def test_a_simulated_unit_is_near_its_expectation(run):
@@ -61,6 +108,43 @@ def test_a_simulated_unit_is_near_its_expectation(run):
     assert max(abs(each.mean) for each in rates) > 10_000
     assert len(deviations) > len(rates) / 2
     assert all(abs(each.mean) < 200 for each in deviations)
+
+
+@pytest.mark.parametrize(("bench", "unit"), [("imu.yaml", "counter"), ("imu_telemetry.yaml", "telemetry")])
+def test_an_inertial_unit_is_near_its_expectation_on_each_axis(tmp_path, bench, unit):
+    steps = [
+        step
+        for x, z in ATTITUDES
+        for step in (f"{{orient: {{x: {x}, z: {z}}}}}", "{acquire: output, for: 5 s, label: still}")
+    ]
+    series = recorded(tmp_path, bench, 28, 1, steps)
+    sensors = [f"{unit}.{name}" for name in ("ax", "ay", "az")]
+    found = series(*sensors, *(f"{name}.deviation" for name in sensors), f"{unit}.gx", f"{unit}.gx.deviation")
+    assert f"{unit}.gx" in found
+    assert f"{unit}.gx.deviation" not in found
+    for name in sensors:
+        outputs, deviations = found[name], found[f"{name}.deviation"]
+        assert len(deviations) >= 4 * 3
+        assert max(abs(each.mean) for each in deviations) < 0.02 * max(abs(each.mean) for each in outputs)
+
+
+def test_a_converter_is_near_what_its_source_lets_expect(tmp_path):
+    steps = [
+        "{prompt: Plug the source in., expect: {input: source}}",
+        *(
+            step
+            for level in (0.1, -3)
+            for step in (
+                f"{{set: source, acceleration: {level} g, place: a, compliance: 10 V, output: on}}",
+                "{acquire: output, for: 5 s, label: fed}",
+            )
+        ),
+    ]
+    series = recorded(tmp_path, "channel.yaml", 15, 0.12, steps, source=True)
+    found = series("counter.x", "counter.x.deviation")
+    assert max(abs(each.mean) for each in found["counter.x"]) == pytest.approx(3 * 11_300, rel=0.01)
+    assert len(found["counter.x.deviation"]) >= 6
+    assert all(abs(each.mean) < 100 for each in found["counter.x.deviation"])
 
 
 def test_wider_intervals_have_the_extremes_of_those_in_them():
