@@ -100,13 +100,14 @@ def expectations(run: Path) -> Mapping[str, Expectation]:
 def _expectations(bench: BenchFile) -> Iterator[tuple[str, Expectation]]:
     devices = bench.devices.items()
     names = {channel: f"{role}.{channel}" for role, entry in devices for channel in entry.outputs}
+    names |= {role: f"{role}.voltage" for role in bench.with_capability("voltmeter")}
     for place, entry in bench.places.items():
         per_g, nominal = bench.nominal_per_g(place), entry.nominal
         if per_g is None or nominal is None:
             continue
         per_a = None if nominal.K1 is None else per_g / nominal.K1
         sensors = entry.channels and (entry.channels.acc_x, entry.channels.acc_y, entry.channels.acc_z)
-        for row, channel in enumerate(sensors or (entry.channel or entry.telemetry,)):
+        for row, channel in enumerate(sensors or (entry.channel or entry.telemetry or entry.voltmeter,)):
             if channel in names:
                 yield names[channel], Expectation(bench, place, bench.output_unit(place), per_g, per_a, row)
 

@@ -54,36 +54,25 @@ def thinned(run: Path, channels: Iterable[str], since_s: float, width_s: float) 
     DEVICE.CHANNEL.deviation for its deviation from the expectation.
     """
     with Tail(run) as tail:
-        recorded = tail.channels()
-        wanted = list(channels)
-        found = {
-            name: Thinned(recorded[name], width_s, tail.envelope(name, since_s, width_s))
-            for name in wanted
-            if name in recorded
-        }
-        sent = {name.removesuffix(DEVIATION) for name in wanted if name not in recorded}
+        recorded, wanted = tail.channels(), list(channels)
+        sent = {name.removesuffix(DEVIATION) for name in wanted} - recorded.keys()
         blocks = tail.blocks(since_s, MOST_BLOCKS) if sent else []
         outputs = _outputs(run, sent, blocks, math.floor(since_s / width_s) * width_s)
-        units = units_of(run) if outputs else {}
-        found |= {
-            name: Thinned(units[name], width_s, buckets_of(*outputs[name], width_s))
-            for name in wanted
-            if name in outputs
-        }
-        away = [name for name in wanted if name.endswith(DEVIATION) and name.removesuffix(DEVIATION) in outputs]
-        return found | _deviations(run, tail, away, outputs, width_s)
 
+        def buckets(name: str, width_s: float) -> list[Bucket]:
+            found = outputs.get(name)
+            return tail.envelope(name, since_s, width_s) if found is None else buckets_of(*found, width_s)
 
-def _deviations(
-    run: Path, tail: Tail, names: Collection[str], outputs: Mapping[str, tuple[Array, Array]], width_s: float
-) -> dict[str, Thinned]:
-    """Return deviations from the expectation, by name; channels without an expectation are left out."""
-    expected = {name: each for name in names if (each := expectations(run).get(name.removesuffix(DEVIATION)))}
-    fine_s, acts, found = min(width_s, FINE_S), None, {}
-    for name, each in expected.items():
-        acts = acts or course(tail, each.bench)
-        buckets = deviation(acts, each, buckets_of(*outputs[name.removesuffix(DEVIATION)], fine_s), fine_s)
-        found[name] = Thinned(each.unit, width_s, joined(buckets, width_s))
+        units = {**recorded, **{name: units_of(run)[name] for name in outputs}}
+        found = {name: Thinned(units[name], width_s, buckets(name, width_s)) for name in wanted if name in units}
+        acts, fine_s = None, min(width_s, FINE_S)
+        for name in (each for each in wanted if each.endswith(DEVIATION)):
+            base = name.removesuffix(DEVIATION)
+            expected = expectations(run).get(base) if base in units else None
+            if expected is not None:
+                acts = acts or course(tail, expected.bench)
+                away = deviation(acts, expected, buckets(base, fine_s), fine_s)
+                found[name] = Thinned(expected.unit, width_s, joined(away, width_s))
     return found
 
 

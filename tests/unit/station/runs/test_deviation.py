@@ -52,10 +52,9 @@ def away(at_s, *events, expected=TURNED):
     return [round(each.mean, 6) for each in found]
 
 
-def recorded(folder, bench, volts, amperes, steps, source=False):
+def recorded(folder, bench, volts, amperes, steps, needs="", off=""):
     """The series of a run of some steps: a function of the names of channels."""
     sequence = folder / "short.yaml"
-    needs, off = (", source: current_source", "  - {set: source, output: off}\n") if source else ("", "")
     text = STEPS % (needs, volts, amperes, "".join(f"  - {each}\n" for each in steps), off)
     sequence.write_text(text, "utf-8")
     ended = run_short(folder / "runs", bench=ROOT / "config" / bench, sequence=str(sequence))
@@ -110,6 +109,19 @@ def test_a_simulated_unit_is_near_its_expectation(run):
     assert all(abs(each.mean) < 200 for each in deviations)
 
 
+def test_the_voltage_of_a_unit_is_near_its_expectation(tmp_path):
+    steps = [
+        step
+        for angle in (90, 30)
+        for step in (f"{{move: head, to: {angle}°}}", "{acquire: output, for: 20 s, label: still}")
+    ]
+    series = recorded(tmp_path, "volts.yaml", 15, 0.12, steps, needs=", head: positioner")
+    found = series("dvm.voltage", "dvm.voltage.deviation")
+    assert len(found["dvm.voltage.deviation"]) > 15
+    assert max(abs(each.mean) for each in found["dvm.voltage"]) == pytest.approx(1.13, rel=0.01)
+    assert max(abs(each.mean) for each in found["dvm.voltage.deviation"]) < 0.01
+
+
 @pytest.mark.parametrize(("bench", "unit"), [("imu.yaml", "counter"), ("imu_telemetry.yaml", "telemetry")])
 def test_an_inertial_unit_is_near_its_expectation_on_each_axis(tmp_path, bench, unit):
     steps = [
@@ -140,7 +152,9 @@ def test_a_converter_is_near_what_its_source_lets_expect(tmp_path):
             )
         ),
     ]
-    series = recorded(tmp_path, "channel.yaml", 15, 0.12, steps, source=True)
+    series = recorded(
+        tmp_path, "channel.yaml", 15, 0.12, steps, ", source: current_source", "  - {set: source, output: off}\n"
+    )
     found = series("counter.x", "counter.x.deviation")
     assert max(abs(each.mean) for each in found["counter.x"]) == pytest.approx(3 * 11_300, rel=0.01)
     assert len(found["counter.x.deviation"]) >= 6
