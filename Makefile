@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage night truth faults hostile trials reliability profile benchmark peers docs bundle clean
+.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage night truth faults hostile trials reliability profile benchmark peers system-peers docs bundle clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -84,11 +84,13 @@ benchmark: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.station_viewers
 
 # Programs that other people wrote, for the tests that let them talk to ours.
-peers: $(VENV)/.docs
-	./.ci/install_peers
+peers: system-peers $(VENV)/.docs
 	$(BIN)/pip install --quiet -e '.[peers]'
 	$(BIN)/pip install --quiet --no-deps 'qcodes==0.58.*'  # with all that its drivers can do without, ten times as large
 	$(BIN)/pip install --quiet --no-deps 'dvg-devices==1.8.*' 'dvg-debug-functions==2.*' 'daqmon==0.1.*'  # without their windows
+
+system-peers:
+	./.ci/install_peers
 
 # All pages as a site with a search, in build/docs; a broken link, picture or table of contents is an error.
 docs: $(VENV)/.docs

@@ -30,7 +30,7 @@ from tests.support.shared_runs import SharedRuns
 if TYPE_CHECKING:
     from bench.app.execute import RunResult
 
-pytest_plugins = ["tests.support.budget"]
+pytest_plugins = ["tests.support.budget", "tests.support.turns"]
 ROOT = Path(__file__).parents[1]
 # The same examples in every run, so that a change is judged by itself; HYPOTHESIS_PROFILE=explore looks for new ones.
 # A busy machine is no failure, so no example has a deadline.
@@ -57,6 +57,7 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(tryfirst=True)  # others look at these marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Marks the folders of slow tests.
 

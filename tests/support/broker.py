@@ -33,6 +33,13 @@ class Received(NamedTuple):
     retained: bool
 
 
+class Port(NamedTuple):
+    """Broker without a certificate."""
+
+    port: int
+    tls: bool = False
+
+
 class Broker:
     """Broker on a port of the loopback interface, with users whose passwords are their names."""
 

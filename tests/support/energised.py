@@ -214,10 +214,12 @@ class Process:
             time.sleep(0.3)
 
     def code(self) -> int | None:
-        """Its exit code; None, after killing it, where it does not end."""
+        """Its exit code; None, after killing it, where it does not end. Prints what it said, for a test that fails."""
         try:
             return self.process.wait(PROCESS_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
             return None
+        finally:
+            print(self.told.read_text("utf-8", "replace"))
