@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fastapi.routing import APIRoute
+
 from bench.web.pages import (
     alerts,
     commands,
@@ -22,3 +24,6 @@ ROUTERS = (
     files.router, entrance.router, station.router, commands.router, start.router, queue.router, runs.router,
     units.router, instruments.router, manual.router, sequences.router, editing.router, alerts.router,
 )  # fmt: skip
+for _route in (each for router in ROUTERS for each in router.routes):
+    if isinstance(_route, APIRoute) and "GET" in _route.methods and _route.endpoint is not station.live:
+        _route.methods.add("HEAD")  # as link checkers and proxies ask; the server leaves the body out

@@ -166,7 +166,8 @@ def test_no_input_makes_an_error_of_the_server(tmp_path):
             return Checked()
 
         here.daemon.checked = checked
-        routes = sorted((method, each.path) for each in routes_of(here.app._app.routes) for method in each.methods)
+        every = routes_of(here.app._app.routes)
+        routes = sorted((method, each.path) for each in every for method in each.methods - {"HEAD"})
         for number in range(40 * len(routes)):
             method, path = routes[number % len(routes)]
             name = chosen.choice(

@@ -182,7 +182,8 @@ def outcome(answer):
 
 def test_the_table_has_every_route_and_every_role(tmp_path):
     async def act(here):
-        found = {(method, route.path) for route in routes_of(here.app._app.routes) for method in route.methods}
+        routes = list(routes_of(here.app._app.routes))
+        found = {(method, route.path) for route in routes for method in route.methods - {"HEAD"}}  # HEAD is of a GET
         assert found == {(method, path) for method, path, _ in TABLE}, "enter each route in the table of this file"
 
     with_station(tmp_path, act)

@@ -50,6 +50,18 @@ def pages(runs):
     ]  # fmt: skip
 
 
+def test_a_page_answers_to_head_as_to_get(tmp_path, runs):
+    async def ask():
+        async with asked(tmp_path, runs) as station:
+            for path in [*pages(runs), "/", "/start", "/login"]:
+                whole, head = [await station.client.request(how, path, headers=HTML) for how in ("GET", "HEAD")]
+                assert head.status_code == whole.status_code < 400, path
+                assert head.headers.get("content-type") == whole.headers.get("content-type")
+            assert (await station.client.head("/benches/demo/live")).status_code == 405
+
+    asyncio.run(ask())
+
+
 @pytest.mark.parametrize("language", ["en", "zh"])
 def test_pages_have_no_inline_script_or_style_and_hostile_names_are_text(tmp_path, runs, language):
     paths = pages(runs)
