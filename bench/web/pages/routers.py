@@ -25,5 +25,5 @@ ROUTERS = (
     units.router, instruments.router, manual.router, sequences.router, editing.router, alerts.router,
 )  # fmt: skip
 for _route in (each for router in ROUTERS for each in router.routes):
-    if isinstance(_route, APIRoute) and "GET" in _route.methods and _route.endpoint is not station.live:
-        _route.methods.add("HEAD")  # as link checkers and proxies ask; the server leaves the body out
+    if isinstance(_route, APIRoute) and _route.methods == {"GET"} and _route.endpoint is not station.live:
+        _route.methods = {"GET", "HEAD"}  # as link checkers and proxies ask; the server leaves the body out
