@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bench.metrology.acquisition import Counts, Positions
-from bench.station.runs.series import Array, decoders_in, rates_of, steps_of, units_of
+from bench.metrology.acquisition import Counts
+from bench.station.runs.series import Array, angle_of, angles_deg, decoders_in, rates_of, steps_of, units_of
 from bench.store.database import FILE_NAME, unpack_all
 from bench.store.decoder import Decoder
 from bench.store.tail import Begins, Tail
@@ -82,21 +82,14 @@ def _samples(stream: str, decoder: Decoder, block: Any, units: Mapping[str, str]
         else:
             yield name, Samples(units[name], at_s, output.values)
     for role, position in decoder.positions(block).items():
-        yield f"{role}.angle", Samples("°", *_angles(position))
+        at_s = _instants(position.host_s, position.tick, position.tick_bits, position.tick_period_s)
+        yield angle_of(role), Samples("°", at_s, angles_deg(position))
 
 
 def _instants(host_s: Array, tick: Any, bits: int, period_s: float) -> Array:
     """Return the instants of latches by the clock of the device, which arrive with the last one."""
     since_s = np.concatenate([[0.0], np.cumsum(steps_of(tick, bits) * period_s)]) if len(tick) else np.empty(0)
     return since_s + (host_s[-1] - since_s[-1]) if len(tick) else since_s
-
-
-def _angles(found: Positions) -> tuple[Array, Array]:
-    at_s = _instants(found.host_s, found.tick, found.tick_bits, found.tick_period_s)
-    half = 1 << (found.position_bits - 1)
-    moved = np.mod(np.diff(found.position) + half, 2 * half) - half if len(found.position) else np.empty(0)
-    first = np.mod(found.position[:1] + half, 2 * half) - half  # a small negative angle is no large one
-    return at_s, np.concatenate([first, first + np.cumsum(moved)]) * found.resolution_deg
 
 
 def _newest(found: Samples, since_s: float) -> Samples:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bench.config.bench import load_kept_bench
 from bench.errors import BenchError, InputError
-from bench.metrology.acquisition import Counts
+from bench.metrology.acquisition import Counts, Positions
 from bench.reduce.stored_run import BENCH_COPY
 from bench.station.runs.deviation import DEVIATION, course, deviation, expectations
 from bench.store.database import unpack_all
@@ -28,6 +28,7 @@ PULSE_RATE = "pulse/s"
 MOST_BLOCKS = 600  # decoded for one answer
 LEAST_WIDTH_S = 0.1
 POINTS = 600
+TURN_DEG = 360.0
 FINE_S = 1.0  # intervals in which an output is compared with its expectation
 Array = NDArray[np.float64]
 
@@ -55,15 +56,15 @@ def thinned(run: Path, channels: Iterable[str], since_s: float, width_s: float) 
     """
     with Tail(run) as tail:
         recorded, wanted = tail.channels(), list(channels)
-        sent = {name.removesuffix(DEVIATION) for name in wanted} - recorded.keys()
+        sent = {name.removesuffix(DEVIATION) for name in wanted} - (recorded.keys() - encoders_in(run))
         blocks = tail.blocks(since_s, MOST_BLOCKS) if sent else []
         outputs = _outputs(run, sent, blocks, math.floor(since_s / width_s) * width_s)
 
         def buckets(name: str, width_s: float) -> list[Bucket]:
-            found = outputs.get(name)
-            return tail.envelope(name, since_s, width_s) if found is None else buckets_of(*found, width_s)
+            read = tail.envelope(name, since_s, width_s) if name in recorded else []
+            return with_latched(read, buckets_of(*outputs[name], width_s)) if name in outputs else read
 
-        units = {**recorded, **{name: units_of(run)[name] for name in outputs}}
+        units = {name: units_of(run)[name] for name in outputs if name not in recorded} | recorded
         found = {name: Thinned(units[name], width_s, buckets(name, width_s)) for name in wanted if name in units}
         acts, fine_s = None, min(width_s, FINE_S)
         for name in (each for each in wanted if each.endswith(DEVIATION)):
@@ -74,6 +75,29 @@ def thinned(run: Path, channels: Iterable[str], since_s: float, width_s: float) 
                 away = deviation(acts, expected, buckets(base, fine_s), fine_s)
                 found[name] = Thinned(expected.unit, width_s, joined(away, width_s))
     return found
+
+
+def with_latched(read: list[Bucket], latched: list[Bucket]) -> list[Bucket]:
+    """Return intervals of readings, wider where latched values have lower or higher ones; their means are then used.
+
+    Polled readings of an axis that oscillates are too few to meet its ends. Latched angles are moved by whole turns to
+    the readings; intervals in which an axis turns half a turn or more are left as they are read.
+    """
+    found = {each.at_s: each for each in read}
+    moved_deg = 0.0
+    for each in latched:
+        beside = found.get(each.at_s)
+        if read and each.high - each.low >= TURN_DEG / 2:
+            continue
+        if beside is not None:
+            moved_deg = TURN_DEG * round((beside.mean - each.mean) / TURN_DEG)
+        each = Bucket(each.at_s, each.low + moved_deg, each.high + moved_deg, each.mean + moved_deg)
+        found[each.at_s] = (
+            each
+            if beside is None
+            else Bucket(each.at_s, min(each.low, beside.low), max(each.high, beside.high), each.mean)
+        )
+    return [found[at_s] for at_s in sorted(found)]
 
 
 def slope_and_range(run: Path, channel: str, over_s: float) -> tuple[float, float] | None:
@@ -105,16 +129,16 @@ def within_since_s(run: Path, channel: str, begun_s: float, most: float) -> floa
 def _outputs(
     run: Path, channels: Collection[str], blocks: list[TailBlock], from_s: float
 ) -> dict[str, tuple[Array, Array]]:
-    """Return instants and outputs of channels from an instant on."""
+    """Return instants and outputs of channels, or latched angles of axes, from an instant on."""
     if not channels:
         return {}
     collected: dict[str, list[tuple[Array, Array]]] = {}
     decoders = decoders_in(run)
     for (stream, _), group in groupby(blocks, key=lambda block: (block.stream, block.step)):
         if stream in decoders:
-            for channel, (at_s, values) in _outputs_in(decoders[stream], list(group)):
+            for name, (at_s, values) in _outputs_in(stream, decoders[stream], list(group)):
                 new = (at_s >= from_s) & np.isfinite(values)
-                collected.setdefault(f"{stream}.{channel}", []).append((at_s[new], values[new]))
+                collected.setdefault(name, []).append((at_s[new], values[new]))
     return {name: _joined(parts) for name, parts in collected.items() if name in channels}
 
 
@@ -138,14 +162,36 @@ def units_of(run: Path) -> Mapping[str, str]:
     return {f"{role}.{name}": output.unit for role, entry in devices for name, output in entry.outputs.items()}
 
 
-def _outputs_in(decoder: Decoder, blocks: list[TailBlock]) -> Iterator[tuple[str, tuple[Array, Array]]]:
-    """Yield instants and outputs of consecutive blocks, by channel: pulse rates between latches, or samples."""
+@lru_cache(maxsize=16)
+def encoders_in(run: Path) -> frozenset[str]:
+    """Return the readings of axes of a run whose encoders are latched, as DEVICE.angle. Raises InputError."""
+    devices = load_kept_bench(run / BENCH_COPY).devices.values()
+    return frozenset(angle_of(axis) for entry in devices for axis in entry.encoders)
+
+
+def angle_of(axis: str) -> str:
+    """Return the name of the reading of the angle of an axis."""
+    return f"{axis}.angle"
+
+
+def _outputs_in(stream: str, decoder: Decoder, blocks: list[TailBlock]) -> Iterator[tuple[str, tuple[Array, Array]]]:
+    """Yield instants and values of consecutive blocks: pulse rates between latches, samples, and angles."""
     block = unpack_all([(each.data, each.frames, each.crc) for each in blocks])
     for channel, output in decoder.outputs(block).items():
         if not isinstance(output, Counts):
-            yield channel, (output.host_s, output.values)
+            yield f"{stream}.{channel}", (output.host_s, output.values)
         elif len(output.tick) > 1:
-            yield channel, (output.host_s[1:], rates_of(output))
+            yield f"{stream}.{channel}", (output.host_s[1:], rates_of(output))
+    for axis, position in decoder.positions(block).items():
+        yield angle_of(axis), (position.host_s, angles_deg(position))
+
+
+def angles_deg(found: Positions) -> Array:
+    """Return the latched angles of an axis, (N,), the first of them within half a range of the encoder from 0."""
+    half = 1 << (found.position_bits - 1)
+    moved = np.mod(np.diff(found.position) + half, 2 * half) - half if len(found.position) else np.empty(0)
+    first = np.mod(found.position[:1] + half, 2 * half) - half  # a small negative angle is no large one
+    return np.concatenate([first, first + np.cumsum(moved)]) * found.resolution_deg
 
 
 def rates_of(counts: Counts) -> Array:

@@ -8,7 +8,7 @@ from bench.config.fixture import Mount
 from bench.station.runs import deviation
 from bench.station.runs.deviation import Expectation, Stimulus
 from bench.station.runs.scope import newest_samples, period_s
-from bench.station.runs.series import joined, thinned
+from bench.station.runs.series import joined, thinned, with_latched
 from bench.store.reader import Event
 from bench.store.tail import Bucket, Tail
 from tests.support.runs import ROOT, run_short
@@ -164,6 +164,19 @@ def test_a_converter_is_near_what_its_source_lets_expect(tmp_path):
 def test_wider_intervals_have_the_extremes_of_those_in_them():
     fine = [Bucket(0.0, -1.0, 1.0, 0.0), Bucket(4.0, -5.0, 3.0, 2.0), Bucket(10.0, 0.0, 1.0, 0.5)]
     assert joined(fine, 10.0) == [Bucket(0.0, -5.0, 3.0, 1.0), Bucket(10.0, 0.0, 1.0, 0.5)]
+
+
+def test_latched_angles_have_the_ends_of_an_oscillation_that_readings_miss():
+    read = [Bucket(0.0, 3.0, 4.0, 3.5), Bucket(2.0, 3.0, 3.0, 3.0), Bucket(6.0, 359.0, 361.0, 360.0)]
+    latched = [
+        Bucket(0.0, -10.0, 10.0, 0.1), Bucket(2.0, 0.0, 300.0, 150.0),  # the second one while it turns
+        Bucket(4.0, -10.0, 10.0, 0.0), Bucket(6.0, -2.0, 2.0, 0.0),
+    ]  # fmt: skip
+    assert with_latched(read, latched) == [
+        Bucket(0.0, -10.0, 10.0, 0.1), Bucket(2.0, 3.0, 3.0, 3.0), Bucket(4.0, -10.0, 10.0, 0.0),
+        Bucket(6.0, 358.0, 362.0, 360.0),
+    ]  # fmt: skip
+    assert with_latched(read, []) == read
 
 
 def test_the_scope_has_every_latch_of_the_newest_acquisition(run):
