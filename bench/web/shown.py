@@ -9,11 +9,12 @@ from zoneinfo import ZoneInfo
 
 from bench.figures.languages import tr
 from bench.station.runs.series import PULSE_RATE
+from drivers.can.sent_frames import CODE
 
 # Digits after the point by unit, so that no number changes its width, and the least range of a curve.
 FORMS: Mapping[str, tuple[str, float]] = {
     "°C": (".2f", 1.0), "V": (".3f", 0.1), "A": (".4f", 0.01), "°": (".3f", 1.0), "°/s": (".3f", 1.0),
-    PULSE_RATE: (".2f", 10.0), "%": (".1f", 5.0), "hPa": (".1f", 5.0),
+    PULSE_RATE: (".2f", 10.0), CODE: (".1f", 10.0), "%": (".1f", 5.0), "hPa": (".1f", 5.0),
 }  # fmt: skip
 ANY_FORM = (".6g", 0.0)
 

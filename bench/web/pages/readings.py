@@ -67,7 +67,8 @@ def _outputs(live: LiveRun, trend: Trend) -> Iterator[Row]:
 def label(name: str) -> str:
     """Return the name of a reading in words; that of a device alone for its process value."""
     device, _, channel = name.removesuffix(PROCESS_VALUE).partition(".")
-    words = [device, channel.rpartition(".")[2]]
+    last = channel.rpartition(".")[2]
+    words = [device, "turning rate" if last == "rate" else last]
     return " ".join(tr(word.replace("_", " ")) for word in words if word)
 
 

@@ -293,7 +293,7 @@ function options(panel, place, zone, hasTimes, isScope, shown) {
         const stroke = channel.isTarget ? ink : colour(COLOURS[n % COLOURS.length], place);
         const hidden = { show: true, stroke: "transparent", points: { show: false }, class: "envelope", value: () => "" };
         return [
-          { label: channel.label, stroke, width: isWall ? 4 : 2, dash: channel.isTarget ? [2, 6] : DASHES[n % DASHES.length], points: { show: false }, value, spanGaps: false },
+          { label: channel.label, stroke, width: isWall ? 4 : 2, dash: channel.isTarget ? [2, 6] : DASHES[(n + Math.floor(n / COLOURS.length)) % DASHES.length], points: { show: false }, value, spanGaps: false },
           { ...hidden, label: "" },
           { ...hidden, label: "" },
         ];
@@ -322,7 +322,7 @@ function short(value) {
 
 /** @param {number} value @param {string} unit */
 function text(value, unit) {
-  const digits = { "°C": 2, "pulse/s": 1, "°": 3, "°/s": 3, A: 4, V: 3 }[unit] ?? 3;
+  const digits = { "°C": 2, "pulse/s": 1, code: 1, "°": 3, "°/s": 3, A: 4, V: 3 }[unit] ?? 3;
   return value.toFixed(digits).replace("-", "−");
 }
 
