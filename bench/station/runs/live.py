@@ -110,8 +110,11 @@ class LiveRun:
         return found.ends if found is not None else None
 
     def ending(self) -> Ending | None:
-        """Return the estimated wall time of the end and its bounds; None while the plan is not known."""
-        if not self.timeline or self._now is None or self.begun is None:
+        """Return the estimated wall time of the end and its bounds.
+
+        None while the plan is not known, and for manual control, which ends when a person ends it.
+        """
+        if not self.timeline or self._now is None or self.begun is None or self.status.get("manual"):
             return None
         steps = self.timeline["steps"]
         if not steps:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+from bench.clock import wall_utc
 from bench.station.worker import Checked
 from bench.web.pages.controls import order_of
 from tests.support.web import with_station
@@ -98,7 +99,15 @@ def test_pages_show_the_instruments_the_limits_and_what_each_button_does(tmp_pat
         assert "Begin a session" in begin
         await here.daemon.live.look()
         (live,) = here.daemon.live.runs.values()
+        live.timeline = {
+            "steps": [{"id": "steps/a", "begin_s": 0.0, "duration_s": 300.0, "facts": {}}],
+            "total_s": 300.0,
+        }
+        live._now, live.begun = (wall_utc(), 10.0), (wall_utc(), 0.0)
+        assert live.ends() is not None
         live.status = {"manual": {"silence_s": 300.0, "left_s": 280.0, "busy": {}}}
+        assert live.ends() is None, "a person ends it"
+        live.timeline = None
         shown = (await here.ask("GET", "/benches/demo/manual", cookie=engineer)).body.decode()
         for text in ("−5 to 365°", "at most 3 °C/min", "at most 16 V", "Turns head to this angle", "Hold: ABORT"):
             assert text in shown, text
