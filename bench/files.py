@@ -31,6 +31,23 @@ def content_hash(data: bytes) -> str:
     return f"sha256:{hashlib.sha256(data).hexdigest()}"
 
 
+def expect_private(path: Path, what: str, others: int = 0o077) -> None:
+    """Raise InputError unless a file with a secret is there, is of this user, and is not open to others.
+
+    `what` names it in the message; `others` are the permissions that nobody else may have, 0 where it holds no secret.
+    """
+    try:
+        found = path.stat()
+    except OSError as problem:
+        raise InputError(f"{what}: {path} cannot be read ({problem.strerror})") from None
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(f"{what}: {path} is no file")
+    if found.st_mode & others:
+        raise InputError(f"{what}: {path} can be read by others; chmod 600 {path}; make a new secret if they may have")
+    if others and found.st_uid not in (0, os.geteuid()):
+        raise InputError(f"{what}: {path} belongs to another user, who can read it; chown it to yourself")
+
+
 def write_atomically(path: Path, data: bytes) -> None:
     """Replace a file atomically and durably. Raises StoreError."""
     try:

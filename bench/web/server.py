@@ -16,7 +16,7 @@ import uvicorn
 
 from bench.client.address import TOKEN, WHERE, announcement
 from bench.errors import BenchError, InputError
-from bench.files import write_atomically
+from bench.files import expect_private, write_atomically
 from bench.runner.notify import notify
 from bench.station.daemon import Daemon, at_work
 from bench.station.log import Log, libraries_in, make_log
@@ -159,9 +159,9 @@ def _own_host(listening: Listening) -> tuple[str, ...]:
 
 def _expect_private(token: Path, key: Path | None) -> None:
     """Raise InputError if others can read a file with a secret; a group may read the key, as on Debian."""
-    for path, others in ((token, 0o077), (key, 0o027)):
-        if path is not None and path.exists() and path.stat().st_mode & others:
-            raise InputError(f"{path}: others can read this secret; make a new one if they may have: chmod 600 {path}")
+    for path, what, others in ((token, "token", 0o077), (key, "--key", 0o027)):
+        if path is not None and path.exists():
+            expect_private(path, what, others)
 
 
 def _banner(listening: Listening, identity: Identity) -> str:

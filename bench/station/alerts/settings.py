@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import stat
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, Self
@@ -16,6 +14,7 @@ from pydantic import AfterValidator, Field, SecretStr, StringConstraints, model_
 from bench.config.document import read_document
 from bench.config.models import TimeZone
 from bench.errors import InputError
+from bench.files import expect_private
 from bench.station.alerts.kinds import ENDS, Kind
 from bench.station.queue.items import Word
 from drivers.schema.fields import NOT_EMPTY, PositiveSeconds, StrictModel, WholeNumber
@@ -101,7 +100,7 @@ def read_alerts(entry: AlertsEntry, beside: Path, benches: Collection[str]) -> A
     if unknown := sorted(named - set(benches)):
         raise InputError(f"same_person_as: the station has no bench '{unknown[0]}'; it has {', '.join(benches)}")
     path = beside / entry.addresses
-    _expect_private(path)
+    expect_private(path, "addresses")
     found = read_document(path).value
     urls = found.values() if isinstance(found, Mapping) else [None]
     if not all(isinstance(url, str) and urlsplit(url).scheme for url in urls):
@@ -113,17 +112,3 @@ def read_alerts(entry: AlertsEntry, beside: Path, benches: Collection[str]) -> A
     return AlertSettings(
         entry, {name: Route(name, route, SecretStr(str(found[name]))) for name, route in entry.routes.items()}
     )
-
-
-def _expect_private(path: Path) -> None:
-    """Raise InputError if others than the owner can read a file, or if it cannot be read at all."""
-    try:
-        state = path.stat()
-    except OSError as problem:
-        raise InputError(f"{path}: the addresses of alerts cannot be read ({problem.strerror})") from None
-    if not stat.S_ISREG(state.st_mode):
-        raise InputError(f"{path}: is no file")
-    if stat.S_IMODE(state.st_mode) & 0o077:
-        raise InputError(f"{path}: others can read the addresses of alerts, which hold secrets: chmod 600 {path}")
-    if state.st_uid not in (0, os.geteuid()):
-        raise InputError(f"{path}: belongs to another user, who can read the addresses of alerts: chown it to yourself")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import stat
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from bench.errors import InputError
+from bench.files import expect_private
 from drivers.schema.fields import NOT_EMPTY, Flag, InUnit, Name, StrictModel
 from drivers.schema.wording import telling
 
@@ -91,12 +90,7 @@ def with_files(settings: MqttSettings, beside: Path) -> MqttSettings:
 
 
 def _file(path: Path, key: str, *, is_secret: bool) -> Path:
-    try:
-        mode = path.stat().st_mode
-    except OSError as problem:
-        raise InputError(f"mqtt.{key}: {path} cannot be read ({problem.strerror})") from None
-    if is_secret and stat.S_IMODE(mode) & 0o077:
-        raise InputError(f"mqtt.{key}: {path} can be read by others; chmod 600 {path}")
+    expect_private(path, f"mqtt.{key}", 0o077 if is_secret else 0)
     return path.absolute()
 
 

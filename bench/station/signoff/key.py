@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import stat
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -11,6 +10,7 @@ from pydantic import Field, model_validator
 
 from bench.config.devices import Text
 from bench.errors import InputError
+from bench.files import expect_private
 from drivers.schema.bounded import UnfitFileError, read_bounded
 from drivers.schema.fields import StrictModel
 from drivers.schema.wording import telling
@@ -81,13 +81,8 @@ def _credential(name: str) -> bytes:
 
 def read_secret(path: Path) -> bytes:
     """Return the content of a file that only the user of the station may read. Raises InputError."""
+    expect_private(path, "signature")
     try:
-        content = read_bounded(path, LIMIT_BYTES)
-        state = path.stat()
+        return read_bounded(path, LIMIT_BYTES)
     except (OSError, UnfitFileError) as problem:
         raise InputError(f"signature: {path} cannot be read ({problem})") from None
-    if state.st_uid != os.geteuid():
-        raise InputError(f"signature: {path} belongs to another user than that of the station; chown it")
-    if stat.S_IMODE(state.st_mode) & 0o077:
-        raise InputError(f"signature: {path} can be read by others; chmod 600 {path}")
-    return content

@@ -114,7 +114,7 @@ def of_another_key(files, folder):
         (readable_passphrase, "can be read by others; chmod 600"),
         (wrong_passphrase, "passphrase is wrong"),
         (of_another_key, "of another key"),
-        (lambda files, folder: files._replace(key=folder / "missing.key"), "there is no such file"),
+        (lambda files, folder: files._replace(key=folder / "missing.key"), "No such file"),
         (lambda files, folder: files._replace(passphrase=None), "passphrase"),
         (lambda files, folder: new_key(folder, days=9), "is valid from"),
         (lambda files, folder: KeyFiles(files.key, files.key), "cannot be read"),
