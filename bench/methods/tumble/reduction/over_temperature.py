@@ -177,27 +177,14 @@ def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float
 class TemperatureCoefficients:
     """T1 and T2 of a quantity: per °C and per °C², in the unit of the quantity or relative to it.
 
-    `gain` (2, n) is the sensitivity of T1 and T2 to each fitted value. `covariance` (2, 2) is type A, from the
-    residuals of the fit, NaN without degrees of freedom. T2 of a straight line is NaN. `extrapolated` is true if the
-    reference temperature is outside the fitted range.
+    `gain` (2, n) is the sensitivity of T1 and T2 to each fitted value. T2 of a straight line is NaN. `extrapolated` is
+    true if the reference temperature is outside the fitted range.
     """
 
     t1: float
     t2: float
     gain: Array
-    covariance: Array
     extrapolated: bool
-
-    @property
-    def u(self) -> Array:
-        """Standard uncertainties of T1 and T2, type A: (2,)."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def correlation(self) -> float:
-        """Correlation of T1 and T2; it follows from the temperatures, and needs no residuals."""
-        (t1, both), (_, t2) = self.gain @ self.gain.T
-        return float(both / np.sqrt(t1 * t2))
 
 
 def bias_coefficients(bias: PolynomialFit, reference_c: float) -> TemperatureCoefficients:
@@ -230,11 +217,9 @@ def _coefficients(model: PolynomialFit, reference_c: float, values: Pair, jacobi
     """T1 and T2 (2,), with their derivatives with respect to the coefficients of the model, (2, p)."""
     low_c, high_c = model.valid
     known = np.array([1.0, 1.0 if model.degree >= HIGHEST else np.nan])
-    jacobian = jacobian * known[:, np.newaxis]
     return TemperatureCoefficients(
         t1=float(values[0]),
         t2=float(values[1] * known[1]),
-        gain=jacobian @ model.fit.gain,
-        covariance=jacobian @ model.covariance @ jacobian.T,
+        gain=jacobian * known[:, np.newaxis] @ model.fit.gain,
         extrapolated=not low_c <= reference_c <= high_c,
     )
