@@ -3,7 +3,6 @@ import pytest
 
 from bench.methods.tumble.reduction.over_temperature import (
     CONTAINED,
-    Origin,
     bias_coefficients,
     coefficient_findings,
     scale_coefficients,
@@ -106,33 +105,31 @@ def test_what_a_wrong_thermometer_makes_of_them_is_told(truth, coefficients, at_
     assert found(SET_C * (1 - gain)) - found(SET_C) == pytest.approx(each @ SET_C * gain, rel=1e-3)
 
 
+def found(quantity, model, reference_c):
+    """Findings of a model of values with a scatter of 0.1 µg each."""
+    return coefficient_findings(
+        Subject("tumble", "a", "S1"), quantity, model, reference_c, ("steps",),
+        lambda gain: [BudgetLine("readings", "A", 1e-7 * float(np.linalg.norm(gain)), 100)],
+    )  # fmt: skip
+
+
 def test_they_become_findings_with_a_budget_each():
     values = bias_g(SET_C) + 1e-7 * np.random.default_rng(2).standard_normal(23)
-    origin = Origin(
-        Subject("tumble", "a", "S1"),
-        ("steps",),
-        lambda gain: [BudgetLine("readings", "A", 1e-7 * float(np.linalg.norm(gain)))],
-    )
-    linear, quadratic = coefficient_findings("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C, origin)
+    linear, quadratic = found("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C)
     assert (linear.id, linear.unit, linear.flags) == ("tumble/a/K0T1", "g/°C", ())
     assert (quadratic.id, quadratic.unit, quadratic.at) == ("tumble/a/K0T2", "g/°C²", {"at_c": REFERENCE_C})
     assert linear.value == pytest.approx(T1, abs=3 * linear.u)
     assert quadratic.value == pytest.approx(T2, abs=3 * quadratic.u)
     assert {line.source for line in linear.budget} == {"readings", CONTAINED}
-    (line,) = coefficient_findings("K1", fit_polynomial(SET_C[:2], scale_pps_per_g(SET_C[:2]), 1), 25.0, origin)
+    (line,) = found("K1", fit_polynomial(SET_C[:2], scale_pps_per_g(SET_C[:2]), 1), 25.0)
     assert (line.quantity, line.unit, line.flags) == ("K1T1", "1/°C", ("extrapolated",))
 
 
 def test_what_the_model_leaves_over_is_in_the_values_and_makes_none_uncertain():
     """Ten times as much hysteresis moves the coefficients, which are those of the unit, and not their u."""
     loop = np.where(np.arange(23) < 11, 1.0, -1.0)
-    origin = Origin(
-        Subject("tumble", "a", "S1"), (),
-        lambda gain: [BudgetLine("readings", "A", 1e-7 * float(np.linalg.norm(gain)), 100)],
-    )  # fmt: skip
     little, much = (
-        next(iter(coefficient_findings("K0", fit_polynomial(SET_C, bias_g(SET_C) + g * loop, 4), REFERENCE_C, origin)))
-        for g in (6e-6, 60e-6)
+        next(found("K0", fit_polynomial(SET_C, bias_g(SET_C) + g * loop, 4), REFERENCE_C)) for g in (6e-6, 60e-6)
     )
     assert much.value != pytest.approx(little.value, rel=1e-3)
     assert much.u == pytest.approx(little.u)
