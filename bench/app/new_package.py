@@ -6,16 +6,13 @@ from collections.abc import Collection, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
 from bench.config.load import shipped
+from bench.config.new_bench import expect_name
 from bench.errors import InputError
 from bench.files import atomic_folder
 from bench.sequence.method import known_methods
 from drivers.description import known_drivers
-from drivers.schema.fields import Name
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import error_text
 
 _TOY = "toy_"
 _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
@@ -23,10 +20,7 @@ _LEFT_OUT = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache")
 
 def expect_free(name: str, kind: str, known: Collection[str]) -> None:
     """Raise InputError for an invalid name, and for one that is in `known` of this kind or is a module."""
-    try:
-        TypeAdapter(Name).validate_python(name)
-    except ValidationError as error:
-        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
+    expect_name(name)
     if name in known:
         raise InputError(f"NAME: there is a {kind} '{name}' already; choose another name")
     module = find_spec(name)

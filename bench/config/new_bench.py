@@ -20,16 +20,21 @@ _SCHEMA = re.compile(r"(?<=\$schema=)\S*bench\.schema\.json")
 _TITLE = re.compile(r"^title: .*$", re.MULTILINE)
 
 
+def expect_name(name: str) -> None:
+    """Raise InputError for an invalid name of a new file or package."""
+    try:
+        TypeAdapter(Name).validate_python(name)
+    except ValidationError as error:
+        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
+
+
 def write_bench(name: str, source: str, folder: Path) -> list[Path]:
     """Write `FOLDER/NAME.yaml` and the files it refers to, all or nothing; return the files, the bench file last.
 
     An existing file is never replaced; one with the same content is shared. Raises InputError for an invalid name, an
     invalid source, conflicting files and errors of writing.
     """
-    try:
-        TypeAdapter(Name).validate_python(name)
-    except ValidationError as error:
-        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
+    expect_name(name)
     given = find(source, "config")
     named = set[str]()
     load_bench(given, named=named)

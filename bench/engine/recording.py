@@ -12,7 +12,8 @@ from bench.engine.context import Bench
 from bench.engine.missed import Watch
 from bench.engine.outputs import Sink, Watched, acquire_into
 from bench.errors import StepError
-from bench.metrology.outputs import STABLE_PART_S, Output, mean_of, steadiness
+from bench.metrology.acquisition import Output
+from bench.metrology.outputs import STABLE_PART_S, mean_of, steadiness
 from bench.quality import Valid
 from bench.sequence.steps.measuring import Acquire, StableOutput
 from bench.sequence.steps.stimulus import TURN_DEG

@@ -30,7 +30,7 @@ def _units_shown() -> Mapping[str, list[str]]:
     """Displayed units of each quantity by the methods."""
     found: dict[str, list[str]] = {}
     for method in shipped_first():
-        for quantity, symbol in method.shown.items():
+        for quantity, symbol in method.displayed.items():
             found.setdefault(quantity, []).append(symbol)
     return found
 

@@ -168,6 +168,20 @@ class Codes:
 
 
 @dataclass(frozen=True, slots=True)
+class Output:
+    """A mean output in its unit; `problems` make it unusable.
+
+    `single_u` is its standard uncertainty by itself: the resolution of the count, or the scatter of the voltmeter's
+    readings or of the samples. `quantisation_u` is the quantisation uncertainty of a mean of codes.
+    """
+
+    value: float
+    single_u: float
+    problems: tuple[str, ...]
+    quantisation_u: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Window:
     """Mean of one channel, for methods that need no more.
 

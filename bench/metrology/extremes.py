@@ -6,7 +6,7 @@ The largest of many scattering values is biased: the scatter has increased it. T
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -52,18 +52,17 @@ def largest_u(values: Array, sd: float) -> tuple[float, float]:
     The values without scatter are estimated by means of neighbours, all reduced by the scatter left in them: to zero if
     all is scatter, hardly changed if there is none. Equal values give equal results.
     """
-    calm = _denoised(values, sd)
-    draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
-    found = np.max(np.abs(calm + sd * draws), axis=-1)
-    return float(np.std(found, ddof=1)), float(np.mean(found) - np.max(np.abs(calm)))
+    return _extreme_u(_denoised(values, sd), sd, lambda all_values: np.max(np.abs(all_values), axis=-1))
 
 
 def span_u(values: Array, sd: float) -> tuple[float, float]:
     """The same for the span of (n,), the largest value minus the smallest."""
-    calm = _denoised(values - np.mean(values), sd)
-    draws = np.random.default_rng(0).standard_normal((TRIALS, len(values)))
-    found = np.ptp(calm + sd * draws, axis=-1)
-    return float(np.std(found, ddof=1)), float(np.mean(found) - np.ptp(calm))
+    return _extreme_u(_denoised(values - np.mean(values), sd), sd, lambda all_values: np.ptp(all_values, axis=-1))
+
+
+def _extreme_u(calm: Array, sd: float, extreme: Callable[[Array], Array]) -> tuple[float, float]:
+    found = extreme(calm + sd * np.random.default_rng(0).standard_normal((TRIALS, len(calm))))
+    return float(np.std(found, ddof=1)), float(np.mean(found) - extreme(calm))
 
 
 def interval_of_largest(values: Array, sd: Array | float) -> Interval:

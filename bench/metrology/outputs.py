@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Turned, Voltages, Window
+from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Output, Turned, Voltages, Window
 from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import FEWEST_CODES, has_restarted, mean_between, mean_code, sampled_at_s, stuck
@@ -23,20 +23,6 @@ STABLE_PART_S = 10.0  # duration of compared means (equations 3.2)
 
 
 Measured = Counts | Voltages | Codes
-
-
-@dataclass(frozen=True, slots=True)
-class Output:
-    """A mean output in its unit; `problems` make it unusable.
-
-    `single_u` is its standard uncertainty by itself: the resolution of the count, or the scatter of the voltmeter's
-    readings or of the samples. `quantisation_u` is the quantisation uncertainty of a mean of codes.
-    """
-
-    value: float
-    single_u: float
-    problems: tuple[str, ...]
-    quantisation_u: float = 0.0
 
 
 def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Measured:
@@ -70,8 +56,7 @@ def mean_of(found: Measured) -> Output:
         case Voltages():
             return _mean_voltage(found)
         case Codes():
-            mean = mean_code(found)
-            return Output(mean.value, mean.scatter_u, mean.problems, mean.quantisation_u)
+            return mean_code(found)
 
 
 def _resolution_pps(rate: Rate) -> float:
@@ -111,7 +96,7 @@ def _sent(codes: Codes, turned: Turned | None) -> Window:
     else:
         mean, at_s = mean_code(codes), sampled_at_s(codes)
         span_s = float(at_s[-1] - at_s[0]) if len(at_s) else 0.0
-    return Window(mean.value, span_s, span_s, mean.problems, mean.scatter_u, mean.quantisation_u)
+    return Window(mean.value, span_s, span_s, mean.problems, mean.single_u, mean.quantisation_u)
 
 
 def _last(found: Measured, span_s: float) -> Measured:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.metrology.acquisition import Array, Codes
+from bench.metrology.acquisition import Array, Codes, Output
 from bench.metrology.pulse_counts import LEAST_SHARE, is_irregular, steps_of
 
 FEWEST_CODES = 2  # minimum number for a standard deviation
@@ -17,27 +17,14 @@ HARMONICS_OF_SWINGS = 20
 LARGEST_J1 = 0.582
 
 
-@dataclass(frozen=True, slots=True)
-class MeanCode:
-    """Mean of samples with the standard uncertainty from their scatter.
-
-    `quantisation_u` is the quantisation uncertainty of any mean; `problems` make it unusable.
-    """
-
-    value: float
-    scatter_u: float
-    quantisation_u: float
-    problems: tuple[str, ...]
-
-
-def mean_code(codes: Codes) -> MeanCode:
+def mean_code(codes: Codes) -> Output:
     """Mean of the samples; NaN with fewer than two.
 
     Problems: too_few_codes, irregular_clock (device time and numbers disagree, as after a restart of the unit),
     stuck_code (the same value for too long).
     """
     if len(codes.values) < FEWEST_CODES:
-        return MeanCode(float("nan"), float("nan"), float("nan"), ("too_few_codes",))
+        return Output(float("nan"), float("nan"), ("too_few_codes",), float("nan"))
     problems = []
     if len(codes.values) < LEAST_SHARE * (len(codes.values) + codes.lost + codes.invalid):
         problems.append("too_few_codes")
@@ -47,10 +34,10 @@ def mean_code(codes: Codes) -> MeanCode:
         problems.append("stuck_code")
     sd = float(np.std(codes.values, ddof=1))
     scatter_u = sd / float(np.sqrt(len(codes.values)))
-    return MeanCode(float(np.mean(codes.values)), scatter_u, hidden_by_steps(sd, codes.step), tuple(problems))
+    return Output(float(np.mean(codes.values)), scatter_u, tuple(problems), hidden_by_steps(sd, codes.step))
 
 
-def mean_between(codes: Codes, from_s: float, to_s: float) -> MeanCode:
+def mean_between(codes: Codes, from_s: float, to_s: float) -> Output:
     """Mean over a time in which the output may oscillate once or more, as over whole turns; problems as above.
 
     A sample may be the mean since the one before, so that those count which began after `from_s`. Each is weighted with
@@ -67,7 +54,7 @@ def mean_between(codes: Codes, from_s: float, to_s: float) -> MeanCode:
     lasts_s[-1] += to_s - at_s[inside[-1]]
     sd = float(np.sqrt(np.mean(np.diff(values) ** 2) / 2))
     mean = float(values @ lasts_s) / (to_s - from_s)
-    return MeanCode(mean, sd / float(np.sqrt(len(values))), hidden_by_steps(sd, codes.step), ())
+    return Output(mean, sd / float(np.sqrt(len(values))), (), hidden_by_steps(sd, codes.step))
 
 
 def has_restarted(codes: Codes) -> bool:

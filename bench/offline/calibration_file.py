@@ -96,11 +96,7 @@ class _Polynomial(Tolerant):
         return self
 
     def curve(self) -> TemperatureModel:
-        return TemperatureModel(
-            id="", uut="", quantity="", unit=self.unit, centre=self.centre, scale=self.scale,
-            coefficients=self.coefficients, u=None, correlation=(), powers_of_t=(), residual_sd=None, dof=0,
-            max_residual=0.0, valid_c=self.valid_c, dwells_used=0, dwells_left_out=(),
-        )  # fmt: skip
+        return TemperatureModel("", "", "", self.unit, self.centre, self.scale, self.coefficients, valid_c=self.valid_c)
 
 
 class _Knots(Tolerant):

@@ -104,13 +104,12 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
         finding.judged(limits[finding.quantity]) if finding.quantity in limits else finding for finding in unit.findings
     ]
     undetermined = [name for name in limits if name not in {finding.quantity for finding in findings}]
-    if unit.dropped is not None:
-        return dataclasses.replace(unit, findings=tuple(findings), left_out=(*unit.left_out, *undetermined))
+    flags = [Flag("not_determined", of=name) for name in undetermined if unit.dropped is None]
     return dataclasses.replace(
         unit,
         findings=tuple(findings),
         left_out=(*unit.left_out, *undetermined),
-        flags=(*unit.flags, *(Flag("not_determined", of=name) for name in undetermined)),
+        flags=(*unit.flags, *flags),
     )
 
 

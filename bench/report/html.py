@@ -229,10 +229,7 @@ def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *,
             tr("Decision rule"),
             tr("; ").join(dict.fromkeys(_decision_rules(run, measured))) or tr("none: nothing is judged"),
         ),
-        (
-            tr("Ambient conditions"),
-            tr("; ").join(each.in_words for each in ambient_of(run.reader, run.bench)) or tr("not recorded"),
-        ),
+        (tr("Ambient conditions"), _ambient(run) or tr("not recorded")),
         (tr("Deviations"), tr("see below") if deviates else tr("none recorded")),
     ]
 

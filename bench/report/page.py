@@ -32,29 +32,22 @@ Facts = list[tuple[str, str]]
 
 
 @dataclass(frozen=True)
-class Certificate:
-    """A calibration certificate, judged on the day of the run."""
-
-    number: str
-    laboratory: str
-    date: str
-    due: str
-    is_past_due: bool
-
-
-@dataclass(frozen=True)
 class Instrument:
-    """A device of the bench, or a named reading of one that is calibrated on its own."""
+    """A device of the bench, or a named reading of one that is calibrated on its own.
+
+    `is_past_due` is true if its calibration was due before the day of the run.
+    """
 
     role: str
     driver: str
-    name: str
-    serial: str
-    is_stated: bool
-    firmware: str
-    fingerprint: str
-    connection: str
-    certificate: Certificate | None
+    calibration: Calibration | None
+    is_past_due: bool
+    name: str = ""
+    serial: str = ""
+    is_stated: bool = False
+    firmware: str = ""
+    fingerprint: str = ""
+    connection: str = ""
 
 
 def problems(run: StoredRun, not_evaluated: str, verdict: str) -> Iterator[str]:
@@ -154,14 +147,10 @@ def repetitions(run: StoredRun) -> Iterator[str]:
                 f" {event.data['text']}"
             )
         elif event.kind == "device_note":
-            yield tr("{role}, {time} after the start:", role=event.data["device"], time=_since_start(run, event)) + (
-                f" {event.data['text']}"
-            )
+            text = tr("{role}, {time} after the start:", role=event.data["device"], time=when)
+            yield f"{text} {event.data['text']}"
         elif event.kind == "doubted":
-            yield (
-                tr("Reading rejected, {time} after the start:", time=_since_start(run, event))
-                + f" {event.data['text']}"
-            )
+            yield tr("Reading rejected, {time} after the start:", time=when) + f" {event.data['text']}"
         elif event.kind == "retried":
             yield tr("Repeated: step {step}.", step=event.step) + f" {event.data['text']}"
         elif event.data["action"] == "repeat":
@@ -195,8 +184,8 @@ def faults_on_purpose(run: StoredRun) -> Iterator[str]:
 def past_due(instruments: Sequence[Instrument]) -> Iterator[str]:
     """A sentence for each expired calibration."""
     for instrument in instruments:
-        if instrument.certificate is not None and instrument.certificate.is_past_due:
-            due = instrument.certificate.due
+        if instrument.calibration is not None and instrument.is_past_due:
+            due = instrument.calibration.due
             yield tr("{role}: its calibration was due on {due}, before this run.", role=instrument.role, due=due)
 
 
@@ -273,33 +262,25 @@ def instruments(run: StoredRun) -> list[Instrument]:
             Instrument(
                 role=role,
                 driver=entry.driver,
+                calibration=entry.calibration,
+                is_past_due=_is_past_due(entry.calibration, day),
                 name=f"{identity.get('maker', '')} {identity.get('model', '')}".strip(),
                 serial=identity.get("serial", ""),
                 is_stated=not identity.get("serial_verified", False),
                 firmware=identity.get("firmware", ""),
                 fingerprint=identity.get("fingerprint", ""),
                 connection=str(connection),
-                certificate=_certificate(entry.calibration, day),
             )
         )
     for name, reading in run.bench.readings.items():
         if reading.calibration is not None:
-            certificate = _certificate(reading.calibration, day)
             source = tr("reading {name}", name=reading.from_)
-            found.append(Instrument(name, source, "", "", False, "", "", "", certificate))
+            found.append(Instrument(name, source, reading.calibration, _is_past_due(reading.calibration, day)))
     return found
 
 
-def _certificate(calibration: Calibration | None, day: dt.date) -> Certificate | None:
-    if calibration is None:
-        return None
-    return Certificate(
-        number=calibration.certificate,
-        laboratory=calibration.laboratory,
-        date=str(calibration.date),
-        due=str(calibration.due),
-        is_past_due=calibration.due < day,
-    )
+def _is_past_due(calibration: Calibration | None, day: dt.date) -> bool:
+    return calibration is not None and calibration.due < day
 
 
 def provenance(run: StoredRun, data: Sequence[RunData]) -> Facts:

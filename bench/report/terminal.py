@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from bench.figures.columns import in_columns
 from bench.figures.numbers import shown
 from bench.figures.words import of_those_within_u, quantity_of, unit_shown
-from bench.metrology.results.finding import Finding, UnitResult
+from bench.metrology.results.finding import UnitResult
 from bench.reduce.evaluate import Results
 from bench.reduce.journal import JournalRecords
 from bench.report.flag_words import flag_in_words
-from bench.report.tables import over_run_rows, verdict_rows
+from bench.report.tables import at_dwells, over_run_rows, verdict_rows
 
 SUMMARY_ALIGN = "<><<<"  # name, value, unit, verdict, notes
 _AT_DWELLS = ("K0", "K1_si", "K2", "misalignment")  # of more quantities than a line has room for
@@ -53,10 +53,7 @@ def _journal_records(found: JournalRecords) -> Iterator[str]:
 
 def _dwell_table(unit: UnitResult) -> Iterator[str]:
     """One line for each dwell, under two lines of names and units."""
-    by_dwell: dict[str, dict[str, Finding]] = {}
-    for finding in unit.findings:
-        if "dwell" in finding.at:
-            by_dwell.setdefault(finding.id.partition("@")[2], {})[finding.quantity] = finding
+    by_dwell = at_dwells(unit)
     if not by_dwell:
         return
     units = {name: unit_shown(name, found.unit) for at in by_dwell.values() for name, found in at.items()}

@@ -46,6 +46,8 @@ CHANNEL = (
 )
 
 
+Units = Mapping[str, str | tuple[str, str]]
+"""Unit of each quantity, or a pair of its unit and the one that a report displays."""
 CountsAt = Literal["dwells", "ramps", "steps", "levels", "windows", "table", "records"]
 
 
@@ -65,28 +67,28 @@ class NamedPart(NamedTuple):
 class MethodDescription(NamedTuple):
     """Description of a method for sequences, checks and reports.
 
-    `settings` validates its settings. `quantities` are the results that limits may name, with their units; OUTPUT
-    stands for the unit of the units' output, GYRO_OUTPUT for that of their gyros. `target` is "module:function", which
-    reduces the data of a run to findings. `counts_at` is the layout of its acquisitions: readings at dwells, each a leg
-    of a temperature ramp, steps of a ladder, each at one input level, each a window of which only the means are used,
-    each on a table at rest or in motion, or each a record of its own. `first_dwell` is the number of its first dwell in
-    the report. `drawn_by` is "module:function", which returns the plots and tables of a unit that a report shows beside
-    the tables common to all methods. `after` names the standards it follows (equations 7), without a claim of
-    conformity. `shown` are the displayed units of quantities that a report does not show in the unit of the finding.
-    `rules`, `words`, `translations`, `spans`, `offline` and `truth` are "module:attribute" too, empty for none: its
-    Rules on a plan, its words by kind (`MethodWords`, `texts_of`), translations of its texts by language, the function
-    that divides the run into spans, its reductions of recorded cases, and the function that computes the truth of
-    simulated data from the RunData of a label and the World of the simulation. `parts` are the loops and groups that
-    its reduction finds by name. `meaning` describes its results, `measures` its kind of unit, `needs_calibration` is
-    true if it needs the released calibration of each unit, `closes` if it uses the acquisitions of `closure` like its
-    other data.
+    `settings` validates its settings. `quantities` are the results that limits may name, each with its unit or a pair
+    of that and the one that a report displays; OUTPUT stands for the unit of the units' output, GYRO_OUTPUT for that of
+    their gyros. `target` is "module:function", which reduces the data of a run to findings. `counts_at` is the layout
+    of its acquisitions: readings at dwells, each a leg of a temperature ramp, steps of a ladder, each at one input
+    level, each a window of which only the means are used, each on a table at rest or in motion, or each a record of its
+    own. `first_dwell` is the number of its first dwell in the report. `drawn_by` is "module:function", which returns
+    the plots and tables of a unit that a report shows beside the tables common to all methods. `after` names the
+    standards it follows (equations 7), without a claim of conformity. `shown` are displayed units of other results, or
+    of quantities that have no pair. `rules`, `words`, `translations`, `spans`, `offline` and `truth` are
+    "module:attribute" too, empty for none: its Rules on a plan, its words by kind (`MethodWords`, `texts_of`),
+    translations of its texts by language, the function that divides the run into spans, its reductions of recorded
+    cases, and the function that computes the truth of simulated data from the RunData of a label and the World of the
+    simulation. `parts` are the loops and groups that its reduction finds by name. `meaning` describes its results,
+    `measures` its kind of unit, `needs_calibration` is true if it needs the released calibration of each unit, `closes`
+    if it uses the acquisitions of `closure` like its other data.
     """
 
     name: str
     title: str
     target: str
     settings: type[BaseModel]
-    quantities: Mapping[str, str]
+    quantities: Units
     counts_at: CountsAt = "dwells"
     first_dwell: int = 0
     drawn_by: str = ""
@@ -108,22 +110,19 @@ class MethodDescription(NamedTuple):
         """Units of the quantities for units with output in `output_unit`, and gyros in `gyro_output_unit`."""
         return {
             name: unit.replace(GYRO_OUTPUT, gyro_output_unit or output_unit).replace(OUTPUT, output_unit)
-            for name, unit in self.quantities.items()
+            for name, unit in self.stated.items()
         }
 
+    @property
+    def stated(self) -> dict[str, str]:
+        """Unit of each quantity."""
+        return {name: unit if isinstance(unit, str) else unit[0] for name, unit in self.quantities.items()}
 
-Units = Mapping[str, str | tuple[str, str]]
-"""Unit of each quantity, or a pair of its unit and the one that a report displays."""
-
-
-def stated(units: Units) -> dict[str, str]:
-    """Unit of each quantity."""
-    return {name: unit if isinstance(unit, str) else unit[0] for name, unit in units.items()}
-
-
-def displayed(units: Units) -> dict[str, str]:
-    """Displayed unit of each quantity with another one than its own."""
-    return {name: unit[1] for name, unit in units.items() if not isinstance(unit, str)}
+    @property
+    def displayed(self) -> dict[str, str]:
+        """Displayed unit of each result with another one than its own."""
+        pairs = {name: unit[1] for name, unit in self.quantities.items() if not isinstance(unit, str)}
+        return {**pairs, **self.shown}
 
 
 class MethodWords(Mapping[str, str]):

@@ -15,7 +15,6 @@ from bench.store import database
 from bench.store.reader import Event
 
 _EVENTS = "SELECT seq, at_s, kind, step, data FROM journal WHERE seq > ? ORDER BY seq LIMIT ?"
-_READINGS = "SELECT seq, at_s, channel, value FROM reading WHERE seq > ? ORDER BY seq LIMIT ?"
 _ENVELOPE = (
     "SELECT CAST(at_s / ? AS INTEGER) AS bucket, MIN(value), MAX(value), AVG(value) FROM reading "
     "WHERE seq >= ? AND channel = (SELECT id FROM channel WHERE name = ?) AND at_s >= ? GROUP BY bucket ORDER BY bucket"
@@ -26,15 +25,6 @@ _STEPS = """SELECT seq, at_s, kind, step, data FROM journal WHERE kind IN ('step
   'step_failed') AND ({any_of}) ORDER BY seq"""
 _OUT_OF_ORDER_S = 60.0  # readings of several devices are written in the order of their arrival
 Begins = tuple[datetime, float] | None  # instant of the begin of a run and its bench time in s; None if not known
-
-
-class TailReading(NamedTuple):
-    """Row of a reading: its number, bench time in s, channel and value in the unit of the channel."""
-
-    seq: int
-    at_s: float
-    channel: str
-    value: float
 
 
 class Bucket(NamedTuple):
@@ -68,8 +58,6 @@ class Tail:
     def __init__(self, run: Path) -> None:
         self._run = run
         self._database = database.open_to_read(run / database.FILE_NAME)
-        self._names: dict[int, str] = {}
-        self.units: dict[str, str] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -98,11 +86,6 @@ class Tail:
         first = self.events(0, 1)
         utc = first[0].data.get("utc") if first else None
         return (datetime.fromisoformat(str(utc)), first[0].at_s) if utc else None
-
-    def readings(self, after: int = 0, limit: int = 20_000) -> list[TailReading]:
-        """Return up to `limit` readings after a number, in order."""
-        rows = self._rows(_READINGS, after, limit)
-        return [TailReading(seq, at_s, self._name(channel), value) for seq, at_s, channel, value in rows]
 
     def last_reading(self) -> int:
         """Return the number of the last reading; 0 if there is none."""
@@ -149,12 +132,6 @@ class Tail:
         query = f"SELECT at_s FROM {table} WHERE seq = (SELECT {end}(seq) FROM {table})"  # noqa: S608  our own names
         rows = self._rows(query)
         return float(rows[0][0]) if rows else None
-
-    def _name(self, channel: int) -> str:
-        if channel not in self._names:
-            for number, name, unit in self._rows("SELECT id, name, unit FROM channel"):
-                self._names[number], self.units[name] = name, unit
-        return self._names[channel]
 
     def _rows(self, query: str, *values: object) -> list[tuple[Any, ...]]:
         try:

@@ -42,8 +42,12 @@ CHAMBER = "tr:has(th[title='chamber.process_value']) .value"
 def newest(run, channel):
     """The newest recorded reading of a channel: its number, and its value as the page shows it."""
     with Tail(run) as tail:
-        readings = [each for each in tail.readings(max(0, tail.last_reading() - 1000)) if each.channel == channel]
-    return readings[-1].seq, f"{readings[-1].value:.2f}"
+        ((seq, value),) = tail._rows(
+            "SELECT seq, value FROM reading JOIN channel ON channel.id = reading.channel WHERE name = ? "
+            "ORDER BY seq DESC LIMIT 1",
+            channel,
+        )
+    return seq, f"{value:.2f}"
 
 
 def test_a_technician_watches_a_run_and_aborts_it(tmp_path):

@@ -108,7 +108,7 @@ def methods_page() -> Blocks:
 
 
 def _method(method: MethodDescription) -> Blocks:
-    measured_output = any(OUTPUT in unit for unit in method.quantities.values())
+    measured_output = any(OUTPUT in unit for unit in method.stated.values())
     return [
         f"## {method.name}",
         f"{method.title}.",
@@ -117,8 +117,8 @@ def _method(method: MethodDescription) -> Blocks:
         "### `limits`",
         "Each key is one of these results; its limits are in the unit, or one that goes with it."
         + (OUTPUT_IS if measured_output else "")
-        + (GYRO_OUTPUT_IS if any(GYRO_OUTPUT in unit for unit in method.quantities.values()) else ""),
-        table(("result", "unit"), ((f"`{name}`", unit) for name, unit in method.quantities.items())),
+        + (GYRO_OUTPUT_IS if any(GYRO_OUTPUT in unit for unit in method.stated.values()) else ""),
+        table(("result", "unit"), ((f"`{name}`", unit) for name, unit in method.stated.items())),
     ]
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from bench.sequence.method import OUTPUT, MethodDescription, Units, displayed, stated
+from bench.sequence.method import OUTPUT, MethodDescription, Units
 from drivers.schema.fields import Celsius, InUnit, PositiveCelsius, PositiveSeconds, Ratio, StrictModel
 
 
@@ -75,8 +75,7 @@ CHANNEL_TEMPERATURE = MethodDescription(
     title="Accelerometer channel over temperature and input level (method M0)",
     target="bench.methods.channel.reduction.run:reduce",
     settings=ChannelSettings,
-    quantities=stated(UNITS),
-    shown=displayed(UNITS),
+    quantities=UNITS,
     counts_at="levels",
     drawn_by="bench.methods.channel.shown:channel_plots",
     after=("IEEE Std 530", "IEEE Std 1554"),

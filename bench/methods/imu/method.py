@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription, Units, displayed, stated
+from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription, Units
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.schema.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
@@ -24,7 +24,7 @@ START_UP_MEANING = (
     "calibration; constants and exponentials are fitted to them from power-on."
 )
 
-CHANGES: Units = {  # of the constants of a sensor
+CHANGES = {  # of the constants of a sensor
     "K0": ("g", "µg"), "K1": ("1", "ppm"), "D0": ("°/s", "°/h"), "KG": ("1", "ppm"),
 }  # fmt: skip
 UNITS: Units = {
@@ -93,8 +93,7 @@ IMU_CALIBRATION = MethodDescription(
     title="Temperature calibration of an inertial unit (method M2)",
     target="bench.methods.imu.reduction.run:reduce",
     settings=ImuCalibrationSettings,
-    quantities=stated(UNITS),
-    shown=displayed(UNITS),
+    quantities=UNITS,
     counts_at="windows",
     measures="inertial unit",
     meaning=MEANING,
@@ -137,8 +136,7 @@ IMU_START_UP = MethodDescription(
     title="Start-up of a compensated inertial unit (method M2)",
     target="bench.methods.imu.start_up.run:reduce",
     settings=ImuStartUpSettings,
-    quantities=stated(START_UP_UNITS),
-    shown=displayed(START_UP_UNITS),
+    quantities=START_UP_UNITS,
     counts_at="windows",
     measures="inertial unit",
     meaning=START_UP_MEANING,

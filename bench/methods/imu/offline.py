@@ -21,13 +21,7 @@ from bench.methods.imu.offline_visits import COMPENSATED, check_set_points, repe
 from bench.methods.imu.reduction.attitude_fit import AccelerometerFit, AttitudeFits, GyroFit, fit_attitudes
 from bench.methods.imu.reduction.attitudes import AXES, NAMES
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, Scatter, calibrate
-from bench.methods.imu.reduction.knots import (
-    Extrapolation,
-    TemperatureTable,
-    check_model,
-    compensate,
-    temperature_table,
-)
+from bench.methods.imu.reduction.knots import Extrapolation, TemperatureTable, check_model, compensate
 from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateRecord, arrange
 from bench.methods.imu.words import INCONSISTENT, MISSING_POSITION, MISSING_RATE
 from bench.metrology.least_squares import Array
@@ -65,7 +59,7 @@ def _imu(case: Case) -> dict[str, Any]:
     readings = arrange(positions, rates, rate_tolerance=settings.rate_tolerance)
     found = calibrate(readings, settings.attitude_tolerance_g, site.latitude_deg)
     fits, no_fits = _fits(case, settings.least_squares_set_c, site.latitude_deg, readings, found)
-    tables = {name: _temperature_table(found, *name.split("_")) for name in CHANNELS}
+    tables = {f"{sensor}_{name}": found.knots(sensor, axis) for sensor in COMPENSATED for axis, name in enumerate(AXES)}
     applied, beyond = _apply(case, settings, tables)
     return {
         "table": _table(found, lambda axis, _: _calibrated(axis)),
@@ -208,14 +202,11 @@ def _fits(
         known = ", ".join(f"{known_c:.10g}" for known_c in readings.set_c) or "none"
         return None, (f"ls24_T_set_C: there is no set point {set_c:.10g}; there are: {known}",)
     point = found.points[near[0]]
-    doubted = point.doubted[:, np.newaxis]
-    fits = fit_attitudes(
-        np.where(doubted, np.nan, readings.accelerometer_output[near[0]]),
-        np.where(doubted, np.nan, readings.gyro_output[near[0]]),
-        latitude_deg,
-        np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes]),
+    left_out = point.doubted[:, np.newaxis]
+    accelerometer_output, gyro_output = (
+        np.where(left_out, np.nan, output[near[0]]) for output in (readings.accelerometer_output, readings.gyro_output)
     )
-    return fits, ()
+    return fit_attitudes(accelerometer_output, gyro_output, latitude_deg, point.pulse_per_deg), ()
 
 
 def _by_axis(
@@ -255,16 +246,6 @@ def _u_gyro(found: GyroFit | None) -> dict[str, Any]:
         "gyro_D0_pps": found and found.u_d0,
         "gyro_gsens_pps_per_g": found.u_g_sensitivity_per_g if found else 3 * [None],
     }
-
-
-def _temperature_table(found: ImuCalibration, sensor: str, axis: str) -> TemperatureTable:
-    """Knots of one channel."""
-    every = found.over_temperature(AXES.index(axis))
-    if sensor == "acc":
-        knots = [(one.accelerometer_c, one.k0, one.k1_per_g) for one in every]
-    else:
-        knots = [(one.gyro_c, one.d0, one.kg_pulse_per_deg) for one in every]
-    return temperature_table(np.array(knots, dtype=np.float64).reshape(-1, 3))
 
 
 def _apply(

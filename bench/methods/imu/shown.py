@@ -20,7 +20,6 @@ from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.run_data import RunData
 from bench.reduce.spans import Span, in_unit, over_groups
-from bench.sequence.method import stated
 
 AXES = ("x", "y", "z")
 STYLES = {"x": ("#0b5394", "o"), "y": ("#b45309", "s"), "z": ("#4d7c0f", "D")}
@@ -93,7 +92,7 @@ def _over_temperature(unit: UnitResult, detail: ImuDetail, pair: tuple[str, str]
     panels = figure.subplots(2, 2, sharex="col", gridspec_kw={"hspace": 0.42, "wspace": 0.32})
     for column, quantity in enumerate(pair):
         above, below = panels[0][column], panels[1][column]
-        factor, symbol = scale_shown(f"{quantity}/change", stated(CHANGES)[quantity])
+        factor, symbol = scale_shown(f"{quantity}/change", CHANGES[quantity][0])
         for axis, letter in enumerate(AXES):
             temperature_c, values = detail.curves[quantity, axis]
             if len(temperature_c) < 2:

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from bench.methods.indexing.names import CLOCKING, REVERSE, VERIFICATION
-from bench.sequence.method import OUTPUT, MethodDescription, NamedPart, Units, displayed, stated
+from bench.sequence.method import OUTPUT, MethodDescription, NamedPart, Units
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from bench.sequence.steps.custom import StepDescription
 from drivers.schema.fields import InUnit, Name, Number, Ratio, StrictModel
@@ -73,8 +73,7 @@ INDEXING_STATIC = MethodDescription(
     title="Static calibration on an indexing table (method M1)",
     target="bench.methods.indexing.reduction.run:reduce",
     settings=IndexingStaticSettings,
-    quantities=stated(UNITS),
-    shown=displayed(UNITS),
+    quantities=UNITS,
     counts_at="records",
     drawn_by="bench.methods.indexing.shown:indexing_shown",
     meaning=(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import MethodDescription, NamedPart, Units, displayed, stated
+from bench.sequence.method import MethodDescription, NamedPart, Units
 from drivers.schema.fields import InUnit, StrictModel, WholeNumber
 
 
@@ -51,8 +51,8 @@ TEMPERATURE_RAMP = MethodDescription(
     spans="bench.methods.ramp.shown:legs",
     offline="bench.methods.ramp.offline:REDUCTIONS",
     settings=TemperatureRampSettings,
-    quantities=stated(UNITS),
-    shown=displayed(UNITS) | {"K0/jump": "µg"},
+    quantities=UNITS,
+    shown={"K0/jump": "µg"},
     counts_at="ramps",
     drawn_by="bench.methods.ramp.shown:ramp_plots",
     after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from bench.sequence.method import OUTPUT_UNITS, MethodDescription, Units, displayed, stated
+from bench.sequence.method import OUTPUT_UNITS, MethodDescription, Units
 from bench.sequence.per_degree import ScalePerDegree
 from drivers.quantity.quantities import as_quantity, parse
 from drivers.quantity.units import QuantityError, parse_unit
@@ -160,8 +160,7 @@ GYRO_RANGE = on_a_table(
     title="Range of a gyro (method M3a)",
     target="bench.methods.rate_table.reduction.range:reduce_gyro",
     settings=GyroRangeSettings,
-    quantities=stated(GYRO_UNITS),
-    shown=displayed(GYRO_UNITS),
+    quantities=GYRO_UNITS,
     drawn_by="bench.methods.rate_table.shown_range:range_plots",
     after=("IEEE Std 952", "IEEE Std 292", "IEEE Std 1554"),
     meaning=OF_A_GYRO
@@ -175,8 +174,7 @@ GYRO_RESPONSE = on_a_table(
     title="Frequency response of a gyro (method M3b)",
     target="bench.methods.rate_table.reduction.response:reduce_gyro",
     settings=GyroResponseSettings,
-    quantities={"gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°"},
-    shown={"gain": ""},
+    quantities={"gain": ("1", ""), "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°"},
     drawn_by="bench.methods.rate_table.shown_response:response_plots",
     after=("IEEE Std 292", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_A_GYRO
@@ -200,8 +198,7 @@ ACCELEROMETER_RANGE = on_a_table(
     title="Range of an accelerometer on a centrifuge (method M3c)",
     target="bench.methods.rate_table.reduction.range:reduce_accelerometer",
     settings=AccelerometerRangeSettings,
-    quantities=stated(ACCELEROMETER_UNITS),
-    shown=displayed(ACCELEROMETER_UNITS),
+    quantities=ACCELEROMETER_UNITS,
     drawn_by="bench.methods.rate_table.shown_range:range_plots",
     after=("IEEE Std 836", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER
@@ -216,9 +213,9 @@ ACCELEROMETER_RESPONSE = on_a_table(
     target="bench.methods.rate_table.reduction.response:reduce_accelerometer",
     settings=AccelerometerResponseSettings,
     quantities={
-        "gain": "1", "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°", "lever_arm/x": "m", "lever_arm/y": "m",
+        "gain": ("1", ""), "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°", "lever_arm/x": ("m", "mm"),
+        "lever_arm/y": ("m", "mm"),
     },
-    shown={"gain": "", "lever_arm/x": "mm", "lever_arm/y": "mm"},
     drawn_by="bench.methods.rate_table.shown_response:response_plots",
     after=("IEEE Std 836", "IEEE Std 1057", "IEEE Std 1554"),
     meaning=OF_AN_ACCELEROMETER

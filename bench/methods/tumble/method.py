@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import OUTPUT, MethodDescription, NamedPart, Units, displayed, stated
+from bench.sequence.method import OUTPUT, MethodDescription, NamedPart, Units
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.schema.fields import Celsius, InUnit, WholeNumber
 
@@ -59,8 +59,7 @@ TEMPERATURE_TUMBLE = MethodDescription(
     words="bench.methods.tumble.words:WORDS",
     offline="bench.methods.tumble.offline:REDUCTIONS",
     settings=TemperatureTumbleSettings,
-    quantities=stated(UNITS),
-    shown=displayed(UNITS),
+    quantities=UNITS,
     parts=(NamedPart("cycle", "loop", "the number of a cycle; needed if the same temperatures come more than once"),),
     drawn_by="bench.methods.tumble.shown:tumble_shown",
     after=("IEEE Std 1293", "IEEE Std 530", "IEEE Std 1554"),
@@ -84,8 +83,7 @@ REPEATABILITY = MethodDescription(
     rules="bench.methods.tumble.rules:RULES",
     words="bench.methods.tumble.words:WORDS",
     settings=RepeatabilitySettings,
-    quantities=stated(REPEATABILITY_UNITS),
-    shown=displayed(REPEATABILITY_UNITS),
+    quantities=REPEATABILITY_UNITS,
     first_dwell=1,
     drawn_by="bench.methods.tumble.shown_repeatability:repeated_shown",
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -49,12 +49,10 @@ class ResponseCompensation:
             "output": self.output_unit,
             "value": self.value_unit,
             "form": FORM,
-            "scale": {"form": "constant", "value": self.scale.value, "unit": self.scale.unit, "u": self.scale.u},
+            "scale": self.scale.to_json(),
             "response": {
                 "form": RESPONSE_FORM,
-                **{
-                    name: {"value": each.value, "unit": each.unit, "u": each.u} for name, each in self.constants.items()
-                },
+                **{name: asdict(each) for name, each in self.constants.items()},
                 "correlation": [list(row) for row in self.correlation],
                 "valid_hz": list(self.valid_hz),
             },

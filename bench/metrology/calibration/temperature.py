@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -53,7 +52,7 @@ class Compensation:
             "output": self.output_unit,
             "value": self.value_unit,
             "form": FORM,
-            **{name: None if curve is None else _curve_json(curve) for name, curve in curves.items()},
+            **{name: None if curve is None else curve.to_json() for name, curve in curves.items()},
             "valid_c": None if self.valid_c is None else list(self.valid_c),
             **({} if self.linearity is None else {"linearity": self.linearity.to_json()}),
             **({"serves": list(self.serves)} if self.serves else {}),
@@ -99,9 +98,3 @@ def _values(curve: Curve, temperature_c: Array) -> Array:
             return np.interp(temperature_c, curve.knots_c, curve.values)
         case Constant():
             return np.full_like(temperature_c, curve.value)
-
-
-def _curve_json(curve: Curve) -> Mapping[str, Any]:
-    if isinstance(curve, Constant):
-        return {"form": "constant", "value": curve.value, "unit": curve.unit, "u": curve.u}
-    return curve.to_json()

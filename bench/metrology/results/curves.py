@@ -6,7 +6,7 @@ Every model has `id`, `uut` and `quantity`, and `to_json` for the results.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from bench.metrology.results.flag import Flag
@@ -26,15 +26,15 @@ class TemperatureModel:
     centre: float
     scale: float
     coefficients: tuple[float, ...]
-    u: tuple[float, ...] | None
-    correlation: tuple[tuple[float, ...], ...]
-    powers_of_t: tuple[float, ...]
-    residual_sd: float | None
-    dof: int
-    max_residual: float
-    valid_c: tuple[float, float]
-    dwells_used: int
-    dwells_left_out: tuple[str, ...]
+    u: tuple[float, ...] | None = None
+    correlation: tuple[tuple[float, ...], ...] = ()
+    powers_of_t: tuple[float, ...] = ()
+    residual_sd: float | None = None
+    dof: int = 0
+    max_residual: float = 0.0
+    valid_c: tuple[float, float] = field(kw_only=True)
+    dwells_used: int = 0
+    dwells_left_out: tuple[str, ...] = ()
 
     @classmethod
     def of_fit(
@@ -62,25 +62,8 @@ class TemperatureModel:
 
     def to_json(self) -> dict[str, Any]:
         """JSON content for the results."""
-        return {
-            "id": self.id,
-            "uut": self.uut,
-            "quantity": self.quantity,
-            "unit": self.unit,
-            "form": "sum of c[i] · x^i, x = (T - centre) / scale, T the indicated temperature in °C",
-            "centre": self.centre,
-            "scale": self.scale,
-            "coefficients": list(self.coefficients),
-            "u": list(self.u) if self.u is not None else None,
-            "correlation": [list(row) for row in self.correlation],
-            "powers_of_T": list(self.powers_of_t),
-            "residual_sd": self.residual_sd,
-            "dof": self.dof,
-            "max_residual": self.max_residual,
-            "valid_c": list(self.valid_c),
-            "dwells_used": self.dwells_used,
-            "dwells_left_out": list(self.dwells_left_out),
-        }
+        content = _content(self, "sum of c[i] · x^i, x = (T - centre) / scale, T the indicated temperature in °C")
+        return {"powers_of_T" if name == "powers_of_t" else name: value for name, value in content.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +73,10 @@ class Constant:
     value: float
     unit: str
     u: float | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON content of a constant as a curve over temperature, for a calibration file."""
+        return {"form": "constant", **asdict(self)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,9 +103,7 @@ class Equation:
             "uut": self.uut,
             "quantity": self.quantity,
             "form": ", ".join((self.form, *map(str, self.clauses))),
-            "constants": {
-                name: {"value": each.value, "unit": each.unit, "u": each.u} for name, each in self.constants.items()
-            },
+            "constants": {name: asdict(each) for name, each in self.constants.items()},
             "correlation": [list(row) for row in self.correlation],
             "valid": {name: list(ends) for name, ends in self.valid.items()},
         }
@@ -138,17 +123,15 @@ class KnotModel:
 
     def to_json(self) -> dict[str, Any]:
         """JSON content for the results."""
-        return {
-            "id": self.id,
-            "uut": self.uut,
-            "quantity": self.quantity,
-            "unit": self.unit,
-            "form": "straight lines between the knots, the end values held beyond them",
-            "knots_c": list(self.knots_c),
-            "values": list(self.values),
-            "u": list(self.u),
-            "valid_c": [self.knots_c[0], self.knots_c[-1]],
-        }
+        content = _content(self, "straight lines between the knots, the end values held beyond them")
+        return {**content, "valid_c": [self.knots_c[0], self.knots_c[-1]]}
+
+
+def _content(model: TemperatureModel | KnotModel, form: str) -> dict[str, Any]:
+    """The fields of a model, with its form after its unit."""
+    fields = asdict(model)
+    title = {name: fields.pop(name) for name in ("id", "uut", "quantity", "unit")}
+    return {**title, "form": form, **fields}
 
 
 Model = TemperatureModel | Equation | KnotModel

@@ -5,13 +5,10 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
-
+from bench.config.new_bench import expect_name
 from bench.config.schema_file import path_to_schema
 from bench.errors import InputError
 from bench.files import written_new
-from drivers.schema.fields import Name
-from drivers.schema.wording import error_text
 
 _PACKAGE = Path(str(files("bench")))
 _SCHEMA = "../../../docs/schema/sequence.schema.json"  # name in the starter
@@ -19,10 +16,7 @@ _SCHEMA = "../../../docs/schema/sequence.schema.json"  # name in the starter
 
 def write_starter(name: str, folder: Path) -> Path:
     """Write `FOLDER/NAME.yaml`; InputError if the name is invalid, the file exists, or it cannot be written."""
-    try:
-        TypeAdapter(Name).validate_python(name)
-    except ValidationError as error:
-        raise InputError(f"NAME: {error_text(error.errors()[0])}") from None
+    expect_name(name)
     path = folder / f"{name}.yaml"
     try:
         with written_new(path) as draft:

@@ -82,11 +82,6 @@ class Estimate(NamedTuple):
         """Time from the beginning of the first phase to the end of the last."""
         return math.fsum(self.phases_s.values())
 
-    @property
-    def steps_s(self) -> tuple[float, ...]:
-        """Duration of each step, executed once."""
-        return tuple(span.duration_s for span in self.spans)
-
     def of_phase(self, phase: Phase) -> float:
         """Duration of a phase; 0 without steps."""
         return self.phases_s[phase]

@@ -20,7 +20,6 @@ from drivers.schema.fields import InUnit
 
 TEXTS = ("note", "alarm", "prompt")  # keys of texts, which may contain expressions
 _IN_TEXT = re.compile(r"\$\{([^{}]*)\}")
-Examples = Mapping[str, Value | None]  # by the names of measurements; None if the unit is unknown
 
 
 class Scope(NamedTuple):

@@ -129,6 +129,3 @@ class Retry(StrictModel):
         DEVICE_CODES, description="the error codes after which it is repeated; default: all errors of a device"
     )
     steps: Steps = Field(description="run in each attempt")
-
-
-Block = ForEach | Repeat | Group | If | While | Parallel | Call | Retry

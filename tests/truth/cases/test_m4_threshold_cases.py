@@ -49,7 +49,7 @@ def test_the_dead_band_of_a_converter_is_found_within_its_uncertainty():
         truth_g = dead_band_g + abs(off_centre_g)  # the sense that has to cross all of it
         found = find_threshold(counted_ladder(rng, dead_band_g=dead_band_g, off_centre_g=off_centre_g))
         assert found.relation == "equal"
-        ratios.append((found.threshold_g - truth_g) / found.u_g)
+        ratios.append((found.threshold_g - truth_g) / np.hypot(found.u_ladder_g, found.u_noise_g))
         inside.append(found.low_g - 2 * found.u_noise_g < truth_g < found.high_g + 2 * found.u_noise_g)
     assert 0.8 < np.sqrt(np.mean(np.square(ratios))) < 1.2
     assert np.mean(inside) == 1.0

@@ -208,8 +208,8 @@ def test_a_plug_in_says_in_which_unit_its_quantities_are_shown(plugin):
 
 @pytest.mark.parametrize("method", known_methods().values(), ids=lambda method: method.name)
 def test_shown_units_are_of_the_kind_of_their_quantities(method):
-    for quantity, symbol in method.shown.items():
-        own = parse_unit(method.quantities.get(quantity, "g"))  # of a result that has no limits
+    for quantity, symbol in method.displayed.items():
+        own = parse_unit(method.stated.get(quantity, "g"))  # of a result that has no limits
         assert parse_unit(symbol or "1").dimension == own.dimension, quantity
 
 

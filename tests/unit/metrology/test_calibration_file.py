@@ -77,7 +77,7 @@ def test_of_several_channels_each_row_says_which(tmp_path):
 
 def test_what_a_program_writes_it_reads_again(tmp_path):
     model = TemperatureModel(
-        "id", "QF-7", "K1", "pulse/s/g", 20.0, 50.0, (11300.0, -30.0), None, (), (), None, 0, 0.0, (-30.0, 70.0), 2, (),
+        "id", "QF-7", "K1", "pulse/s/g", 20.0, 50.0, (11300.0, -30.0), dwells_used=2, valid_c=(-30.0, 70.0),
     )  # fmt: skip
     knots = KnotModel("id", "QF-7", "K0", "pulse/s", (-40.0, 60.0), (1.0, 2.0), (0.1, 0.1))
     written = Compensation("x", "pulse/s", "g", model, knots, Constant(1e-3, "g", 1e-6))

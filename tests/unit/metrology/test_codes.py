@@ -48,7 +48,7 @@ def test_a_mean_has_the_scatter_of_its_samples():
     values = noise(500)
     found = mean_code(codes(values))
     assert found.value == values.mean()
-    assert found.scatter_u == pytest.approx(values.std(ddof=1) / np.sqrt(500))
+    assert found.single_u == pytest.approx(values.std(ddof=1) / np.sqrt(500))
     assert found.quantisation_u < 1e-12
     assert found.problems == ()
 

@@ -264,7 +264,7 @@ def test_the_schema_takes_the_keys_that_the_loader_takes(keys, good):
     ],
 )
 def test_limits_are_told_as_they_are_declared_in_the_unit_of_the_value(quantity, limits, words, bands):
-    unit = TEMPERATURE_TUMBLE.quantities[quantity]
+    unit = TEMPERATURE_TUMBLE.stated[quantity]
     assert limits_in_words(quantity, unit, limits) == words
     assert bands_in_words(quantity, unit, limits) == bands
 

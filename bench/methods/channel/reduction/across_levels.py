@@ -84,8 +84,7 @@ class ChannelConclusions:
         return TemperatureModel(
             id=slope.id, uut=slope.uut, quantity=slope.quantity, unit=unit, centre=reference_c, scale=1.0,
             coefficients=(at_reference, slope.value), u=(0.0, slope.u), correlation=((1.0, 0.0), (0.0, 1.0)),
-            powers_of_t=(at_reference - slope.value * reference_c, slope.value), residual_sd=None, dof=0,
-            max_residual=0.0, valid_c=valid_c, dwells_used=0, dwells_left_out=(),
+            powers_of_t=(at_reference - slope.value * reference_c, slope.value), valid_c=valid_c,
         )  # fmt: skip
 
     @staticmethod

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.attitude_check import doubtful_attitudes, exchanged_headings
 from bench.methods.imu.reduction.attitudes import AXES, NAMES, NORTH, SPECIFIC_FORCE_G, block
+from bench.methods.imu.reduction.knots import TemperatureTable, temperature_table
 from bench.methods.imu.reduction.records import ImuReadings, RateReadings
 from bench.methods.imu.words import (
     FEW_TEMPERATURES,
@@ -120,6 +121,11 @@ class SetPoint:
     doubted: NDArray[np.bool_]
     visit: int = 1
 
+    @property
+    def pulse_per_deg(self) -> Array:
+        """Scale factors of the gyros (3,), NaN if unknown."""
+        return np.array([axis.kg_pulse_per_deg if axis else math.nan for axis in self.axes])
+
 
 @dataclass(frozen=True, slots=True)
 class ImuCalibration:
@@ -138,6 +144,15 @@ class ImuCalibration:
     def over_temperature(self, axis: int) -> list[AxisCalibration]:
         """One axis at all set points where it could be calibrated."""
         return _calibrated(self.points, axis)
+
+    def knots(self, sensor: str, axis: int) -> TemperatureTable:
+        """Knots of one channel over temperature; `sensor` is acc or gyro."""
+        every = self.over_temperature(axis)
+        if sensor == "acc":
+            rows = [(one.accelerometer_c, one.k0, one.k1_per_g) for one in every]
+        else:
+            rows = [(one.gyro_c, one.d0, one.kg_pulse_per_deg) for one in every]
+        return temperature_table(np.array(rows, np.float64).reshape(-1, 3))
 
 
 def _calibrated(points: Sequence[SetPoint], axis: int) -> list[AxisCalibration]:
@@ -231,8 +246,7 @@ def _check_headings(readings: ImuReadings, points: list[SetPoint], latitude_deg:
         return
     untold = 0
     for number, point in enumerate(points):
-        scale = np.array([axis.kg_pulse_per_deg if axis else math.nan for axis in point.axes])
-        exchanged, unclear = exchanged_headings(readings.gyro_output[number], scale, latitude_deg)
+        exchanged, unclear = exchanged_headings(readings.gyro_output[number], point.pulse_per_deg, latitude_deg)
         untold += len(unclear)
         if exchanged:
             point.doubted[exchanged] = True

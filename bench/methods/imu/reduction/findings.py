@@ -89,25 +89,17 @@ class AxisAtVisit:
 
     def _accelerometer(self) -> Iterator[Finding]:
         one, k1 = self.calibration, self.calibration.k1_per_g
-        errors = self.errors.of(self._own)
-        seen = [k1 * each for each in errors.seen(UP, self.axis)]
         gain = one.accelerometer.gain
         bias = gain[0] / k1 - one.k0 / k1**2 * gain[1]
-
-        def lines(weights: Array) -> Iterator[BudgetLine]:
-            yield scatter_line(self.noise.accelerometer, weights)
-            yield from errors.lines(seen, weights)
-            yield self._warming(float(weights @ self._moved(self._own)))
-            yield from self._steps("acc", self._own, weights)
-
+        lines_k0, lines_k1 = self._of_accelerometer(self._own, k1, (bias, gain[1]))
         yield self._finding(
             "K0", one.k0 / k1, [
-                *lines(bias), self._thermometer("K0", one.accelerometer_c),
+                *lines_k0, self._thermometer("K0", one.accelerometer_c),
                 BudgetLine("K2 of the accelerometer: contained, inseparable in these attitudes", "alias", 0),
             ],
         )  # fmt: skip
         clock = self._of("acc").clock_of_scale(k1)
-        scale = self._finding("K1", k1, [*lines(gain[1]), *clock, self._thermometer("K1", one.accelerometer_c)])
+        scale = self._finding("K1", k1, [*lines_k1, *clock, self._thermometer("K1", one.accelerometer_c)])
         yield scale
         g = self.bench.gravity_mps2
         lines_si = [BudgetLine("K1", "B", scale.u / g, scale.dof, scale.id), self.bench.gravity(k1 / g)]
@@ -164,21 +156,13 @@ class AxisAtVisit:
     def _over_attitudes(self) -> Iterator[Finding]:
         accelerometer, gyro = self.fits.accelerometers[self.axis], self.fits.gyros[self.axis]
         if accelerometer is not None:
-            used = np.flatnonzero(self.used).tolist()
-            errors, moved = self.errors.of(used), self._moved(used)
-            seen = [accelerometer.k1_per_g * each for each in errors.seen(UP, self.axis)]
-
-            def lines(weights: Array) -> Iterator[BudgetLine]:
-                yield scatter_line(self.noise.accelerometer, weights)
-                yield from errors.lines(seen, weights)
-                yield self._warming(float(weights @ moved))
-                yield from self._steps("acc", used, weights)
-
+            used, weights = np.flatnonzero(self.used).tolist(), accelerometer.weights
+            lines_k2, *lines = self._of_accelerometer(used, accelerometer.k1_per_g, weights[2:])
             alias = BudgetLine("asymmetry of the converter: contained, inseparable", "alias", 0)
-            yield self._finding("K2", accelerometer.k2_g_per_g2, [*lines(accelerometer.weights[2]), alias])
+            yield self._finding("K2", accelerometer.k2_g_per_g2, [*lines_k2, alias])
             for other in self._others:
-                value, weights = float(accelerometer.misalignment_rad[other]), accelerometer.weights[3 + other]
-                yield self._finding("misalignment", value, list(lines(weights)), toward=other)
+                value = float(accelerometer.misalignment_rad[other])
+                yield self._finding("misalignment", value, lines[other], toward=other)
         if gyro is not None:
             kg = self.calibration.kg_pulse_per_deg
             for other in range(len(AXES)):
@@ -218,6 +202,22 @@ class AxisAtVisit:
         return value, gain / np.sqrt(read.span_s), list(self._of("gyro").stepped(hidden))
 
     # Parts of findings
+
+    def _of_accelerometer(
+        self, attitudes: Sequence[int], k1_per_g: float, weights: Iterable[Array]
+    ) -> list[list[BudgetLine]]:
+        """Lines of results with these sensitivities, each (n,), to the accelerometer's readings in attitudes (n,)."""
+        errors, moved = self.errors.of(attitudes), self._moved(attitudes)
+        seen = [k1_per_g * each for each in errors.seen(UP, self.axis)]
+        return [
+            [
+                scatter_line(self.noise.accelerometer, gain),
+                *errors.lines(seen, gain),
+                self._warming(float(gain @ moved)),
+                *self._steps("acc", attitudes, gain),
+            ]
+            for gain in weights
+        ]
 
     def _steps(self, sensor: str, attitudes: Iterable[int], gain: Array) -> Iterator[BudgetLine]:
         """Quantisation uncertainty of a result with sensitivities `gain` (n,) to the readings in attitudes.

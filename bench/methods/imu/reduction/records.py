@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,42 +19,41 @@ from bench.metrology.least_squares import Array
 SAME_SET_POINT_DIGITS = 6
 
 
-@dataclass(frozen=True, slots=True)
-class PositionRecord:
-    """One row per dwell at rest, in the order of acquisition; a missing number is NaN.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DwellRecord:
+    """One row per dwell, in the order of acquisition; a missing number is NaN.
 
-    `attitude` (n,) counts from 0 in the order of `attitudes.NAMES`, -1 if missing. Counts are net pulses of x, y and z
-    in the dwell (n, 3), temperatures those of the thermometers at the accelerometers and at the gyros (n, 3). `visit`
-    (n,) numbers the visits of each set point; without it there is one of each.
+    Counts are net pulses of x, y and z in the dwell (n, 3), temperatures those of the thermometers at the
+    accelerometers and at the gyros (n, 3). `visit` (n,) numbers the visits of each set point; without it there is one
+    of each.
     """
 
     set_c: Array
-    attitude: NDArray[np.int_]
     dwell_s: Array
-    accelerometer_counts: Array
     gyro_counts: Array
     accelerometer_c: Array
     gyro_c: Array
     visit: NDArray[np.int_] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class RateRecord:
-    """One row per dwell at a constant rate about one axis, in the order of acquisition; a missing number is NaN.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionRecord(DwellRecord):
+    """Dwells at rest; `attitude` (n,) counts from 0 in the order of `attitudes.NAMES`, -1 if missing."""
 
-    `axis` (n,) is 0, 1 or 2, -1 if missing; `rate_dps` is the rate by the table's encoder; the rest is as in a
-    PositionRecord.
+    attitude: NDArray[np.int_]
+    accelerometer_counts: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateRecord(DwellRecord):
+    """Dwells at a constant rate about one axis: `axis` (n,) is 0, 1 or 2, -1 if missing.
+
+    `rate_dps` is the rate by the table's encoder.
     """
 
-    set_c: Array
     axis: NDArray[np.int_]
     command_dps: Array
     rate_dps: Array
-    dwell_s: Array
-    gyro_counts: Array
-    accelerometer_c: Array
-    gyro_c: Array
-    visit: NDArray[np.int_] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,13 +103,25 @@ def arrange(positions: PositionRecord, rates: RateRecord, *, rate_tolerance: flo
     points = np.full(len(keys), len(visits))
     points[placed] = point.ravel()
     of_position, of_rate = np.split(points, [len(positions.set_c)])
+    found = arranged_at(len(visits), positions, of_position, rates, of_rate, rate_tolerance)
+    return replace(found, set_c=-visits[:, 0] + 0.0, visit=visits[:, 1].astype(np.int_))
+
+
+def arranged_at(
+    points: int, positions: PositionRecord, of_position: NDArray[np.int_], rates: RateRecord, of_rate: NDArray[np.int_],
+    rate_tolerance: float,
+) -> ImuReadings:  # fmt: skip
+    """Arrange rows (n,) by the numbers of their visits, `points` for none; a visit without rows has no readings.
+
+    Set points are left to the caller.
+    """
     excluded: Counter[str] = Counter(missing=0, duplicate=0, rate=0)
-    at_rest = _at_rest(positions, of_position, len(visits), excluded)
-    turning = _turning(rates, of_rate, len(visits), rate_tolerance, excluded)
-    return ImuReadings(-visits[:, 0] + 0.0, *at_rest, turning, dict(excluded), visits[:, 1].astype(np.int_))
+    at_rest = _at_rest(positions, of_position, points, excluded)
+    turning = _turning(rates, of_rate, points, rate_tolerance, excluded)
+    return ImuReadings(np.full(points, np.nan), *at_rest, turning, dict(excluded), np.arange(1, points + 1))
 
 
-def _keys(record: PositionRecord | RateRecord) -> Array:
+def _keys(record: DwellRecord) -> Array:
     """Sort keys of the visits of the rows (n, 2): the hottest set point first, then the number of the visit."""
     visit = np.ones(len(record.set_c)) if record.visit is None else record.visit.astype(np.float64)
     return np.stack([-rounded(record.set_c), visit], axis=-1)
@@ -127,7 +138,7 @@ def _at_rest(
     """Pulses per second and temperatures at rest: four arrays (points, 24, 3)."""
     dwell_s = np.where(record.dwell_s > 0, record.dwell_s, np.nan)[:, np.newaxis]
     accelerometer_output, gyro_output = record.accelerometer_counts / dwell_s, record.gyro_counts / dwell_s
-    placed = np.isfinite(record.set_c) & (record.attitude >= 0)
+    placed = (point < points) & (record.attitude >= 0)
     good = placed[:, np.newaxis] & np.isfinite(accelerometer_output) & np.isfinite(gyro_output)
     row, axis = np.nonzero(good)
 
@@ -153,7 +164,7 @@ def _turning(
     """Readings of the rotated axis, by set point and axis."""
     own = (np.arange(len(record.axis)), record.axis)
     output = record.gyro_counts[own] / np.where(record.dwell_s > 0, record.dwell_s, np.nan)
-    given = np.isfinite(record.set_c) & np.isfinite(record.command_dps) & np.isfinite(record.rate_dps)
+    given = (point < points) & np.isfinite(record.command_dps) & np.isfinite(record.rate_dps)
     present = given & (record.axis >= 0) & np.isfinite(output)
     as_told = np.abs(record.rate_dps - record.command_dps) <= tolerance * np.abs(record.command_dps)
     used = np.flatnonzero(present & as_told)

@@ -21,7 +21,7 @@ from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibratio
 from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
 from bench.methods.imu.reduction.dead_band import dead_band_of, near_zero, near_zero_flags
 from bench.methods.imu.reduction.findings import AxisAtVisit
-from bench.methods.imu.reduction.knots import SAME_KNOT_C, TemperatureTable, check_model, temperature_table
+from bench.methods.imu.reduction.knots import SAME_KNOT_C, TemperatureTable, check_model
 from bench.methods.imu.reduction.noise import noise_of
 from bench.methods.imu.reduction.table_errors import table_errors
 from bench.methods.imu.reduction.visits import differences
@@ -73,9 +73,7 @@ class _Unit:
             for axis in range(len(AXES))
         ]
         self._curves = {
-            (quantity, axis): _curve(self._found.over_temperature(axis), quantity)
-            for quantity in MODELLED
-            for axis in range(len(AXES))
+            (quantity, axis): _curve(self._found, quantity, axis) for quantity in MODELLED for axis in range(len(AXES))
         }
 
     def result(self) -> UnitResult:
@@ -154,8 +152,7 @@ class _Unit:
         left_out = doubted | self._near_zero[number]
         accelerometers = np.where(left_out, np.nan, self._readings.accelerometer_output[number])
         gyros = np.where(doubted, np.nan, self._readings.gyro_output[number])
-        scale = np.array([axis.kg_pulse_per_deg if axis else np.nan for axis in point.axes])
-        fits = fit_attitudes(accelerometers, gyros, self._data.bench.latitude_deg, scale)
+        fits = fit_attitudes(accelerometers, gyros, self._data.bench.latitude_deg, point.pulse_per_deg)
         return np.isfinite(accelerometers), fits
 
     def _silent(self, number: int) -> NDArray[np.bool_]:
@@ -267,8 +264,7 @@ class _Unit:
 
     def _knots(self, sensor: str, axis: int, at_visits: Sequence[Finding]) -> tuple[KnotModel, KnotModel] | None:
         """Knots of zero and scale factor of a channel; None with fewer than two."""
-        every = self._found.over_temperature(axis)
-        table = knots_of(sensor, every)
+        table = self._found.knots(sensor, axis)
         if not table.usable:
             return None
         zero_of, scale_of = ("K0", "K1") if sensor == "acc" else ("D0", "KG")
@@ -298,18 +294,9 @@ class _Unit:
         ])  # fmt: skip
 
 
-def knots_of(sensor: str, every: Sequence[AxisCalibration]) -> TemperatureTable:
-    """Knots of one channel, from its axis at all visits."""
-    rows = [
-        (one.accelerometer_c, one.k0, one.k1_per_g) if sensor == "acc" else (one.gyro_c, one.d0, one.kg_pulse_per_deg)
-        for one in every
-    ]
-    return temperature_table(np.array(rows, np.float64).reshape(-1, 3))
-
-
-def _curve(every: Sequence[AxisCalibration], quantity: str) -> tuple[Array, Array]:
+def _curve(found: ImuCalibration, quantity: str, axis: int) -> tuple[Array, Array]:
     """A quantity over temperature at the knots, temperature (k,) and value (k,)."""
-    table = knots_of("gyro" if quantity in OF_GYROS else "acc", every)
+    table = found.knots("gyro" if quantity in OF_GYROS else "acc", axis)
     if not len(table.temperature_c) or quantity in RELATIVE:
         return table.temperature_c, table.scale
     return table.temperature_c, np.asarray(table.zero / table.scale)

@@ -6,7 +6,6 @@ mount, not from names in the sequence.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bench.methods.imu.reduction.attitudes import AXES, BLOCK, BODY_AXES, NAMES
-from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateReadings, RateRecord, arrange
-from bench.metrology.acquisition import Acquisition, Array, Integers
+from bench.methods.imu.reduction.attitudes import AXES, BLOCK, BODY_AXES
+from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateRecord, arranged_at
+from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import unit_axes
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -163,96 +162,65 @@ def axis_direction(acquisition: Acquisition, role: str, bench: BenchRecord) -> A
 
 def readings(found: Sequence[Visit], unit: UnitUnderTest, rate_tolerance: float) -> ImuReadings:
     """Readings of all visits, one entry of each array for each visit; a set point may be visited twice."""
-    parts = [_arranged(visit, unit, rate_tolerance) for visit in found]
-    excluded: Counter[str] = Counter()
-    for part in parts:
-        excluded.update(part.excluded)
-    empty = np.full((0, len(NAMES), len(AXES)), np.nan)
-    return ImuReadings(
-        set_c=np.array([visit.set_c for visit in found]),
-        accelerometer_output=np.concatenate([empty, *(part.accelerometer_output for part in parts)]),
-        gyro_output=np.concatenate([empty, *(part.gyro_output for part in parts)]),
-        accelerometer_c=np.concatenate([empty, *(part.accelerometer_c for part in parts)]),
-        gyro_c=np.concatenate([empty, *(part.gyro_c for part in parts)]),
-        rates=tuple(rates for part in parts for rates in part.rates),
-        excluded=dict(excluded),
-        visit=np.arange(1, len(found) + 1),
-    )
-
-
-def _arranged(visit: Visit, unit: UnitUnderTest, rate_tolerance: float) -> ImuReadings:
-    """One visit as the readings of one set point, with its own number."""
-    resting = [each.acquisition for each in visit.at_rest]
-    turned = [each.acquisition for each in visit.turning]
-    attitude = np.array([each.attitude for each in visit.at_rest], dtype=np.int_)
-    turned_axis = np.array([each.axis for each in visit.turning], dtype=np.int_)
-    at_rest, turning = _counted(resting, unit, attitude // BLOCK), _counted(turned, unit, turned_axis)
+    resting = [(visit.number, each) for visit in found for each in visit.at_rest]
+    turned = [(visit.number, each) for visit in found for each in visit.turning]
+    attitude = np.array([each.attitude for _, each in resting], dtype=np.int_)
+    at_rest, turning = (_Windows([each.acquisition for _, each in part], unit) for part in (resting, turned))
     positions = PositionRecord(
         set_c=np.zeros(len(resting)),
         attitude=attitude,
         dwell_s=at_rest.span_s,
-        accelerometer_counts=at_rest.accelerometers,
-        gyro_counts=at_rest.gyros,
-        accelerometer_c=at_rest.accelerometer_c,
-        gyro_c=at_rest.gyro_c,
+        accelerometer_counts=at_rest.counts(
+            ACCELEROMETERS, may_be_silent=(attitude // BLOCK)[:, np.newaxis] != np.arange(len(AXES))
+        ),
+        gyro_counts=at_rest.counts(GYROS),
+        accelerometer_c=at_rest.celsius(unit.temperature),
+        gyro_c=at_rest.celsius(unit.gyro_temperature),
     )
     rates = RateRecord(
         set_c=np.zeros(len(turned)),
-        axis=turned_axis,
-        command_dps=np.array([each.command_dps for each in visit.turning]),
-        rate_dps=np.array([each.rate_dps for each in visit.turning]),
+        axis=np.array([each.axis for _, each in turned], dtype=np.int_),
+        command_dps=np.array([each.command_dps for _, each in turned]),
+        rate_dps=np.array([each.rate_dps for _, each in turned]),
         dwell_s=turning.span_s,
-        gyro_counts=turning.gyros,
-        accelerometer_c=turning.accelerometer_c,
-        gyro_c=turning.gyro_c,
+        gyro_counts=turning.counts(GYROS),
+        accelerometer_c=turning.celsius(unit.temperature),
+        gyro_c=turning.celsius(unit.gyro_temperature),
     )
-    arranged = arrange(positions, rates, rate_tolerance=rate_tolerance)
-    if len(arranged.set_c):
-        return arranged
-    nothing = np.full((1, len(NAMES), len(AXES)), np.nan)
-    none = _no_rates()
-    return ImuReadings(np.zeros(1), nothing, nothing, nothing, nothing, none, arranged.excluded, np.ones(1, np.int_))
+    of_position, of_rate = (np.array([number for number, _ in part], dtype=np.int_) for part in (resting, turned))
+    arranged = arranged_at(len(found), positions, of_position, rates, of_rate, rate_tolerance)
+    return replace(arranged, set_c=np.array([visit.set_c for visit in found]))
 
 
 @dataclass(frozen=True, slots=True)
-class _Counted:
-    """Windows as counts, or as the equivalent of mean codes: `span_s` (n,), all others (n, 3)."""
+class _Windows:
+    """Windows (n,) of a unit as counts, or as the equivalent of mean codes."""
 
-    span_s: Array
-    accelerometers: Array
-    gyros: Array
-    accelerometer_c: Array
-    gyro_c: Array
+    acquisitions: Sequence[Acquisition]
+    unit: UnitUnderTest
 
+    @property
+    def span_s(self) -> Array:
+        """Duration of each: (n,)."""
+        channels = self.unit.channels.values()
+        return np.array(
+            [max((each.windows[name].span_s for name in channels), default=0.0) for each in self.acquisitions]
+        )
 
-def _counted(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, vertical: Integers) -> _Counted:
-    """Windows of which `vertical` (n,) is the vertical axis: all others may be silent, gyros at rest too."""
-    empty = (len(acquisitions), len(AXES))
-    span_s = np.array([_span_s(each, unit) for each in acquisitions])
-    level = vertical[:, np.newaxis] != np.arange(len(AXES))
-
-    def net(channels: Sequence[str], silent: NDArray[np.bool_]) -> Array:
+    def counts(self, sensors: Sequence[str], may_be_silent: NDArray[np.bool_] | None = None) -> Array:
+        """Counts of three sensors (n, 3); those that may not be silent have none in a dead band, gyros always may."""
+        shape = (len(self.acquisitions), len(AXES))
+        silent = np.full(shape, True) if may_be_silent is None else may_be_silent
         means = [
-            [_mean(each, unit.channels[name], may) for name, may in zip(channels, of, strict=True)]
-            for each, of in zip(acquisitions, silent, strict=True)
+            [_mean(each, self.unit.channels[name], may) for name, may in zip(sensors, of, strict=True)]
+            for each, of in zip(self.acquisitions, silent, strict=True)
         ]
-        return np.asarray(np.array(means).reshape(empty) * span_s[:, np.newaxis])
+        return np.asarray(np.array(means).reshape(shape) * self.span_s[:, np.newaxis])
 
-    def celsius(name: str) -> Array:
-        means = [_mean_c(each.temperatures_c.get(name, np.empty(0))) for each in acquisitions]
+    def celsius(self, thermometer: str) -> Array:
+        """Temperatures at three sensors (n, 3)."""
+        means = [_mean_c(each.temperatures_c.get(thermometer, np.empty(0))) for each in self.acquisitions]
         return np.repeat(np.array(means, np.float64)[:, np.newaxis], len(AXES), axis=1)
-
-    return _Counted(
-        span_s=span_s,
-        accelerometers=net(ACCELEROMETERS, level),
-        gyros=net(GYROS, np.full(empty, True)),
-        accelerometer_c=celsius(unit.temperature),
-        gyro_c=celsius(unit.gyro_temperature),
-    )
-
-
-def _span_s(acquisition: Acquisition, unit: UnitUnderTest) -> float:
-    return max((acquisition.windows[channel].span_s for channel in unit.channels.values()), default=0.0)
 
 
 def _mean(acquisition: Acquisition, channel: str, may_be_silent: np.bool_) -> float:
@@ -264,9 +232,3 @@ def _mean(acquisition: Acquisition, channel: str, may_be_silent: np.bool_) -> fl
 def _mean_c(values: Array) -> float:
     good = values[np.isfinite(values)]
     return float(good.mean()) if len(good) and len(good) >= LEAST_SHARE * len(values) else np.nan
-
-
-def _no_rates() -> tuple[tuple[RateReadings, ...], ...]:
-    """Rates of a set point without any."""
-    nothing = RateReadings(*(np.empty(0) for _ in range(5)))
-    return ((nothing,) * len(AXES),)

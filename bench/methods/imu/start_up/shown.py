@@ -19,7 +19,6 @@ from bench.methods.imu.shown import AXES, STYLES
 from bench.methods.imu.start_up.run import NOT_DETERMINED, StartUpDetail, Watched
 from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import Finding, UnitResult
-from bench.sequence.method import stated
 
 TITLES = {
     "K0": "Accelerometers: zero",
@@ -62,7 +61,7 @@ def _errors(found: Found) -> Sheet:
     """Residual errors of the compensation right after power-on, and of the warm unit."""
     wanted = {f"{quantity}/{when}": shown for quantity in TITLES for when in WHEN}
     heads = (
-        (f"{quantity}, {tr(as_text)}", IMU_START_UP.shown[f"{quantity}/{when}"])
+        (f"{quantity}, {tr(as_text)}", IMU_START_UP.displayed[f"{quantity}/{when}"])
         for quantity in TITLES
         for when, as_text in WHEN.items()
     )
@@ -122,7 +121,7 @@ def _courses(set_c: float, watched: Sequence[Watched], name: str) -> Plot:
 
 
 def _panel(axes: Axes, quantity: str, watched: Sequence[Watched]) -> None:
-    factor, symbol = scale_shown(f"{quantity}/warm", stated(CHANGES)[quantity])
+    factor, symbol = scale_shown(f"{quantity}/warm", CHANGES[quantity][0])
     limit = watched[0].limit * factor
     axes.axhspan(-limit, limit, color="#e7f0e4", linewidth=0)
     for edge in (-limit, limit):

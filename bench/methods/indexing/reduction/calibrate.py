@@ -181,4 +181,4 @@ def _notes_on_end(end: EndSweep) -> Iterator[Flag]:
     if end.fit is not None and end.fit.drift_v is not None:
         yield Flag(DRIFTS, values={"drift": f"{end.fit.drift_v:.3g}"})
     if end.fit is not None and end.fit.pattern is not None:
-        yield Flag(REPEATS, values={"periods": end.fit.pattern.periods})
+        yield Flag(REPEATS, values={"periods": end.fit.pattern})

@@ -16,11 +16,11 @@ import numpy as np
 
 from bench.methods.indexing.names import CLOCKING, PASS, REVERSE, VERIFICATION
 from bench.methods.indexing.reduction.sweep import SweepRecord
-from bench.metrology.acquisition import Acquisition, Counts
+from bench.metrology.acquisition import Acquisition, Counts, Output
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import Array
 from bench.metrology.orientation import unit_axes
-from bench.metrology.outputs import STABLE_PART_S, Output, mean_output, measured, steadiness
+from bench.metrology.outputs import STABLE_PART_S, mean_output, measured, steadiness
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 

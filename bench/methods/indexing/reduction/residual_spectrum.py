@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from bench.metrology.least_squares import Array
@@ -13,16 +11,10 @@ CHANCE = 1e-4
 """Maximum probability that noise has such a line."""
 
 
-@dataclass(frozen=True, slots=True)
-class SpectralLine:
-    """The largest line of a spectrum: `periods` over the whole record, and its `share` of the power, up to 1."""
+def conspicuous_periods(residuals: Array) -> int | None:
+    """Periods over the whole record of the largest line in the spectrum of equidistant residuals (n,).
 
-    periods: int
-    share: float
-
-
-def conspicuous_line(residuals: Array) -> SpectralLine | None:
-    """Largest line in the spectrum of equidistant residuals (n,); None if noise may well have one like it.
+    None if noise may well have a line like it.
 
     R. A. Fisher, Tests of significance in harmonic analysis, Proc. R. Soc. A 125 (1929) 54. The line at half the
     sampling frequency, with half the degrees of freedom of the others, is not considered.
@@ -35,4 +27,4 @@ def conspicuous_line(residuals: Array) -> SpectralLine | None:
     share = float(power[largest]) / total
     if len(power) * (1 - share) ** (len(power) - 1) > CHANCE:
         return None
-    return SpectralLine(largest + 1, share)
+    return largest + 1

@@ -51,11 +51,10 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True)
 class IndexingDetail:
-    """Data for the report: every attempt, the readings of the clocking and of the verification."""
+    """Data for the report: every attempt, and the readings of the verification with their residuals."""
 
     unit: str
     attempts: tuple[Attempt, ...]
-    clocking: tuple[IndexingReading, ...]
     verification: tuple[IndexingReading, ...]
     residuals_g: tuple[float, ...]
 
@@ -115,7 +114,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         data, unit, last.found, estimates, verified, settings["bias_per_c_u"], settings["scale_per_c_u"]
     )
     residuals_g = tuple(findings.verification_residuals_g().tolist())
-    detail = IndexingDetail(unit.output_unit, tuple(attempts), tuple(clocked), tuple(verified), residuals_g)
+    detail = IndexingDetail(unit.output_unit, tuple(attempts), tuple(verified), residuals_g)
     left_out = [f"+Z {name}" for name, end in last.found.ends.items() if end is None or end.fit is None]
     return UnitResult(
         place=unit.place,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc
 
-from bench.methods.indexing.reduction.residual_spectrum import SpectralLine, conspicuous_line
+from bench.methods.indexing.reduction.residual_spectrum import conspicuous_periods
 from bench.methods.indexing.words import FEW_ANGLES, MANY_OUTLIERS, NO_LINE, NOT_FOLLOWING
 from bench.metrology.least_squares import (
     EXCESSIVE_OUTLIERS,
@@ -120,7 +120,7 @@ class EndFit:
     `gain` (2, n) is the sensitivity of b and G to each reading. `residuals` (n,) are those of the line, including the
     drift if there is one. `drift_v` is the change of the bias from one dwell to the next; b is then the bias at the
     first dwell of the record. `loop_v` are those from below minus those from above at each angle to which the input
-    came from both sides.
+    came from both sides. `pattern` is the number of periods of a periodic pattern of the residuals, None without one.
     """
 
     dwells: SweepRecord
@@ -131,7 +131,7 @@ class EndFit:
     reading_sd_v: float
     drift_v: float | None
     loop_v: Array
-    pattern: SpectralLine | None
+    pattern: int | None
 
     @property
     def covariance(self) -> Array:
@@ -306,14 +306,14 @@ def _same_angle(angle_deg: Array) -> NDArray[np.int_]:
     return number
 
 
-def _pattern(dwells: SweepRecord, residuals: Array) -> SpectralLine | None:
-    """Periodic pattern of the residuals over the angle, beside a smooth curve."""
+def _pattern(dwells: SweepRecord, residuals: Array) -> int | None:
+    """Periods over all angles of a pattern of the residuals, beside a smooth curve; None without one."""
     angle = _same_angle(dwells.angle_deg)
     mean_v, mean_deg = _means(angle, residuals), _means(angle, dwells.angle_deg)
     degree = min(SMOOTH_DEGREE, len(mean_v) // 3)
     if degree == 0 or np.ptp(mean_v) <= _rounding(dwells):
         return None
-    return conspicuous_line(fit_polynomial(mean_deg, mean_v, degree).residuals)
+    return conspicuous_periods(fit_polynomial(mean_deg, mean_v, degree).residuals)
 
 
 def _rounding(dwells: SweepRecord) -> float:

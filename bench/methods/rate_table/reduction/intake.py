@@ -135,7 +135,6 @@ def _samples(
     latch, of_encoder, time_s = latches
     return TableSamples(
         step=acquisition.step,
-        motion=acquisition.motion,
         temperature=MeanTemperature.of(acquisition.temperatures_c[unit.temperature]),
         time_s=time_s - time_s[:1],
         total=np.asarray(total - total[:1], np.float64),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bench.methods.rate_table.reduction.radius import LEAST_LOW_RATES, Arm, gyro_error
-from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, CurvePoint, RangeFindings, noise_of
+from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, PointError, RangeFindings, noise_of
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning, range_blocks
 from bench.metrology.orientation import turned_axes
 from bench.metrology.results.budget import BudgetLine
@@ -43,8 +43,7 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
     if blocks.rest is None:
         return form.result(blocks, [], None)
     rest = form.at_rest(blocks, "rest_rate", "mean rate at rest, earth's part included")
-    findings, points = [rest], []
-    read: list[CurvePoint] = []
+    points = []
     for number, turning in enumerate(blocks.turning):
         error = gyro_error(turning.steady, blocks.bias)
         lines = [
@@ -56,11 +55,8 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
             *form.of_the_clock(error.true),
         ]
         at = {"point": number, "rate_dps": turning.command_dps}
-        findings += form.errors(turning, at, error.true, error.value, lines)
-        points.append(form.curve_point(turning, error.true, error.value, lines))
-        read += form.for_the_curve(turning, error.true, error.value, lines)
-    findings.append(form.saturated(blocks))
-    return form.with_curve(blocks, findings, "rate", points, read, ("scale_error", "asymmetry", "cubic"))
+        points.append(PointError(turning, at, error.true, error.value, lines))
+    return form.with_curve(blocks, [rest], "rate", points, ("scale_error", "asymmetry", "cubic"))
 
 
 def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
@@ -70,8 +66,6 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     if blocks.rest is None:
         return form.result(blocks, [], None)
     rest = form.at_rest(blocks, "rest_output", "mean output at rest")
-    findings = [rest]
-    read: list[CurvePoint] = []
     highest_g = settings["radius_up_to_g"] * TOUCH_G
     low = [each for each in blocks.turning if abs(each.steady.output - blocks.bias.output) <= highest_g]
     runs = [each for each in blocks.turning if all(each is not used for used in low)]
@@ -79,16 +73,15 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     if len({round(abs(each.command_dps), 3) for each in usable}) < LEAST_LOW_RATES:
         blocks.flags.append(Flag("too_few_low_rates"))
         blocks.left_out.append("radius")
-        return form.result(blocks, findings, None)
+        return form.result(blocks, [rest], None)
     arm = Arm(blocks.bias, [each.steady for each in usable], data.bench.gravity_mps2)
     radius = _radius(form, blocks, usable, arm)
-    findings.append(radius)
     if _unlike(radius, usable[0], unit, data):
         blocks.flags.append(Flag("radius_unlike_bench_file"))
     if arm.is_uncertain:
         blocks.flags.append(Flag("radius_not_determined"))
         blocks.left_out.append("radius")
-        return form.result(blocks, findings, None)
+        return form.result(blocks, [rest, radius], None)
     points = []
     for number, turning in enumerate(runs):
         error = arm.error(turning.steady)
@@ -103,11 +96,8 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
             BudgetLine("stretch of the arm: contained", "alias", 0.0),
         ]
         at = {"point": number, "rate_dps": turning.command_dps, "acceleration_g": error.true}
-        findings += form.errors(turning, at, error.true, error.value, lines)
-        points.append(form.curve_point(turning, error.true, error.value, lines))
-        read += form.for_the_curve(turning, error.true, error.value, lines)
-    findings.append(form.saturated(blocks))
-    return form.with_curve(blocks, findings, "acceleration", points, read, ("scale_error", "quadratic"))
+        points.append(PointError(turning, at, error.true, error.value, lines))
+    return form.with_curve(blocks, [rest, radius], "acceleration", points, ("scale_error", "quadratic"))
 
 
 def _warmer_c(turning: Turning, low: Sequence[Turning]) -> float:

@@ -36,17 +36,26 @@ OF_THE_CURVE = {
     "cubic": ("nonlinearity/cubic", "of the curve, at the full scale"),
 }
 
-CurvePoint = tuple[Turning, LinearityPoint]
-
 
 @dataclass(frozen=True, slots=True)
-class RangeCurvePoint:
-    """One point for the report: true value, error, expanded uncertainty, saturation."""
+class PointError:
+    """Error of a sensor at one rate, against the `true` value, with its conditions and the lines of its budget."""
 
+    turning: Turning
+    at: Mapping[str, Any]
     true: float
     error: float
-    expanded: float
-    saturated: bool
+    lines: Sequence[BudgetLine]
+
+    @property
+    def saturated(self) -> bool:
+        """True if the sensor was at the end of its range."""
+        return self.turning.steady.saturated
+
+    @property
+    def expanded(self) -> float:
+        """Expanded uncertainty, k = 2."""
+        return 2 * float(np.linalg.norm([line.u for line in self.lines]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +66,7 @@ class RangeCurve:
     """
 
     quantity: str
-    points: tuple[RangeCurvePoint, ...]
+    points: tuple[PointError, ...]
     full_scale: float | None
     linearity: Linearity | None = None
 
@@ -143,32 +152,22 @@ class RangeFindings:
             yield bench.level.times(1.0, TILT)
         yield bench.wobble.times(share)
 
-    def errors(
-        self, turning: Turning, at: Mapping[str, Any], true: float, error: float, lines: Sequence[BudgetLine]
-    ) -> Iterator[Finding]:
+    def _errors(self, point: PointError) -> Iterator[Finding]:
         """Findings of the error of a point, absolute and relative to the reading or the full scale."""
-        flags = tuple(
-            flag for flag, holds in (("clipped", turning.steady.saturated), ("off_rate", not self.stable(turning)))
-            if holds
-        )  # fmt: skip
-        step, tail = (turning.step,), f"@{at['point']}"
+        at, error, unstable = point.at, point.error, not self.stable(point.turning)
+        flags = tuple(flag for flag, holds in (("clipped", point.saturated), ("off_rate", unstable)) if holds)
+        step, tail = (point.turning.step,), f"@{at['point']}"
         name = "measured less the bias and what is true"
-        found = self.subject.finding(self.quantity, name, error, self.symbol, lines, at, step, tail)
-        over = self.full_scale if self.over is not None else abs(true)
-        relative = [line.times(1 / over) for line in lines]
+        found = self.subject.finding(self.quantity, name, error, self.symbol, point.lines, at, step, tail)
+        over = self.full_scale if self.over is not None else abs(point.true)
+        relative = [line.times(1 / over) for line in point.lines]
         part = "of the full scale" if self.over is not None else "of what is true"
         judged = self.subject.finding(f"{self.quantity}/relative", part, error / over, "1", relative, at, step, tail)
-        verdict: Verdict | None = "INVALID" if "off_rate" in flags else None
+        verdict: Verdict | None = "INVALID" if unstable else None
         yield replace(found, flags=flags, verdict=verdict)
         yield replace(judged, flags=flags, verdict=verdict)
 
-    def curve_point(self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]) -> RangeCurvePoint:
-        """Point for the plot."""
-        return RangeCurvePoint(
-            true, error, 2 * float(np.linalg.norm([line.u for line in lines])), turning.steady.saturated
-        )
-
-    def saturated(self, blocks: RangeBlocks) -> Finding:
+    def _saturated(self, blocks: RangeBlocks) -> Finding:
         """Finding of the number of points at which the sensor was saturated."""
         count = sum(turning.steady.saturated for turning in blocks.turning)
         name = "points at which more than 1 % of the samples are at the clip level"
@@ -176,28 +175,26 @@ class RangeFindings:
 
     # The curve through the points
 
-    def for_the_curve(
-        self, turning: Turning, true: float, error: float, lines: Sequence[BudgetLine]
-    ) -> Iterator[CurvePoint]:
-        """Point for the fit of the curve; without a scatter of its own it is not used."""
-        if self.stable(turning) and not turning.steady.saturated:
-            yield turning, LinearityPoint(true + error, true, lines)
-
     def with_curve(
-        self, blocks: RangeBlocks, findings: Sequence[Finding], quantity: str, points: Sequence[RangeCurvePoint],
-        read: Sequence[CurvePoint], terms: Sequence[str],
+        self, blocks: RangeBlocks, findings: Sequence[Finding], quantity: str, points: Sequence[PointError],
+        terms: Sequence[str],
     ) -> UnitResult:  # fmt: skip
-        """Results of the unit, with the curve through its points, at their mean temperature."""
-        found_at_c = mean_c([turning.temperature_c for turning, _ in read])
+        """Results of the unit: those of its points, and the curve through them, at their mean temperature."""
+        errors = [finding for point in points for finding in self._errors(point)]
+        findings = [*findings, *errors, self._saturated(blocks)]
+        read = [point for point in points if self.stable(point.turning) and not point.saturated]
+        found_at_c = mean_c([point.turning.temperature_c for point in read])
         of_curve_points = [
-            replace(point, lines=[*point.lines, *self._to_one_temperature(turning, point.true, found_at_c)])
-            for turning, point in read
+            LinearityPoint(
+                point.true + point.error, point.true, [*point.lines, *self._to_one_temperature(point, found_at_c)]
+            )
+            for point in read
         ]
         found = fit_linearity(of_curve_points, terms, self.full_scale, COMMON, self._in_proportion)
         if found is None:
             return self.result(blocks, findings, RangeCurve(quantity, tuple(points), self.over))
         linearity, lines = found
-        at, steps = {} if found_at_c is None else {"at_c": found_at_c}, tuple(turning.step for turning, _ in read)
+        at, steps = {} if found_at_c is None else {"at_c": found_at_c}, tuple(point.turning.step for point in read)
         of_curve = [
             self.subject.finding(*OF_THE_CURVE[name], value, "1", lines[name], at, steps)
             for name, value in linearity.coefficients.items()
@@ -212,7 +209,7 @@ class RangeFindings:
         model = self._model(quantity, linearity, bias, of_curve)
         return replace(result, models=(model,), compensations=(compensation,))
 
-    def _to_one_temperature(self, turning: Turning, true: float, at_c: float | None) -> Iterator[BudgetLine]:
+    def _to_one_temperature(self, point: PointError, at_c: float | None) -> Iterator[BudgetLine]:
         """Uncertainty of a point from the temperature coefficient of the scale factor, in a curve at one temperature.
 
         The temperature of the unit differs between points, and its thermometer is uncertain. An accelerometer is
@@ -220,8 +217,9 @@ class RangeFindings:
         """
         if self.symbol == "g" or at_c is None:
             return
-        per_c = true * float(self.settings["scale_per_c_u"])
-        yield BudgetLine(OTHERWISE_WARM, "B", per_c * (turning.temperature_c - at_c), None, self._shared_per_degree)
+        per_c = point.true * float(self.settings["scale_per_c_u"])
+        warmer_c = point.turning.temperature_c - at_c
+        yield BudgetLine(OTHERWISE_WARM, "B", per_c * warmer_c, None, self._shared_per_degree)
         yield self._thermometer(at_c).times(abs(per_c))
 
     def _thermometer(self, at_c: float) -> BudgetLine:

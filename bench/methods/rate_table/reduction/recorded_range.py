@@ -228,7 +228,6 @@ def _samples(phase: str, block: Block, kept: NDArray[np.bool_], rate: tuple[floa
     latch, time_s = np.append(latch[0] - 1, latch), np.append(time_s[0] - interval_s, time_s)
     return TableSamples(
         step=phase,
-        motion=None,
         temperature=MeanTemperature.of(np.empty(0)),
         time_s=time_s - time_s[0],
         total=summed_up(np.append(0.0, block.output[kept]), latch, time_s),

@@ -37,7 +37,6 @@ SKEW_OF_SAMPLES = "encoder: time to the end of the sample"
 HALF = "sample: half of its period, taken out"
 SHARED_SLOPE = "table.harmonics"
 DB_PER_RELATIVE = 20 / np.log(10)
-HALF_POWER_DB = 20 * np.log10(HALF_POWER)
 Relative = dict[str, BudgetLine]  # by source, relative to a gain
 
 

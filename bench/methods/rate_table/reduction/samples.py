@@ -16,7 +16,7 @@ from bench.methods.rate_table.reduction.blocks import Block
 from bench.methods.rate_table.reduction.sampling import Kept, integration
 from bench.methods.rate_table.reduction.temperatures import MeanTemperature
 from bench.methods.rate_table.reduction.turning_readings import HARMONICS, LEAST_DOF, TurningReadings, table_correlated
-from bench.metrology.acquisition import Array, Integers, Motion
+from bench.metrology.acquisition import Array, Integers
 from bench.metrology.least_squares import LinearFit, NotDetermined, least_squares
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 
@@ -61,7 +61,6 @@ class TableSamples:
     """
 
     step: str
-    motion: Motion | None
     temperature: MeanTemperature
     time_s: Array
     total: Array

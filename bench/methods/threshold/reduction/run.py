@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from bench.methods.threshold.reduction.threshold import LadderRecord, LadderStep, Threshold, find_threshold
-from bench.metrology.acquisition import Acquisition
+from bench.metrology.acquisition import Acquisition, Output
 from bench.metrology.orientation import elevation_rad
-from bench.metrology.outputs import Output, mean_output
+from bench.metrology.outputs import mean_output
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import LOWER_BOUND, Finding, UnitResult

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from math import hypot, inf, isfinite, nan, sqrt
+from math import inf, isfinite, nan, sqrt
 from typing import Literal
 
 import numpy as np
@@ -127,11 +127,6 @@ class Threshold:
         √3.
         """
         return (self.threshold_g - self.low_g) / sqrt(3)
-
-    @property
-    def u_g(self) -> float:
-        """Combined standard uncertainty of `threshold_g`."""
-        return hypot(self.u_ladder_g, self.u_noise_g)
 
 
 def find_threshold(record: LadderRecord) -> Threshold:

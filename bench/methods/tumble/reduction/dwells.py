@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.methods.tumble.reduction.solution import IncompleteTumble, Tumble, further_terms, solve_tumble
-from bench.metrology.acquisition import Acquisition, Array
+from bench.metrology.acquisition import Acquisition, Array, Output
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import elevation_rad
-from bench.metrology.outputs import Output, mean_output
+from bench.metrology.outputs import mean_output
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 

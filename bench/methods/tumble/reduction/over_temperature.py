@@ -107,15 +107,10 @@ class TumbleOverTemperature:
 
     def _about_reference(self, quantity: str, model: PolynomialFit, per_c: Array) -> Iterator[Finding]:
         """First coefficients of the model's series about the reference temperature."""
-        origin = Origin(
-            subject=self.of.subject,
-            steps=(self.of.root,),
-            budget=lambda weights: [
-                *self.of.own_over_dwells(quantity, weights),
-                *self.of.by_thermometer(weights, per_c),
-            ],
-        )
-        return coefficient_findings(quantity, model, self.reference_c, origin)
+        return coefficient_findings(
+            self.of.subject, quantity, model, self.reference_c, (self.of.root,),
+            lambda weights: [*self.of.own_over_dwells(quantity, weights), *self.of.by_thermometer(weights, per_c)],
+        )  # fmt: skip
 
     def _of_dwells(
         self,
@@ -142,33 +137,25 @@ class TumbleOverTemperature:
         return self.of.subject.finding(quantity, name, value * relative, unit, lines, at, steps, interval=interval)
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Source of a model: the unit, and the steps of the run.
-
-    `budget` returns the lines of a result with sensitivities (n,) to the fitted values.
-    """
-
-    subject: Subject
-    steps: tuple[str, ...]
-    budget: Callable[[Array], Sequence[BudgetLine]]
-
-
-def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float, origin: Origin) -> Iterator[Finding]:
+def coefficient_findings(
+    subject: Subject, quantity: str, model: PolynomialFit, reference_c: float, steps: tuple[str, ...],
+    budget: Callable[[Array], Sequence[BudgetLine]],
+) -> Iterator[Finding]:  # fmt: skip
     """T1 and T2 of K0 in g, or of K1 relative to it, about a reference temperature; a straight line has no T2.
 
     They describe the unit at these dwells, so that residuals of the model, such as hysteresis, are contained in the
     values and contribute no uncertainty: a second run of the same profile would give the same. Errors that are common
-    to all dwells, of the head and of the time base, cancel.
+    to all dwells, of the head and of the time base, cancel. `budget` returns the lines of a result with sensitivities
+    (n,) to the fitted values.
     """
     of_bias = quantity == "K0"
     found = (bias_coefficients if of_bias else scale_coefficients)(model, reference_c)
     for index, value in enumerate((found.t1, found.t2)[: model.degree]):
-        lines = [*origin.budget(found.gain[index]), BudgetLine(CONTAINED, "alias", 0)]
+        lines = [*budget(found.gain[index]), BudgetLine(CONTAINED, "alias", 0)]
         name = f"{TERMS[index]} temperature coefficient of the {'bias' if of_bias else 'scale factor'}"
         unit = ("g/°C" if of_bias else "1/°C") + "²" * index
-        yield origin.subject.finding(
-            f"{quantity}T{index + 1}", name, value, unit, lines, {"at_c": reference_c}, origin.steps,
+        yield subject.finding(
+            f"{quantity}T{index + 1}", name, value, unit, lines, {"at_c": reference_c}, steps,
             flags=("extrapolated",) if found.extrapolated else (),
         )  # fmt: skip
 
@@ -177,27 +164,14 @@ def coefficient_findings(quantity: str, model: PolynomialFit, reference_c: float
 class TemperatureCoefficients:
     """T1 and T2 of a quantity: per °C and per °C², in the unit of the quantity or relative to it.
 
-    `gain` (2, n) is the sensitivity of T1 and T2 to each fitted value. `covariance` (2, 2) is type A, from the
-    residuals of the fit, NaN without degrees of freedom. T2 of a straight line is NaN. `extrapolated` is true if the
-    reference temperature is outside the fitted range.
+    `gain` (2, n) is the sensitivity of T1 and T2 to each fitted value. T2 of a straight line is NaN. `extrapolated` is
+    true if the reference temperature is outside the fitted range.
     """
 
     t1: float
     t2: float
     gain: Array
-    covariance: Array
     extrapolated: bool
-
-    @property
-    def u(self) -> Array:
-        """Standard uncertainties of T1 and T2, type A: (2,)."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def correlation(self) -> float:
-        """Correlation of T1 and T2; it follows from the temperatures, and needs no residuals."""
-        (t1, both), (_, t2) = self.gain @ self.gain.T
-        return float(both / np.sqrt(t1 * t2))
 
 
 def bias_coefficients(bias: PolynomialFit, reference_c: float) -> TemperatureCoefficients:
@@ -230,11 +204,9 @@ def _coefficients(model: PolynomialFit, reference_c: float, values: Pair, jacobi
     """T1 and T2 (2,), with their derivatives with respect to the coefficients of the model, (2, p)."""
     low_c, high_c = model.valid
     known = np.array([1.0, 1.0 if model.degree >= HIGHEST else np.nan])
-    jacobian = jacobian * known[:, np.newaxis]
     return TemperatureCoefficients(
         t1=float(values[0]),
         t2=float(values[1] * known[1]),
-        gain=jacobian @ model.fit.gain,
-        covariance=jacobian @ model.covariance @ jacobian.T,
+        gain=jacobian * known[:, np.newaxis] @ model.fit.gain,
         extrapolated=not low_c <= reference_c <= high_c,
     )

@@ -87,15 +87,6 @@ class Tumble:
         """Factors from further terms / K1 to their coefficients."""
         return np.array([math.copysign(2.0, self.k1) if name == "asymmetry" else 1.0 for name in self.extra])
 
-    def covariance(self, reading_sd: float | None = None) -> Array:
-        """Covariance of K0 in g, K1 in output units per g, misalignment in rad, K2 in g/g², and of further constants.
-
-        `reading_sd` is the standard deviation of one reading in output units, as pooled over many tumbles; without it
-        the scatter of this tumble is used, which is NaN for only four readings.
-        """
-        sd = self.fit.residual_sd if reading_sd is None else reading_sd
-        return self._jacobian() @ self.fit.unscaled_covariance @ self._jacobian().T * sd**2
-
     def gain(self) -> Array:
         """Sensitivity of the coefficients to each reading (n,), a row for each in order of `values`."""
         return np.asarray(self._jacobian() @ self.fit.gain)

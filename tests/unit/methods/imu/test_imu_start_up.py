@@ -209,7 +209,7 @@ def test_a_time_that_may_be_anything_is_told_to_be_practically_not_determined(sd
     (found,) = (each for each in unit.findings if "/x/D0/settling" in each.id)
     assert ("practically_not_determined" in found.flags) == is_open
     alone, limits = dataclasses.replace(unit, findings=(found,)), {found.quantity: Limits(high=1e5)}
-    (row,) = verdict_rows(alone, limits, IMU_START_UP.quantities)
+    (row,) = verdict_rows(alone, limits, IMU_START_UP.stated)
     assert ("practically not determined" in row.remark) == is_open
     sheet = next(each for each in start_up_plots(unit, "a") if "D0" in [head for head, _ in each.heads])
     assert ("Practically not determined: D0 axis x" in sheet.caption) == is_open

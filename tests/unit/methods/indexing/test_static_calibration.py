@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bench.methods.indexing.reduction.model import TERMS, fit_sweeps, output
-from bench.methods.indexing.reduction.residual_spectrum import conspicuous_line
+from bench.methods.indexing.reduction.residual_spectrum import conspicuous_periods
 from bench.methods.indexing.reduction.sweep import SweepRecord, fit_line, reduce_end
 from bench.methods.indexing.reduction.two_ends import Agreement, Mounting, combine, fit_clocking
 from bench.metrology.least_squares import NotDetermined, least_squares
@@ -185,12 +185,10 @@ def test_uncertainty_is_propagated_with_its_correlations():
 
 def test_noise_has_no_conspicuous_line_and_a_beat_has_one():
     rng = np.random.default_rng(1)
-    assert sum(conspicuous_line(rng.standard_normal(21)) is not None for _ in range(2000)) <= 2
-    line = conspicuous_line(np.cos(2 * np.pi * 5 * np.arange(21) / 21) + 0.2 * rng.standard_normal(21))
-    assert line.periods == 5
-    assert line.share > 0.8
+    assert sum(conspicuous_periods(rng.standard_normal(21)) is not None for _ in range(2000)) <= 2
+    assert conspicuous_periods(np.cos(2 * np.pi * 5 * np.arange(21) / 21) + 0.2 * rng.standard_normal(21)) == 5
 
 
 @pytest.mark.parametrize("residuals", [np.zeros(21), np.array([1.0, -1, 1, -1]), np.ones(1)])
 def test_too_few_residuals_or_none_have_no_line(residuals):
-    assert conspicuous_line(residuals) is None
+    assert conspicuous_periods(residuals) is None

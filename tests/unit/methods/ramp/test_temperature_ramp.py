@@ -94,7 +94,7 @@ def test_a_straight_bias_is_found(good):
 
 def test_every_result_is_there_in_its_unit(good):
     units = {quantity: finding.unit for quantity, finding in found(good).items()}
-    assert units == dict(TEMPERATURE_RAMP.quantities)
+    assert units == TEMPERATURE_RAMP.stated
 
 
 def test_every_finding_but_a_count_has_a_budget(good):

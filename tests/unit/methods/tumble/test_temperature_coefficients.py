@@ -3,7 +3,6 @@ import pytest
 
 from bench.methods.tumble.reduction.over_temperature import (
     CONTAINED,
-    Origin,
     bias_coefficients,
     coefficient_findings,
     scale_coefficients,
@@ -53,21 +52,14 @@ def test_a_straight_line_has_no_second_coefficient():
     model = fit_polynomial(SET_C, noisy, 1)
     found = bias_coefficients(model, REFERENCE_C)
     assert found.t1 == pytest.approx(model.powers[1], rel=1e-12)
-    assert found.u[0] == pytest.approx(model.u_powers[1], rel=1e-12)
-    assert np.isnan([found.t2, found.u[1], found.correlation]).all()
+    assert model.residual_sd * np.linalg.norm(found.gain[0]) == pytest.approx(model.u_powers[1], rel=1e-12)
+    assert np.isnan([found.t2, *found.gain[1]]).all()
 
 
 @pytest.mark.parametrize(("at_c", "outside"), [(-40.5, True), (-40.0, False), (70.0, False), (70.5, True)])
 def test_a_reference_outside_of_the_temperatures_is_told(at_c, outside):
     model = fit_polynomial(SET_C, bias_g(SET_C), 3)
     assert bias_coefficients(model, at_c).extrapolated is outside
-
-
-def test_without_residuals_the_uncertainty_is_unknown_but_not_the_correlation():
-    three_c = np.array([0.0, 20, 50])
-    found = bias_coefficients(fit_polynomial(three_c, bias_g(three_c), 2), REFERENCE_C)
-    assert np.isnan(found.u).all()
-    assert -1 < found.correlation < 1
 
 
 @pytest.mark.parametrize(
@@ -82,10 +74,10 @@ def test_uncertainties_are_those_of_repeated_experiments(truth, coefficients, no
         for _ in range(1000)
     ]
     scatter = np.cov([[each.t1, each.t2] for each in found], rowvar=False)
-    expected = np.mean([each.covariance for each in found], axis=0)
-    assert np.diag(expected) == pytest.approx(np.diag(scatter), rel=0.12)
-    assert found[0].correlation == pytest.approx(scatter[0, 1] / np.sqrt(scatter[0, 0] * scatter[1, 1]), abs=0.06)
-    assert noise * np.linalg.norm(found[0].gain, axis=1) == pytest.approx(np.sqrt(np.diag(scatter)), rel=0.06)
+    expected = noise**2 * found[0].gain @ found[0].gain.T
+    assert np.sqrt(np.diag(expected)) == pytest.approx(np.sqrt(np.diag(scatter)), rel=0.06)
+    correlations = [each[0, 1] / np.sqrt(each[0, 0] * each[1, 1]) for each in (expected, scatter)]
+    assert correlations[0] == pytest.approx(correlations[1], abs=0.06)
 
 
 def test_the_gain_is_what_each_value_adds():
@@ -113,33 +105,31 @@ def test_what_a_wrong_thermometer_makes_of_them_is_told(truth, coefficients, at_
     assert found(SET_C * (1 - gain)) - found(SET_C) == pytest.approx(each @ SET_C * gain, rel=1e-3)
 
 
+def found(quantity, model, reference_c):
+    """Findings of a model of values with a scatter of 0.1 µg each."""
+    return coefficient_findings(
+        Subject("tumble", "a", "S1"), quantity, model, reference_c, ("steps",),
+        lambda gain: [BudgetLine("readings", "A", 1e-7 * float(np.linalg.norm(gain)), 100)],
+    )  # fmt: skip
+
+
 def test_they_become_findings_with_a_budget_each():
     values = bias_g(SET_C) + 1e-7 * np.random.default_rng(2).standard_normal(23)
-    origin = Origin(
-        Subject("tumble", "a", "S1"),
-        ("steps",),
-        lambda gain: [BudgetLine("readings", "A", 1e-7 * float(np.linalg.norm(gain)))],
-    )
-    linear, quadratic = coefficient_findings("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C, origin)
+    linear, quadratic = found("K0", fit_polynomial(SET_C, values, 4), REFERENCE_C)
     assert (linear.id, linear.unit, linear.flags) == ("tumble/a/K0T1", "g/°C", ())
     assert (quadratic.id, quadratic.unit, quadratic.at) == ("tumble/a/K0T2", "g/°C²", {"at_c": REFERENCE_C})
     assert linear.value == pytest.approx(T1, abs=3 * linear.u)
     assert quadratic.value == pytest.approx(T2, abs=3 * quadratic.u)
     assert {line.source for line in linear.budget} == {"readings", CONTAINED}
-    (line,) = coefficient_findings("K1", fit_polynomial(SET_C[:2], scale_pps_per_g(SET_C[:2]), 1), 25.0, origin)
+    (line,) = found("K1", fit_polynomial(SET_C[:2], scale_pps_per_g(SET_C[:2]), 1), 25.0)
     assert (line.quantity, line.unit, line.flags) == ("K1T1", "1/°C", ("extrapolated",))
 
 
 def test_what_the_model_leaves_over_is_in_the_values_and_makes_none_uncertain():
     """Ten times as much hysteresis moves the coefficients, which are those of the unit, and not their u."""
     loop = np.where(np.arange(23) < 11, 1.0, -1.0)
-    origin = Origin(
-        Subject("tumble", "a", "S1"), (),
-        lambda gain: [BudgetLine("readings", "A", 1e-7 * float(np.linalg.norm(gain)), 100)],
-    )  # fmt: skip
     little, much = (
-        next(iter(coefficient_findings("K0", fit_polynomial(SET_C, bias_g(SET_C) + g * loop, 4), REFERENCE_C, origin)))
-        for g in (6e-6, 60e-6)
+        next(found("K0", fit_polynomial(SET_C, bias_g(SET_C) + g * loop, 4), REFERENCE_C)) for g in (6e-6, 60e-6)
     )
     assert much.value != pytest.approx(little.value, rel=1e-3)
     assert much.u == pytest.approx(little.u)
