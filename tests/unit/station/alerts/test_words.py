@@ -136,5 +136,5 @@ def test_routes_that_lead_nowhere_are_refused(tmp_path, routes, words):
 
 def test_a_missing_file_of_addresses_is_named(tmp_path):
     entry = AlertsEntry.model_validate({"addresses": "nowhere", "routes": {"phone": {}}})
-    with pytest.raises(InputError, match="addresses: .*nowhere cannot be read"):
+    with pytest.raises(InputError, match=r"addresses: .*nowhere cannot be read"):
         read_alerts(entry, tmp_path, ["a"])
