@@ -21,13 +21,11 @@ from simulators.instruments.can_nodes.can_node import (
     TEMPERATURE_PERIOD_S,
     CanNode,
     NodeSetup,
+    Source,
     in_order,
     temperature_frames,
 )
 from simulators.physics.integrator import Counts, Integrator
-from simulators.units.accelerometer_unit import SimulatedUnit
-from simulators.units.gyro_unit import SimulatedGyro
-from simulators.units.imu import ImuChannel
 from simulators.units.unit_file import stream
 from simulators.world import World
 
@@ -93,7 +91,7 @@ class SimulatedCounter(CanNode):
         self._boots = 0
         self._latch = self._shown = 0  # number of the last latch, and the one last sent in frames
         self._origin_s = self._counted_s = world.now()  # true time of latch 0, and time up to which pulses are counted
-        self._units: dict[str, SimulatedUnit | SimulatedGyro | ImuChannel] = {
+        self._units: dict[str, Source] = {
             unit.settings.channel: unit for unit in world.counted.values() if unit.settings.channel
         }
         for imu in world.imus.values():

@@ -30,6 +30,8 @@ T = TypeVar("T", bound=np.generic)
 TEMPERATURE_PERIOD_S = 1.0
 BAD_SHARE = 0.02  # share of affected frames on a bad bus
 PROTOCOL_ERROR = 0x008
+Source = SimulatedUnit | SimulatedGyro | ImuChannel
+"""Source of the counts or samples of one channel: a unit, or a channel of an inertial unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,7 @@ class NodeSetup:
     encoder_skew_s: float = 0.0
 
     @property
-    def units(self) -> Mapping[str, SimulatedUnit | SimulatedGyro | ImuChannel]:
+    def units(self) -> Mapping[str, Source]:
         """Simulated units, or sensors of inertial units, on its channels."""
         imus, counted = self.world.imus, self.world.counted
         return {

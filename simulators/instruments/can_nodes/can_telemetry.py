@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,39 +22,16 @@ from simulators.instruments.can_nodes.can_node import (
     TEMPERATURE_PERIOD_S,
     CanNode,
     NodeSetup,
+    Source,
     in_order,
     temperature_frames,
 )
 from simulators.instruments.setup import NotSimulated
-from simulators.units.accelerometer import Sent
 from simulators.units.unit_file import stream
 from simulators.world import World
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-
-class Sender(Protocol):
-    """Source of the samples of one channel: a unit, or a channel of an inertial unit."""
-
-    @property
-    def place(self) -> str:
-        """Place of the unit."""
-
-    @property
-    def faults(self) -> FaultPlan:
-        """Faults of the unit."""
-
-    @property
-    def powered_at_s(self) -> float | None:
-        """Time of power-on; None without power."""
-
-    @property
-    def sent(self) -> Sent:
-        """Its conversion to codes."""
-
-    def mean_codes(self, edges_s: Array) -> Array:
-        """Mean output in each interval between consecutive times, in codes before rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +81,7 @@ class SimulatedTelemetry(CanNode):
         super().__init__(settings.name, world, faults)
         self._settings = settings
         self._restarts = 0
-        senders: dict[str, Sender] = {
+        senders: dict[str, Source] = {
             name: world.counted[each.place] for name, each in settings.channels.items() if each.place in world.counted
         }
         for imu in world.imus.values():
@@ -213,7 +190,7 @@ def _check_messages(role: str, channels: Mapping[str, ChannelSettings]) -> None:
 class _Stream:
     """Samples of one channel: means of its unit's output over a sample period."""
 
-    def __init__(self, name: str, unit: Sender, settings: ChannelSettings, world: World) -> None:
+    def __init__(self, name: str, unit: Source, settings: ChannelSettings, world: World) -> None:
         self.unit, self.settings, self._how = unit, settings, unit.sent
         self.samples_per_temperature = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         self._sample_s = settings.period_s / (1 + self._how.clock)  # true seconds from sample to sample
