@@ -52,9 +52,7 @@ class AclAxis(OverDialogue):
         self._locked_out = False
         framing = partial(wire.whole_answer, order=self._byte_order)
         sync_query = SyncQuery(wire.IDENTITY_QUERY.encode(), self._recognise)
-        self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, sync_query, framing=framing, pace=Pace(ANSWER_S), note=setup.note
-        )  # fmt: skip
+        self._dialogue = Dialogue(setup, sync_query, framing=framing, pace=Pace(ANSWER_S))
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""

@@ -36,15 +36,7 @@ class EnsembleAxis(OverDialogue):
         self._device, self._name, self._stated = setup.name, setup.options.axis, setup.identity
         self._fingerprint = ""
         sync_query = SyncQuery(wire.FINGERPRINT_QUERY.format(self._name).encode(), self._recognise)
-        self._dialogue = Dialogue(
-            setup.name,
-            setup.wires,
-            setup.address,
-            sync_query,
-            pace=Pace(ANSWER_S),
-            on_connect=self._do_not_wait,
-            note=setup.note,
-        )
+        self._dialogue = Dialogue(setup, sync_query, pace=Pace(ANSWER_S), on_connect=self._do_not_wait)
 
     async def identify(self) -> Identity:
         """Names stated in the bench file, because the controller has none, and the fingerprint that it reports.

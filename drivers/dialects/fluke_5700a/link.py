@@ -29,10 +29,7 @@ class FlukeLink(OverDialogue):
         self._device, self._end, self._note = setup.name, end, setup.note
         self._recognised = Recognised(setup.name, setup.identity)
         sync_query = SyncQuery(wire.IDENTITY_QUERY, self._recognise)
-        pace = Pace(answer_s=ANSWER_S)
-        self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, sync_query, end=end, pace=pace, note=setup.note
-        )
+        self._dialogue = Dialogue(setup, sync_query, end=end, pace=Pace(answer_s=ANSWER_S))
 
     async def open(self) -> None:
         """Connect, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""

@@ -45,9 +45,7 @@ class Keysight3458A:
         sync_query = SyncQuery(wire.IDENTITY_QUERY, self._recognise)
         # An abandoned reading may still arrive, so the line is silent only after the duration of the longest one.
         pace = Pace(quiet_s=_LONGEST_S)
-        self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, sync_query, end=wire.END, pace=pace, note=setup.note
-        )
+        self._dialogue = Dialogue(setup, sync_query, end=wire.END, pace=pace)
         self._turn, self._note = asyncio.Lock(), setup.note
         self._recognised = Recognised(setup.name, setup.identity)
         self._set: Setting | None = None  # settings that were made and read back

@@ -45,14 +45,11 @@ class XpsAxis:
         # The maker is stated, because the controller does not report it.
         self._recognised = Recognised(setup.name, setup.identity.model_copy(update={"maker": None}))
         self.limits: OwnLimits | None = None
-        self._asking, self._moving, self._stopping = (self._connection(setup) for _ in range(3))
+        sync_query = SyncQuery(wire.FIRMWARE_QUERY.encode(), self._recognise)
+        self._asking, self._moving, self._stopping = (
+            Dialogue(setup, sync_query, end=b"", framing=lines_ending(wire.END), pace=Pace(ANSWER_S)) for _ in range(3)
+        )
         self.double_read = self._asking.double_read
-
-    def _connection(self, setup: Setup[XpsOptions, HeadLimits, Nothing]) -> Dialogue:
-        return Dialogue(
-            setup.name, setup.wires, setup.address, SyncQuery(wire.FIRMWARE_QUERY.encode(), self._recognise), end=b"",
-            framing=lines_ending(wire.END), pace=Pace(ANSWER_S), note=setup.note,
-        )  # fmt: skip
 
     async def open(self) -> None:
         """Connect and read the controller's own limits; raises CannotConnect, WrongIdentity, Refused."""
