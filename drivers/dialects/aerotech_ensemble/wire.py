@@ -12,7 +12,7 @@ import re
 from enum import Enum, IntFlag
 from typing import NamedTuple
 
-from drivers.protocols.decimals import decimal
+from drivers.protocols.texts import decimal, matched
 
 NO_WAIT = "WAIT MODE NOWAIT"  # a move is acknowledged when it is accepted, not when it is finished (BLISS, EPICS)
 FINGERPRINT_PARAMETER = (
@@ -169,9 +169,7 @@ def parse_command(line: bytes) -> Command:
 
 def parse_move(arguments: tuple[str, ...]) -> Move:
     """Parse the arguments of MOVEABS, like X 90.0 F5; ValueError."""
-    match = _MOVE.fullmatch(" ".join(arguments))
-    if match is None:
-        raise ValueError("not an axis, an angle and a rate")
+    match = matched(_MOVE, " ".join(arguments), "not an axis, an angle and a rate")
     return Move(match[1], float(match[2]), None if match[3] is None else float(match[3]))
 
 

@@ -13,7 +13,7 @@ import re
 from enum import Enum
 from typing import NamedTuple
 
-from drivers.protocols.decimals import decimal
+from drivers.protocols.texts import decimal, matched
 
 END = b",EndOfAPI"
 SUCCESS = 0
@@ -111,9 +111,7 @@ _MODEL = re.compile(r"\b(?:XPS|HXP)-[A-Z]+\d*", re.ASCII)
 
 def read_reply(answer: bytes) -> Reply:
     """Decode an answer; ValueError if malformed."""
-    match = _REPLY.fullmatch(answer.decode("latin-1"))
-    if match is None:
-        raise ValueError("no error number and comma at its beginning")
+    match = matched(_REPLY, answer.decode("latin-1"), "no error number and comma at its beginning")
     return Reply(int(match[1]), match[2])
 
 
@@ -150,9 +148,7 @@ _CALL = re.compile(r"(\w+)\s*\(([^()]*)\)", re.ASCII)
 
 def parse_call(text: str) -> Call:
     """Parse a complete call; ValueError."""
-    match = _CALL.fullmatch(text.strip())
-    if match is None:
-        raise ValueError("not a call")
+    match = matched(_CALL, text.strip(), "not a call")
     words = [word.strip() for word in match[2].split(",")]
     return Call(match[1], tuple(word for word in words if word and not word.endswith("*")))
 
