@@ -181,6 +181,13 @@ def setting(argument: str, low: float, high: float) -> float:
     return value
 
 
+def asked(which: str, set_to: float, low: float, high: float) -> float:
+    """Number that a query asks for: the setting, or with MIN or MAX a limit of it; raises Refusal."""
+    if which.upper() not in ("", "MIN", "MAX"):
+        raise Refusal(NOT_ALLOWED)
+    return {"MIN": low, "MAX": high}.get(which.upper(), set_to)
+
+
 _ENDS = {"MIN": 0, "MINIMUM": 0, "MAX": 1, "MAXIMUM": 1}  # of a range
 _SWITCH = {"1": True, "ON": True, "0": False, "OFF": False}
 

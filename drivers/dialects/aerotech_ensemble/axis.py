@@ -14,6 +14,7 @@ from drivers.errors import InstrumentFault, Refused, WrongIdentity
 from drivers.kinds.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
 from drivers.kinds.head.driver import Head
+from drivers.recognised import as_stated
 from drivers.timing.readback import read_back
 from drivers.transport.dialogue import Dialogue, OverDialogue
 from drivers.transport.exchange import Pace, SyncQuery
@@ -44,11 +45,8 @@ class EnsembleAxis(OverDialogue):
         Raises WrongIdentity when the fingerprint has changed.
         """
         await self._dialogue.query(wire.FINGERPRINT_QUERY.format(self._name).encode(), self._recognise)
-        return Identity(
-            maker=self._stated.maker or "Aerotech", model=self._stated.model or "Ensemble",
-            serial=self._stated.serial or "", firmware=self._stated.firmware or "", verified=False,
-            fingerprint=f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}",
-        )  # fmt: skip
+        fingerprint = f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}"
+        return as_stated(self._stated, fingerprint, maker="Aerotech", model="Ensemble")
 
     async def angle(self) -> Reading:
         """Encoder angle (°)."""

@@ -20,11 +20,12 @@ from drivers.dialects.binder.wire import (
     words,
 )
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
 from drivers.kinds.chamber.registers import RegisterController, hexadecimal, spelled_by
+from drivers.recognised import as_stated
 from drivers.timing.readback import read_back
 from drivers.values import Identity
 

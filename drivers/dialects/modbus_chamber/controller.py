@@ -15,11 +15,12 @@ from drivers.dialects.modbus_chamber.profile import (
     WrittenRegister,
 )
 from drivers.errors import CannotConnect, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.registers import RegisterController, spelled_by
 from drivers.kinds.chamber.words import COLDEST_C, HOTTEST_C, Words
+from drivers.recognised import as_stated
 from drivers.values import Identity
 
 

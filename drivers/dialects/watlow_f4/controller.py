@@ -21,11 +21,12 @@ from drivers.dialects.watlow_f4.wire import (
     event_output,
 )
 from drivers.errors import InstrumentFault, LinkLost, NoAnswer, WrongIdentity
-from drivers.kinds.chamber.controller import Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.registers import RegisterController, hexadecimal, spelled_by
 from drivers.kinds.chamber.words import Words
+from drivers.recognised import as_stated
 from drivers.timing.readback import read_back
 from drivers.values import Identity
 

@@ -21,12 +21,13 @@ from drivers.dialects.watlow_f4t.wire import (
     mode_name,
 )
 from drivers.errors import InstrumentFault, WrongIdentity
-from drivers.kinds.chamber.controller import Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
 from drivers.kinds.chamber.registers import RegisterController, spelled_by
 from drivers.kinds.chamber.words import COLDEST_C, HOTTEST_C, Words
+from drivers.recognised import as_stated
 from drivers.values import Identity
 
 _CONTROL: Mapping[int, Control] = {ControlMode.AUTO: Control.SET_POINT, ControlMode.OFF: Control.IDLE}

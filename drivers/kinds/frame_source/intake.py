@@ -17,6 +17,7 @@ from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.can.options import IDLE_BLOCK_S, text_of
 from drivers.description import Nothing, OptionsT, Setup
 from drivers.errors import BadAnswer, DriverError, InstrumentFault, LinkLost, NoAnswer
+from drivers.recognised import as_stated
 from drivers.transport.dialogue import ReconnectBackoff
 from drivers.transport.frame_link import FrameLink
 from drivers.values import Identity, LastSeen, Reading
@@ -215,11 +216,7 @@ class FrameDriver(ABC, Generic[OptionsT]):
 
     async def identify(self) -> Identity:
         """Identity stated in the bench file; the fingerprint is that of the frame description."""
-        stated = self._setup.identity
-        return Identity(
-            maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
-            firmware=stated.firmware or "", verified=False, fingerprint=self._fingerprint,
-        )  # fmt: skip
+        return as_stated(self._setup.identity, self._fingerprint)
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Temperatures received since the last poll; raises the error of the intake."""

@@ -10,12 +10,12 @@ from drivers.dialects.scpi_supply import wire
 from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.scpi import (
     ILLEGAL_VALUE,
-    NOT_ALLOWED,
     SETTINGS_CONFLICT,
     Handler,
     Interpreter,
     LineSession,
     Refusal,
+    asked,
     setting,
     switch,
 )
@@ -64,9 +64,9 @@ class SimulatedSupply:
             f"INERTIAL TEST BENCH,{model},{serial},1.0",
             {
                 wire.VOLTAGE: self._maybe_delayed(self._set_level),
-                f"{wire.VOLTAGE}?": lambda asked: f"{_asked(asked, self._level_v, VOLTAGE_MAX_V):.3f}",
+                f"{wire.VOLTAGE}?": lambda which: f"{asked(which, self._level_v, 0.0, VOLTAGE_MAX_V):.3f}",
                 wire.CURRENT: self._maybe_delayed(self._set_limit),
-                f"{wire.CURRENT}?": lambda asked: f"{_asked(asked, self._limit_a, CURRENT_MAX_A):.4f}",
+                f"{wire.CURRENT}?": lambda which: f"{asked(which, self._limit_a, 0.0, CURRENT_MAX_A):.4f}",
                 wire.OUTPUT: self._switch,
                 f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
                 f"{wire.MEASURE_VOLTAGE}?": lambda _: f"{self._measure()[0]:.4f}",
@@ -193,10 +193,3 @@ def _select(output: str) -> None:
     """Select the only output."""
     if output.upper() not in ("1", "OUT1", "OUTP1", "CH1"):
         raise Refusal(ILLEGAL_VALUE)
-
-
-def _asked(which: str, set_to: float, most: float) -> float:
-    """Answer to a level query: the setting, or with MIN or MAX its limit."""
-    if which.upper() not in ("", "MIN", "MAX"):
-        raise Refusal(NOT_ALLOWED)
-    return {"MIN": 0.0, "MAX": most}.get(which.upper(), set_to)
