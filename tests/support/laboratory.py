@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from drivers.can.dbc import Dbc
+from drivers.can.options import PositionOptions
+from drivers.dialects.can_counter.options import ChannelOptions, LatchOptions
 from drivers.dialects.can_counter.wire import CounterFormat, counter_format
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
@@ -48,8 +50,19 @@ def place(channel: str = "x", **changes: Any) -> PlaceSettings:
 
 def counter_form(*, boot_count: bool = True) -> CounterFormat:
     """The frames of our DBC."""
-    latch = LATCH if boot_count else {**LATCH, "boot_count": None}
-    return counter_format(DBC, latch, 1e-6, CHANNELS)
+    return format_in(DBC, LATCH if boot_count else {**LATCH, "boot_count": None}, CHANNELS)
+
+
+def format_in(
+    dbc: Dbc, latch: Mapping[str, Any], channels: Mapping[str, Any], positions: Mapping[str, Any] | None = None
+) -> CounterFormat:
+    """The frames with these names; a tick is 1 µs unless the latch has another."""
+    return counter_format(
+        dbc, LatchOptions.model_validate({"tick_period": "1 µs", **latch}),
+        {name: ChannelOptions.model_validate(each) for name, each in channels.items()},
+        {name: PositionOptions.model_validate({"resolution": "1 arcsec", **each})
+         for name, each in (positions or {}).items()},
+    )  # fmt: skip
 
 
 class Laboratory:

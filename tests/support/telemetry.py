@@ -10,9 +10,9 @@ from typing import Any
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.can.dbc import Dbc
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.dialects.can_telemetry.decoder import formats_of
 from drivers.dialects.can_telemetry.description import DESCRIPTION, TelemetryOptions
 from drivers.dialects.can_telemetry.driver import CanTelemetry
+from drivers.dialects.can_telemetry.wire import sample_formats
 from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_telemetry import ChannelSettings, SimulatedTelemetry, TelemetrySettings
@@ -41,7 +41,7 @@ def options(folder: Path = ROOT / "config", **changes: Any) -> TelemetryOptions:
 
 
 DBC = Dbc((ROOT / "config" / "telemetry.dbc").read_text("utf-8"))
-FORMS = formats_of(options(), DBC)
+FORMS = sample_formats(DBC, options().channels)
 
 
 def sending_unit(**telemetry: Any) -> UnitFile:

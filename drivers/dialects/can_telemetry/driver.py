@@ -9,12 +9,11 @@ from typing import Self
 import numpy as np
 
 from drivers.can.dbc import Dbc, Field
-from drivers.can.encoder_frames import PositionFormat
+from drivers.can.encoder_frames import PositionFormat, position_formats
 from drivers.can.frame_block import FrameBlock
 from drivers.can.sequence_numbers import Integers
 from drivers.description import Nothing, Setup, check_identity
 from drivers.dialects.can_telemetry import wire
-from drivers.dialects.can_telemetry.decoder import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.kinds.frame_source.intake import (
@@ -63,8 +62,8 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         return link
 
     def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
-        self._temperatures, self._encoders = dbc.fields_in("°C"), encoders_of(self._options, dbc)
-        return formats_of(self._options, dbc)
+        self._temperatures, self._encoders = dbc.fields_in("°C"), position_formats(dbc, self._options.positions)
+        return wire.sample_formats(dbc, self._options.channels)
 
     def _process(self, block: FrameBlock) -> None:
         """Decode readings and the newest samples of a block; raises if the block has a problem."""

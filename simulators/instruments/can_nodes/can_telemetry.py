@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.dbc import Dbc, Field, dbc_in, encode_frames
-from drivers.can.encoder_frames import PositionFormat
+from drivers.can.encoder_frames import PositionFormat, position_formats
 from drivers.can.frame_block import FrameBlock
 from drivers.certificates.corrections import ARCSEC_PER_DEG
-from drivers.dialects.can_telemetry.decoder import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
-from drivers.dialects.can_telemetry.wire import SampleFormat
+from drivers.dialects.can_telemetry.wire import SampleFormat, sample_formats
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_node import (
     TEMPERATURE_PERIOD_S,
@@ -102,7 +101,7 @@ class SimulatedTelemetry(CanNode):
         """Create from a bench file; only channels with a unit send."""
         options: TelemetryOptions = setup.options
         dbc = dbc_in(options.dbc)
-        forms, encoders = formats_of(options, dbc), encoders_of(options, dbc)
+        forms, encoders = sample_formats(dbc, options.channels), position_formats(dbc, options.positions)
         channels = {}
         for channel, sample in options.channels.items():
             if channel in setup.places:

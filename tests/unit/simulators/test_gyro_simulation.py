@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.can.dbc import Dbc
-from drivers.dialects.can_counter.wire import counter_format, decode_counts, decode_positions
+from drivers.dialects.can_counter.wire import decode_counts, decode_positions
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
 from simulators.physics.attitude import EAST, UP, Fixture
@@ -18,7 +18,7 @@ from simulators.physics.profiles import Slew
 from simulators.physics.table_kinematics import EARTH_DPS, Level, TableErrors, TableKinematics
 from simulators.units.gyro import GyroModel, draw_gyro, noise_of_gyro
 from simulators.units.gyro_file import GyroFile
-from tests.support.laboratory import LATCH, ROOT, Laboratory, place
+from tests.support.laboratory import LATCH, ROOT, Laboratory, format_in, place
 
 TABLE = Fixture((UP,), EAST, UP)
 DBC = Dbc((ROOT / "config" / "response.dbc").read_text("utf-8"))
@@ -128,7 +128,7 @@ def on_a_table(unit, **settings):
     given = {"unit": unit, "mount_angle_deg": 90.0} | settings.pop("place", {})
     lab = Laboratory(place(**given), axes={"table": AxisErrors()}, fixture=TABLE, **settings)
     lab.world.power("supply", True)
-    form = counter_format(DBC, LATCH, 1e-6, CHANNELS, POSITIONS)
+    form = format_in(DBC, LATCH, CHANNELS, POSITIONS)
     counter = CounterSettings("counter", DBC, form, 1e-3, {}, encoders={"table": 1e4})
     return lab, form, SimulatedCounter(lab.world, counter, FaultPlan(now_s=lab.world.now))
 
