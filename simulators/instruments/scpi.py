@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from drivers.protocols import scpi
 from drivers.protocols.scpi import Command, ErrorEntry
+from simulators.faults.instrument_faults import FaultPlan
 
 Handler = Callable[[str], str | None]
 
@@ -147,6 +148,26 @@ class Interpreter:
     def _take_error(self, _: str) -> str:
         entry = self._errors.popleft() if self._errors else EMPTY
         return f"+{entry}" if self._signed and entry.code >= 0 else str(entry)
+
+
+class ScpiInstrument:
+    """Common part of simulated SCPI instruments: settings that are executed, delayed or stuck, and lost with power."""
+
+    faults: FaultPlan
+    _interpreter: Interpreter
+
+    def restart(self) -> None:
+        """Short power failure: all settings are as at power-on."""
+        self._reset()
+        self._interpreter.power_on()
+
+    def unless_stuck(self, handler: Handler) -> Handler:
+        """Execute a setting, unless it is stuck or delayed."""
+        return lambda argument: self.faults.carry_out(lambda: handler(argument), Refusal)
+
+    def _reset(self) -> None:
+        """Give all settings their values at power-on."""
+        raise NotImplementedError
 
 
 class LineSession:

@@ -15,6 +15,7 @@ from simulators.instruments.scpi import (
     Interpreter,
     LineSession,
     Refusal,
+    ScpiInstrument,
     asked,
     setting,
     switch,
@@ -39,7 +40,7 @@ _STORED = {  # levels at which others trip; here it trips on request
 }
 
 
-class SimulatedSupply:
+class SimulatedSupply(ScpiInstrument):
     """One output, with the units whose places name it.
 
     `frozen`: measured values repeat. `stuck`: the output does not switch.
@@ -133,11 +134,6 @@ class SimulatedSupply:
     def _set_watchdog(self, argument: str) -> None:
         self._watchdog_s = round(setting(argument, 1.0, WATCHDOG_MAX_S))
 
-    def restart(self) -> None:
-        """Short power failure: all settings are as at power-on."""
-        self._reset()
-        self._interpreter.power_on()
-
     def _set_level(self, argument: str) -> None:
         self._level_v = round(setting(argument, 0.0, VOLTAGE_MAX_V), 3)
         self._feed_units()
@@ -185,7 +181,7 @@ class SimulatedSupply:
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **MEASUREMENT_AND_COMMAND_FAULTS,
         "tripped": FaultEffect(trip),
-        "restart": FaultEffect(restart),
+        "restart": FaultEffect(ScpiInstrument.restart),
     }
 
 

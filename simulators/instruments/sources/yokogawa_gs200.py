@@ -95,11 +95,6 @@ class SimulatedGS200(LoadedSource):
         """Trip its protection: the output switches off."""
         self.put_output(False)
 
-    def restart(self) -> None:
-        """Short power failure: all settings are as at power-on."""
-        self._reset()
-        self._interpreter.power_on()
-
     def _commands(self) -> dict[str, Handler]:
         return {
             wire.FUNCTION: self.unless_stuck(self._set_function),
@@ -213,7 +208,6 @@ class SimulatedGS200(LoadedSource):
 
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **LoadedSource.FAULT_EFFECTS,
-        "restart": FaultEffect(restart),
         "tripped": FaultEffect(trip),
     }
 
