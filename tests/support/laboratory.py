@@ -10,10 +10,11 @@ import numpy as np
 
 from drivers.can.dbc import Dbc
 from drivers.can.options import PositionOptions
-from drivers.dialects.can_counter.options import ChannelOptions, LatchOptions
+from drivers.dialects.can_counter.options import ChannelOptions, CounterOptions, LatchOptions
 from drivers.dialects.can_counter.wire import CounterFormat, counter_format
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.instruments.can_nodes.can_counter import SimulatedCounter
+from simulators.instruments.can_nodes.can_node import NodeSetup
 from simulators.physics.thermal import ChamberPhysics
 from simulators.units.settings import PlaceSettings, WorldSettings
 from simulators.units.unit_file import UnitFile
@@ -65,6 +66,16 @@ def format_in(
     )  # fmt: skip
 
 
+def a_counter(
+    world: World, faults: FaultPlan, *, dbc: Dbc = DBC, form: CounterFormat | None = None, period_s: float = 0.1,
+    readings: Mapping[str, str] | None = None, positions: Mapping[str, PositionOptions] | None = None,
+) -> SimulatedCounter:  # fmt: skip
+    """A counter that sends the frames of our DBC."""
+    options = CounterOptions.model_construct(period=period_s, positions=dict(positions or {}))
+    setup = NodeSetup("counter", world, faults, options, readings=readings or {})
+    return SimulatedCounter(setup, dbc, form or counter_form())
+
+
 class Laboratory:
     """A world with a clock of its own: `host_s` is what the host's clock shows."""
 
@@ -82,8 +93,8 @@ class Laboratory:
     def counter(self, *, period_s: float = 0.1, faults: FaultPlan | None = None) -> SimulatedCounter:
         """A counter whose temperatures are those of the place a."""
         readings = {"Temperatures.Unit": "a"} if "a" in self.world.units else {}
-        settings = CounterSettings("counter", DBC, counter_form(), period_s, readings)
-        return SimulatedCounter(self.world, settings, faults or FaultPlan(now_s=self.world.now))
+        faults = faults or FaultPlan(now_s=self.world.now)
+        return a_counter(self.world, faults, period_s=period_s, readings=readings)
 
     def rate_pps(self, place_name: str = "a", gate_s: float = 100.0) -> float:
         """The mean rate over a gate, as charge: without the steps of counting."""
