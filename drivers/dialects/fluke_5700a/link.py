@@ -81,7 +81,7 @@ class FlukeLink(OverDialogue):
     async def _faults_from(self, fault: int) -> list[str]:
         found: list[str] = []
         while fault != wire.NO_FAULT:
-            found.append(f"{fault} {await self.query(wire.explain_query(fault), wire.read_text)}")
+            found.append(f"{fault} {await self.query(wire.EXPLAIN_QUERY.format(fault).encode(), wire.read_text)}")
             if len(found) == MAX_FAULTS:
                 raise Refused(self._device, "its fault queue does not become empty", received=found[-1])
             fault = await self.query_once(wire.FAULT_QUERY, wire.read_integer)
