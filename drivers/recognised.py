@@ -24,3 +24,11 @@ class Recognised:
             )  # fmt: skip
         self.identity = found
         return found
+
+
+def as_stated(pin: IdentityPin, fingerprint: str, *, maker: str = "", model: str = "", firmware: str = "") -> Identity:
+    """Identity of an instrument that reports no names: those of the bench file, otherwise these, unverified."""
+    return Identity(
+        maker=pin.maker or maker, model=pin.model or model, serial=pin.serial or "",
+        firmware=firmware or pin.firmware or "", verified=False, fingerprint=fingerprint,
+    )  # fmt: skip

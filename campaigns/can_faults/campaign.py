@@ -36,7 +36,9 @@ from drivers.description import IdentityPin, Nothing, Setup, make_driver
 from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.description import DESCRIPTION, CounterOptions
 from drivers.dialects.can_counter.driver import CanCounter
+from drivers.dialects.can_counter.options import ChannelOptions, LatchOptions
 from drivers.dialects.can_telemetry import wire as telemetry
+from drivers.dialects.can_telemetry.options import SampleOptions
 from drivers.errors import CannotConnect, DriverError, InstrumentFault, LinkLost, NoAnswer
 from drivers.transport.address import Address
 from drivers.transport.frame_link import FrameLink
@@ -243,14 +245,16 @@ class _Found:
 @cache
 def _form(layout: Layout) -> wire.CounterFormat:
     names = layout.names()
-    return wire.counter_format(Dbc(layout.dbc().read_text("utf-8")), names["latch"], 1.0, names["channels"])
+    latch = LatchOptions.model_validate({**names["latch"], "tick_period": "1 s"})
+    channels = {name: ChannelOptions.model_validate(each) for name, each in names["channels"].items()}
+    return wire.counter_format(Dbc(layout.dbc().read_text("utf-8")), latch, channels, {})
 
 
 @cache
 def _form_of_samples(layout: Layout) -> telemetry.SampleFormat:
-    entry = {"value": "Latch.Value", "tick": "Latch.Tick", "sequence": "Latch.Number", "status": None}
-    dbc = Dbc(layout.dbc().read_text("utf-8"))
-    return telemetry.sample_formats(dbc, {"latch": {**entry, "invalid_bits": 1, "unit": None}})["latch"]
+    names = {"value": "Latch.Value", "tick": "Latch.Tick", "sequence": "Latch.Number", "invalid_bits": 1}
+    sample = SampleOptions.model_validate({**names, "tick_period": "1 s", "period": "1 s"})
+    return telemetry.sample_formats(Dbc(layout.dbc().read_text("utf-8")), {"latch": sample})["latch"]
 
 
 def compare(story: Story, truth: Truth, found: _Found) -> tuple[str, list[str]]:

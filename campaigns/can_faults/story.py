@@ -252,4 +252,4 @@ def _keep(story: Story, kept: np.ndarray) -> None:
 
 
 def _rows(block: FrameBlock, rows: np.ndarray) -> FrameBlock:
-    return FrameBlock(block.ids[rows], block.at_s[rows], block.dlc[rows], block.payloads(rows))
+    return block.at(rows)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.dbc import Dbc, Field
+from drivers.can.options import PositionOptions
 from drivers.can.sequence_numbers import MAX_LATE, Integers, ascending, shortest
 
 MAX_AHEAD = 8  # numbers by which a frame may be ahead of the next known one
@@ -23,11 +23,10 @@ class PositionFormat:
     sequence: Field
 
 
-def position_formats(dbc: Dbc, positions: Mapping[str, Mapping[str, Any]]) -> dict[str, PositionFormat]:
+def position_formats(dbc: Dbc, positions: Mapping[str, PositionOptions]) -> dict[str, PositionFormat]:
     """Resolve the signal names of each encoder in the DBC; DbcError names the missing ones."""
     return {
-        name: PositionFormat(dbc.field(entry["position"]), dbc.field(entry["sequence"]))
-        for name, entry in positions.items()
+        name: PositionFormat(dbc.field(each.position), dbc.field(each.sequence)) for name, each in positions.items()
     }
 
 

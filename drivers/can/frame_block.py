@@ -37,6 +37,21 @@ class FrameBlock:
         """Data of each frame as one 64-bit word, (N,)."""
         return self.data.view(np.uint64).ravel()
 
+    def at(self, rows: NDArray[np.intp]) -> FrameBlock:
+        """Frames in these rows, in their order."""
+        return FrameBlock(self.ids[rows], self.at_s[rows], self.dlc[rows], self.payloads(rows))
+
+    @classmethod
+    def of(cls, frames: Sequence[tuple[float, int, bytes]]) -> FrameBlock:
+        """Build a block from times, identifiers and data."""
+        data = b"".join(payload.ljust(8, b"\0") for _, _, payload in frames)
+        return cls(
+            np.array([frame_id for _, frame_id, _ in frames], np.uint32),
+            np.array([at_s for at_s, _, _ in frames], np.float64),
+            np.array([len(payload) for _, _, payload in frames], np.uint8),
+            np.frombuffer(data, np.uint8).reshape(-1, 8).copy(),
+        )
+
     @classmethod
     def joined(cls, blocks: Sequence[FrameBlock]) -> FrameBlock:
         """Concatenate blocks."""

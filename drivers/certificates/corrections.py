@@ -6,7 +6,7 @@ A table holds corrections at readings and is interpolated linearly; beyond its e
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, Field
 
@@ -38,6 +38,9 @@ class CurrentCorrection(StrictModel):
     add: Annotated[float, InUnit("A")] = Field(description="correction to be added to obtain the true current")
 
 
+Row = TypeVar("Row", TemperatureCorrection, CurrentCorrection)
+
+
 def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
     _rising([(row.at, row.at + row.add / ARCSEC_PER_DEG) for row in rows])
     if rows and rows[-1].at - rows[0].at > TURN_DEG:
@@ -45,12 +48,7 @@ def _angles(rows: tuple[AngleCorrection, ...]) -> tuple[AngleCorrection, ...]:
     return rows
 
 
-def _temperatures(rows: tuple[TemperatureCorrection, ...]) -> tuple[TemperatureCorrection, ...]:
-    _rising([(row.at, row.at + row.add) for row in rows])
-    return rows
-
-
-def _currents(rows: tuple[CurrentCorrection, ...]) -> tuple[CurrentCorrection, ...]:
+def _in_one_unit(rows: tuple[Row, ...]) -> tuple[Row, ...]:
     _rising([(row.at, row.at + row.add) for row in rows])
     return rows
 
@@ -64,8 +62,8 @@ def _rising(rows: list[tuple[float, float]]) -> None:
             raise telling(f"the reading {after:g} is corrected to no more than the reading {before:g}")
 
 
-TemperatureTable = Annotated[tuple[TemperatureCorrection, ...], AfterValidator(_temperatures)]
-CurrentTable = Annotated[tuple[CurrentCorrection, ...], AfterValidator(_currents)]
+TemperatureTable = Annotated[tuple[TemperatureCorrection, ...], AfterValidator(_in_one_unit)]
+CurrentTable = Annotated[tuple[CurrentCorrection, ...], AfterValidator(_in_one_unit)]
 AngleTable = Annotated[tuple[AngleCorrection, ...], AfterValidator(_angles)]
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 from drivers.discovery.recognition import NoSuchRegister
 from drivers.protocols.modbus_frames import frames_of, read_request
 from drivers.transport.address import Address
-from drivers.transport.stream_end import StreamEnd
+from drivers.transport.stream_end import BufferedEnd
 from drivers.transport.wires import Wires
 
 ANSWER_S = 1.0
@@ -18,12 +18,8 @@ ANSWER_LIMIT_BYTES = 65_536
 LINE_ENDS = (b"\r", b"\n")
 
 
-class Listener(StreamEnd):
-    """Buffers received bytes of a connection."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.received = bytearray()
+class Listener(BufferedEnd):
+    """Received bytes of a connection to an unknown instrument."""
 
     async def until_quiet(self, answer_s: float, quiet_s: float = QUIET_S) -> bytes:
         """Receive until the line was silent for `quiet_s`; b"" if nothing arrives within `answer_s`."""
@@ -42,18 +38,7 @@ class Listener(StreamEnd):
     def ask(self, question: bytes) -> None:
         """Send a query; what has been received before is discarded."""
         self.received.clear()
-        if self._transport is not None:
-            self._transport.write(question)
-
-    def close(self) -> None:
-        """Close the connection."""
-        if self._transport is not None:
-            self._transport.close()
-
-    def data_received(self, data: bytes) -> None:
-        """Buffer received bytes."""
-        self.received += data
-        super().data_received(data)
+        self.write(question)
 
 
 class QueryPort:

@@ -1,15 +1,18 @@
-"""What the descriptions of all chambers, indexing heads and rate tables have in common."""
+"""What the descriptions of all chambers, indexing heads, rate tables and current sources have in common."""
 
 from __future__ import annotations
 
 from functools import partial
 
-from drivers.certificates.corrections import AxisCorrections
+from drivers.certificates.corrections import AxisCorrections, CurrentCorrections
+from drivers.certificates.current_standard import CurrentUncertainty
 from drivers.description import DriverDescription
 from drivers.kinds.axes import AxisUncertainty
 from drivers.kinds.chamber import description as chamber
 from drivers.kinds.head import description as head
+from drivers.kinds.ranges import SourceLimits
 from drivers.kinds.table import description as table
+from drivers.safe_state import ZERO_THEN_OFF
 
 thermal_chamber = partial(
     DriverDescription,
@@ -38,4 +41,13 @@ rate_table = partial(
     uncertainty=AxisUncertainty,
     corrections=AxisCorrections,
     channels={"angle": "°", "rate": "°/s"},
+)
+current_source = partial(
+    DriverDescription,
+    capabilities=frozenset({"current_source"}),
+    limits=SourceLimits,
+    safe_state=ZERO_THEN_OFF,
+    uncertainty=CurrentUncertainty,
+    corrections=CurrentCorrections,
+    channels={"current": "A"},
 )

@@ -9,6 +9,7 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
+from drivers.protocols.texts import matched
 from drivers.values import Identity
 
 NOT_A_NUMBER = 9.9e37  # SCPI-1999 7.2.1: 9.9E37 stands for infinity, 9.91E37 for not a number
@@ -83,9 +84,7 @@ def error_entry(line: bytes) -> ErrorEntry:
     Variants of the empty queue are `0,"No error"`, `+0,"No error"`, `0,'No error'` and `0,No error`. A number alone is
     rejected, because queries of switches have the same answer.
     """
-    match = _ERROR.fullmatch(line.decode("ascii").strip())
-    if match is None:
-        raise ValueError("not an entry of an error queue")
+    match = matched(_ERROR, line.decode("ascii").strip(), "not an entry of an error queue")
     quoted, otherwise = match[2], match[3] or match[4] or ""
     return ErrorEntry(int(match[1]), otherwise.strip() if quoted is None else quoted.replace('""', '"'))
 

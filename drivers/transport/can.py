@@ -6,7 +6,8 @@ import asyncio
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -90,16 +91,15 @@ class Slcan(TextFrames):
             raise CannotConnect(self._device, "the CAN adapter refused", sent=repr(text)[1:])
 
 
-def frame_of(message: can.Message) -> tuple[int, int, bytes] | None:
-    """Identifier, length and data of a message of python-can for a FrameBlock; None if it has no data."""
+def frame_of(message: can.Message) -> tuple[int, bytes] | None:
+    """Identifier and data of a message of python-can for a FrameBlock; None if it has no data."""
     if message.is_remote_frame or message.is_fd:
         return None
     if message.is_error_frame:
         frame_id = ERROR | message.arbitration_id & (ERROR - 1)
     else:
         frame_id = message.arbitration_id | (EXTENDED if message.is_extended_id else 0)
-    data = bytes(message.data[:8])
-    return frame_id, len(data), data
+    return frame_id, bytes(message.data[:8])
 
 
 def read_log(device: str, path: Path) -> FrameBlock:
@@ -118,16 +118,7 @@ def read_log(device: str, path: Path) -> FrameBlock:
         ) from problem  # fmt: skip
     if not kept:
         raise CannotConnect(device, f"the log {path} has no frame", remedy="Record it again.")
-    return block_of(kept)
-
-
-def block_of(frames: Sequence[tuple[float, int, int, bytes]]) -> FrameBlock:
-    """Build a block from times, identifiers, lengths and data."""
-    data = b"".join(payload.ljust(8, b"\0") for _, _, _, payload in frames)
-    return FrameBlock(
-        np.array([frame[1] for frame in frames], np.uint32), np.array([frame[0] for frame in frames], np.float64),
-        np.array([frame[2] for frame in frames], np.uint8), np.frombuffer(data, np.uint8).reshape(-1, 8).copy(),
-    )  # fmt: skip
+    return FrameBlock.of(kept)
 
 
 class PythonCan:
@@ -143,7 +134,7 @@ class PythonCan:
         self._device = device
         interface, _, channel = address.path.strip("/").partition("/")
         self._loop = asyncio.get_running_loop()
-        self._frames: deque[tuple[float, int, int, bytes]] = deque(maxlen=COLLECT_LIMIT_FRAMES)
+        self._frames: deque[tuple[float, int, bytes]] = deque(maxlen=COLLECT_LIMIT_FRAMES)
         self._failure: str = ""
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
@@ -171,7 +162,7 @@ class PythonCan:
             raise LinkLost(self._device, self._failure, remedy="Check the bus, its termination and the adapter.")
         if count == COLLECT_LIMIT_FRAMES:
             raise InstrumentFault(self._device, "frames arrived faster than they were read, and some are lost")
-        return block_of([self._frames.popleft() for _ in range(count)])
+        return FrameBlock.of([self._frames.popleft() for _ in range(count)])
 
     def close(self) -> None:
         """Close the adapter; closing twice is harmless."""
@@ -221,7 +212,7 @@ class LoggedFrames:
         self._device, self._path = device, path
         since_s = np.maximum.accumulate(frames.at_s - frames.at_s[0])
         began_s = asyncio.get_running_loop().time()
-        self._frames = FrameBlock(frames.ids, began_s + since_s, frames.dlc, frames.data)
+        self._frames = replace(frames, at_s=began_s + since_s)
         self._next = 0
 
     def take(self) -> FrameBlock:
@@ -234,8 +225,7 @@ class LoggedFrames:
                 remedy="Record for longer than the sequence takes, or run a shorter one.",
             )  # fmt: skip
         self._next = end
-        rows = np.arange(begin, end)
-        return FrameBlock(self._frames.ids[rows], at_s[rows], self._frames.dlc[rows], self._frames.payloads(rows))
+        return self._frames.at(np.arange(begin, end))
 
     def close(self) -> None:
         """Do nothing: nothing is open."""

@@ -7,15 +7,14 @@ import math
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from drivers.description import Setup
 from drivers.errors import LinkLost, NoAnswer
 from drivers.safe_state import DIALOGUE_S
 from drivers.timing.awake import fair_timeout
-from drivers.transport.address import Address
 from drivers.transport.double_read import DoubleRead
-from drivers.transport.exchange import Framing, LineExchange, Pace, SyncQuery, Wrap
-from drivers.transport.wires import Wires
+from drivers.transport.exchange import DEFAULT_PACE, Framing, LineExchange, Pace, SyncQuery, Wrap
 
 T = TypeVar("T")
 
@@ -61,7 +60,7 @@ class Dialogue:
 
     A query is repeated once without an answer, and reconnects after a loss: at once, then after increasing pauses. A
     command does neither: the state of the instrument must be read first. `on_connect` is called on every new line;
-    `note` receives repeated queries, and the loss and return of the connection.
+    `setup.note` receives repeated queries, and the loss and return of the connection.
 
     `double_read` confirms readings that enter a result. TCP protects data by a checksum; a serial line does not, even
     behind a serial server.
@@ -70,19 +69,17 @@ class Dialogue:
     """
 
     def __init__(
-        self, device: str, wires: Wires, address: Address, sync_query: SyncQuery, *, end: bytes = b"\n",
-        framing: Framing | None = None, wrap: Wrap | None = None, pace: Pace | None = None,
-        on_connect: Callable[[], Awaitable[object]] | None = None, note: Callable[[str], object] = lambda _text: None,
+        self, setup: Setup[Any, Any, Any], sync_query: SyncQuery, *, end: bytes = b"\n", framing: Framing | None = None,
+        wrap: Wrap | None = None, pace: Pace = DEFAULT_PACE, on_connect: Callable[[], Awaitable[object]] | None = None,
     ) -> None:  # fmt: skip
-        self._device, self._wires, self._address, self._sync_query = device, wires, address, sync_query
-        self._end, self._framing, self._wrap, self._on_connect = end, framing, wrap, on_connect
-        self._note = note
+        self._device, self._wires, self._address, self._note = setup.name, setup.wires, setup.address, setup.note
+        self._sync_query, self._end, self._framing, self._wrap = sync_query, end, framing, wrap
+        self._on_connect = on_connect
         self._in_use = self._opening = False
         self._reconnecting = asyncio.Lock()
         self._backoff = ReconnectBackoff()
-        self._serial = address.is_serial_line
-        self.double_read = DoubleRead(device, note, checked=not self._serial)
-        pace = pace or Pace()
+        self._serial = setup.address.is_serial_line
+        self.double_read = DoubleRead(setup.name, setup.note, checked=not self._serial)
         self._pace = replace(pace, gap_s=max(pace.gap_s, SERIAL_GAP_S)) if self._serial else pace
         self._line: LineExchange | None = None
 
@@ -178,14 +175,9 @@ class Dialogue:
 
     def _new_line(self) -> LineExchange:
         return LineExchange(
-            self._device,
-            self._sync_query,
-            end=self._end,
-            framing=self._framing,
-            wrap=self._wrap,
-            pace=self._pace,
+            self._device, self._sync_query, end=self._end, framing=self._framing, wrap=self._wrap, pace=self._pace,
             close_on_silence=self._address.scheme != "serial",
-        )
+        )  # fmt: skip
 
 
 class OverDialogue:

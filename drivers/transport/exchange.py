@@ -47,6 +47,9 @@ class Pace:
     gap_s: float = 0.0
 
 
+DEFAULT_PACE = Pace()
+
+
 @dataclass(frozen=True, slots=True)
 class SyncQuery:
     """A query without effect, and a check that raises unless its answer comes from the right instrument."""
@@ -77,15 +80,14 @@ class LineExchange(StreamEnd):
 
     def __init__(
         self, device: str, sync_query: SyncQuery, *, end: bytes = b"\n", framing: Framing | None = None,
-        wrap: Wrap | None = None, pace: Pace | None = None, close_on_silence: bool = False,
+        wrap: Wrap | None = None, pace: Pace = DEFAULT_PACE, close_on_silence: bool = False,
     ) -> None:  # fmt: skip
         super().__init__()
         self.device = device
         self._sync_query = sync_query
         self._wrap = wrap or (lambda command: command + end)
         self._framing = framing or lines_ending(end)
-        self._pace = pace or Pace()
-        self._close_on_silence = close_on_silence
+        self._pace, self._close_on_silence = pace, close_on_silence
         self._turn = asyncio.Lock()
         self._received = bytearray()
         self._received_at_s = -math.inf

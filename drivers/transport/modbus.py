@@ -11,7 +11,7 @@ from drivers.timing.awake import fair_timeout
 from drivers.transport.address import Address
 from drivers.transport.exchange import printable_hex
 from drivers.transport.memory import let_arrive
-from drivers.transport.stream_end import StreamEnd
+from drivers.transport.stream_end import BufferedEnd
 from drivers.transport.wires import Wires
 
 GAP_S = 0.03  # silence that a controller on a serial line needs between an answer and the next request
@@ -180,12 +180,11 @@ class ModbusLink:
         )  # fmt: skip
 
 
-class _Stream(StreamEnd):
+class _Stream(BufferedEnd):
     """Received bytes of a connection, and the time of the last."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.received = bytearray()
         self._received_at_s = asyncio.get_running_loop().time()
 
     @property
@@ -193,22 +192,11 @@ class _Stream(StreamEnd):
         """Time since the last received byte."""
         return asyncio.get_running_loop().time() - self._received_at_s
 
-    def write(self, data: bytes) -> None:
-        """Send bytes."""
-        if self._transport is not None:
-            self._transport.write(data)
-
     def let_arrive(self, before_s: float) -> bool:
         """Deliver data of a simulator in this process, if that is the next event; return whether it was."""
         return let_arrive(self._transport, before_s)
 
-    def close(self) -> None:
-        """Close the connection."""
-        if self._transport is not None:
-            self._transport.close()
-
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the instrument."""
-        self.received += data
         self._received_at_s = asyncio.get_running_loop().time()
         super().data_received(data)

@@ -41,9 +41,7 @@ class ScpiLink(OverDialogue):
         self._error_queries = error_queries
         self._error_query = b""  # the query that it answers
         sync_query = SyncQuery(IDENTITY_QUERY, self._recognise)
-        self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, sync_query, end=end, on_connect=self._forget_errors, note=setup.note
-        )
+        self._dialogue = Dialogue(setup, sync_query, end=end, on_connect=self._forget_errors)
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""

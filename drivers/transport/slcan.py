@@ -52,10 +52,7 @@ def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
     heads = characters[starts[lengths > 0]]
     spoken = np.count_nonzero(lengths > 0) - np.count_nonzero(np.isin(heads, [ord("z"), ord("Z")]))
     found, order_of_lines = FrameBlock.joined(blocks), np.argsort(position, kind="stable")
-    ordered = FrameBlock(
-        found.ids[order_of_lines], found.at_s[order_of_lines], found.dlc[order_of_lines], found.data[order_of_lines]
-    )
-    return ordered, rest, int(spoken - len(position))
+    return found.at(order_of_lines), rest, int(spoken - len(position))
 
 
 def answer(data: bytes) -> tuple[bool | None, bytes]:

@@ -11,8 +11,6 @@ import asyncio
 import re
 from collections.abc import Awaitable, Callable
 
-import numpy as np
-
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
 from drivers.timing.awake import fair_timeout
@@ -29,7 +27,6 @@ _FRAME = re.compile(rb"< frame ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) \d+\.\d+ +((?:[0-
 _ERROR = re.compile(rb"< error ([0-9A-Fa-f]{1,8}) \d+\.\d+ [^<>]*>")
 _OTHERS = (b"< rtr ", b"< stat ", b"< echo >", b"< fdframe ", OK)  # neither frames nor errors
 _BITS_29 = EXTENDED // 4 - 1
-Rows = list[tuple[int, bytes]]
 
 
 def open_text(bus: str) -> bytes:
@@ -42,28 +39,19 @@ def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
 
     All frames get the arrival time `at_s`. Error frames have no data.
     """
-    rows, junk, end = Rows(), 0, 0
+    frames, junk, end = list[tuple[float, int, bytes]](), 0, 0
     for text in _TEXT.finditer(data):
         end = text.end()
         if frame := _FRAME.fullmatch(text[0]):
             number = int(frame[1], 16)
             frame_id = number if len(frame[1]) == 3 else number & _BITS_29 | EXTENDED
-            rows.append((frame_id, bytes.fromhex(frame[2].decode("ascii"))))
+            frames.append((at_s, frame_id, bytes.fromhex(frame[2].decode("ascii"))))
         elif error := _ERROR.fullmatch(text[0]):
-            rows.append((ERROR | int(error[1], 16) & (ERROR - 1), b""))
+            frames.append((at_s, ERROR | int(error[1], 16) & (ERROR - 1), b""))
         else:
             junk += not text[0].startswith(_OTHERS)
     rest = data[end:]
-    return block_of(rows, at_s), rest if len(rest) <= TEXT_LIMIT_BYTES else b"", junk
-
-
-def block_of(rows: Rows, at_s: float) -> FrameBlock:
-    """Build frames of one time from identifiers and data."""
-    data = b"".join(payload.ljust(8, b"\0") for _, payload in rows)
-    return FrameBlock(
-        np.array([frame_id for frame_id, _ in rows], np.uint32), np.full(len(rows), at_s),
-        np.array([len(payload) for _, payload in rows], np.uint8), np.frombuffer(data, np.uint8).reshape(-1, 8).copy(),
-    )  # fmt: skip
+    return FrameBlock.of(frames), rest if len(rest) <= TEXT_LIMIT_BYTES else b"", junk
 
 
 def render(block: FrameBlock, since_s: float = 0.0) -> bytes:

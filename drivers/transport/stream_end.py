@@ -53,3 +53,26 @@ class StreamEnd(asyncio.Protocol):
         """Note the loss of the connection, and end the wait for bytes."""
         self.lost = self.lost or f"the connection was closed ({exc or 'by the other end'})"
         self._end_wait(self._loss())
+
+
+class BufferedEnd(StreamEnd):
+    """Such an end that keeps the received bytes in `received`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.received = bytearray()
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        if self._transport is not None:
+            self._transport.write(data)
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._transport is not None:
+            self._transport.close()
+
+    def data_received(self, data: bytes) -> None:
+        """Keep received bytes."""
+        self.received += data
+        super().data_received(data)

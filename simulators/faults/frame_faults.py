@@ -6,7 +6,7 @@ The affected frames follow from the random numbers given, so that every failure 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -66,7 +66,7 @@ def apply_fault(
         case FrameFault.SHORT:
             lengths = np.where(hit, (block.dlc + draws.integers(1, 9, len(block))) % 9, block.dlc).astype(np.uint8)
             data = np.where(np.arange(8) < lengths[:, np.newaxis], block.data, 0).astype(np.uint8)
-            return FaultyFrames(FrameBlock(block.ids, block.at_s, lengths, data), rows, hit)
+            return FaultyFrames(replace(block, dlc=lengths, data=data), rows, hit)
         case FrameFault.SWAPPED:
             able = np.isin(block.ids, list(swapped))
             first = np.flatnonzero(hit[:-1] & able[:-1] & able[1:] & (block.ids[:-1] != block.ids[1:]))
@@ -74,13 +74,14 @@ def apply_fault(
             ids, altered = block.ids.copy(), untouched
             ids[first], ids[first + 1] = block.ids[first + 1], block.ids[first]
             altered[first] = altered[first + 1] = True
-            return FaultyFrames(FrameBlock(ids, block.at_s, block.dlc, block.data), rows, altered)
+            return FaultyFrames(replace(block, ids=ids), rows, altered)
 
 
 def _reordered(block: FrameBlock, rows: Rows) -> FaultyFrames:
     """Indices of reordered or lost frames; a late frame arrives together with the one before it."""
-    at_s = np.maximum.accumulate(block.at_s[rows]) if len(rows) else block.at_s[rows]
-    moved = FrameBlock(block.ids[rows], at_s, block.dlc[rows], block.payloads(rows))
+    moved = block.at(rows)
+    if len(rows):
+        moved = replace(moved, at_s=np.maximum.accumulate(moved.at_s))
     return FaultyFrames(moved, rows, np.zeros(len(rows), dtype=bool))
 
 
@@ -110,5 +111,4 @@ def _among_foreign(block: FrameBlock, after: Rows, draws: np.random.Generator) -
     )
     rows = np.concatenate([np.arange(len(block)), np.full(len(after), -1)])
     order = np.argsort(np.concatenate([np.arange(len(block)), after + 0.5]), kind="stable")
-    ordered = FrameBlock(whole.ids[order], whole.at_s[order], whole.dlc[order], whole.payloads(order))
-    return FaultyFrames(ordered, rows[order], rows[order] < 0)
+    return FaultyFrames(whole.at(order), rows[order], rows[order] < 0)

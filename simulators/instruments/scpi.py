@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from drivers.protocols import scpi
 from drivers.protocols.scpi import Command, ErrorEntry
+from simulators.faults.instrument_faults import FaultPlan
 
 Handler = Callable[[str], str | None]
 
@@ -149,6 +150,26 @@ class Interpreter:
         return f"+{entry}" if self._signed and entry.code >= 0 else str(entry)
 
 
+class ScpiInstrument:
+    """Common part of simulated SCPI instruments: settings that are executed, delayed or stuck, and lost with power."""
+
+    faults: FaultPlan
+    _interpreter: Interpreter
+
+    def restart(self) -> None:
+        """Short power failure: all settings are as at power-on."""
+        self._reset()
+        self._interpreter.power_on()
+
+    def unless_stuck(self, handler: Handler) -> Handler:
+        """Execute a setting, unless it is stuck or delayed."""
+        return lambda argument: self.faults.carry_out(lambda: handler(argument), Refusal)
+
+    def _reset(self) -> None:
+        """Give all settings their values at power-on."""
+        raise NotImplementedError
+
+
 class LineSession:
     """One connection to an instrument with a line protocol.
 
@@ -179,6 +200,13 @@ def setting(argument: str, low: float, high: float) -> float:
     if not low <= value <= high:
         raise Refusal(OUT_OF_RANGE)
     return value
+
+
+def asked(which: str, set_to: float, low: float, high: float) -> float:
+    """Number that a query asks for: the setting, or with MIN or MAX a limit of it; raises Refusal."""
+    if which.upper() not in ("", "MIN", "MAX"):
+        raise Refusal(NOT_ALLOWED)
+    return {"MIN": low, "MAX": high}.get(which.upper(), set_to)
 
 
 _ENDS = {"MIN": 0, "MINIMUM": 0, "MAX": 1, "MAXIMUM": 1}  # of a range

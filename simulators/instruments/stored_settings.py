@@ -44,7 +44,7 @@ class StoredSettings:
 
     def __init__(self, settings: Mapping[str, StoredSetting]) -> None:
         self._settings = settings
-        self._values: dict[str, str] = {}
+        self._values: dict[object, str] = {}
 
     def __getitem__(self, header: str) -> str:
         return self._values.get(header, self._settings[header].default)

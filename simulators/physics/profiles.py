@@ -6,9 +6,9 @@ A table follows imperfectly (`simulators/physics/servo.py`): its rate has ripple
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,42 +18,47 @@ from simulators.physics.servo import Loop, Ripple
 Angles = NDArray[np.float64]
 
 
-class Profile(Protocol):
-    """The command of an axis: its angle and rate as exact functions of time."""
+@dataclass(frozen=True)
+class Profile(ABC):
+    """The command of an axis, given at `start_s`: its angle and rate as exact functions of time."""
+
+    start_s: float
 
     @property
-    def start_s(self) -> float:
-        """Time of the command."""
-
-    @property
+    @abstractmethod
     def duration_s(self) -> float:
         """Duration until rest, the final rate, or the full amplitude and frequency of a sine."""
 
     @property
+    @abstractmethod
     def endless(self) -> bool:
         """True if the motion continues after that."""
 
+    @abstractmethod
     def angle_deg(self, at_s: Angles) -> Angles:
         """Angles at the times `at_s`."""
 
+    @abstractmethod
     def rates_dps(self, at_s: Angles) -> Angles:
         """Rates at the times `at_s`."""
 
+    @abstractmethod
     def accelerations_dps2(self, at_s: Angles) -> Angles:
         """Angular accelerations at the times `at_s`."""
 
     def angle_at(self, at_s: float) -> float:
         """Angle at one time."""
+        return float(self.angle_deg(np.array([at_s]))[0])
 
     def rate_at(self, at_s: float) -> float:
         """Rate at one time, °/s."""
+        return float(self.rates_dps(np.array([at_s]))[0])
 
 
 @dataclass(frozen=True)
-class Move:
+class Move(Profile):
     """A trapezoidal rate profile from rest to rest, beginning at `start_s`."""
 
-    start_s: float
     origin_deg: float
     distance_deg: float
     rate_dps: float
@@ -89,9 +94,7 @@ class Move:
 
     def angle_at(self, at_s: float) -> float:
         """Angle at one time."""
-        if at_s >= self.start_s + self.duration_s:
-            return self.origin_deg + self.distance_deg
-        return float(self.angle_deg(np.array([at_s]))[0])
+        return self.origin_deg + self.distance_deg if at_s >= self.start_s + self.duration_s else super().angle_at(at_s)
 
     def rates_dps(self, at_s: Angles) -> Angles:
         """Rates at the times `at_s`."""
@@ -142,10 +145,9 @@ class Slew:
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class Turn(Profile):
     """A change of rate at constant acceleration, followed by rotation; a change to rate zero ends at rest."""
 
-    start_s: float
     origin_deg: float
     rate_dps: Slew
     ripple: Ripple | None = None
@@ -179,24 +181,15 @@ class Turn:
         even_deg, rate_dps = self._even_deg(at_s), self.rate_dps.value(t)
         return change_dps2 * (1 + self.ripple.slope(even_deg)) + rate_dps**2 * self.ripple.bend_per_deg(even_deg)
 
-    def angle_at(self, at_s: float) -> float:
-        """Angle at one time."""
-        return float(self.angle_deg(np.array([at_s]))[0])
-
-    def rate_at(self, at_s: float) -> float:
-        """Rate at one time, °/s."""
-        return float(self.rates_dps(np.array([at_s]))[0])
-
     def _even_deg(self, at_s: Angles) -> Angles:
         """Angle without rate ripple."""
         return self.origin_deg + self.rate_dps.integral(np.maximum(at_s - self.start_s, 0))
 
 
 @dataclass(frozen=True, slots=True)
-class Swing:
+class Swing(Profile):
     """A sine about an angle; amplitude and frequency grow from zero, slowly compared with the control loop."""
 
-    start_s: float
     centre_deg: float
     amplitude_deg: Slew
     frequency_hz: Slew
@@ -226,14 +219,6 @@ class Swing:
         chirp = 2 * math.pi * self.frequency_hz.slope(np.maximum(at_s - self.start_s, 0))
         along = 2 * growing_dps * turning + amplitude_deg * chirp
         return along * np.cos(phase) - amplitude_deg * turning**2 * np.sin(phase)
-
-    def angle_at(self, at_s: float) -> float:
-        """Angle at one time."""
-        return float(self.angle_deg(np.array([at_s]))[0])
-
-    def rate_at(self, at_s: float) -> float:
-        """Rate at one time, °/s."""
-        return float(self.rates_dps(np.array([at_s]))[0])
 
     def _motion(self, at_s: Angles) -> tuple[Angles, Angles, Angles, Angles]:
         """Amplitude in °, phase in rad, and their derivatives: phase in rad/s, amplitude in °/s."""

@@ -19,12 +19,12 @@ from drivers.errors import CannotConnect, LinkLost
 from drivers.transport.address import Address
 from drivers.transport.wires import RealWires
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.instruments.can_nodes.can_counter import SimulatedCounter
 from simulators.instruments.can_nodes.socketcand_server import SimulatedServer
 from simulators.units.settings import WorldSettings
 from simulators.world import World
 from tests.support.frames import taken
-from tests.support.laboratory import DBC, counter_form
+from tests.support.laboratory import a_counter
 
 pytestmark = pytest.mark.integration
 
@@ -36,7 +36,7 @@ async def served(factory: Callable[[], asyncio.Protocol]) -> tuple[asyncio.Serve
 
 def counter(period_s: float) -> SimulatedCounter:
     world = World(WorldSettings(seed=1, gravity_mps2=9.8), asyncio.get_running_loop().time)
-    return SimulatedCounter(world, CounterSettings("counter", DBC, counter_form(), period_s), FaultPlan())
+    return a_counter(world, FaultPlan(), period_s=period_s)
 
 
 def test_the_client_of_python_can_reads_our_simulated_counter() -> None:

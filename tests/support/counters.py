@@ -18,12 +18,11 @@ from drivers.transport.can import open_slcan
 from drivers.transport.frame_link import DURABLE_BLOCK_S, FrameLink
 from drivers.transport.memory import Line, join
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
 from simulators.instruments.can_nodes.can_node import CanNode
 from simulators.instruments.can_nodes.slcan_adapter import SimulatedAdapter
 from simulators.units.settings import WorldSettings
 from simulators.world import World
-from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form, place, unit
+from tests.support.laboratory import CHANNELS, LATCH, ROOT, a_counter, place, unit
 
 P = TypeVar("P", bound=asyncio.Protocol)
 OPTIONS = {
@@ -87,8 +86,7 @@ class Bench:
         self.faults = FaultPlan(now_s=loop.time)
         half_g = unit(accelerometer={"K0": {"at_reference": "0.5 g"}})
         self.world = World(WorldSettings(seed=1, gravity_mps2=9.8, places={"a": place(unit=half_g)}), loop.time)
-        settings = CounterSettings("counter", DBC, counter_form(), 0.1, {"Temperatures.Unit": "a"})
-        self.counter = SimulatedCounter(self.world, settings, self.faults)
+        self.counter = a_counter(self.world, self.faults, readings={"Temperatures.Unit": "a"})
         self.world.power("supply", True)
         self.bus = Bus(self.counter)
         self.notes: list[str] = []

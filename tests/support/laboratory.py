@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from drivers.can.dbc import Dbc
+from drivers.can.options import PositionOptions
+from drivers.dialects.can_counter.options import ChannelOptions, CounterOptions, LatchOptions
 from drivers.dialects.can_counter.wire import CounterFormat, counter_format
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.instruments.can_nodes.can_counter import SimulatedCounter
+from simulators.instruments.can_nodes.can_node import NodeSetup
 from simulators.physics.thermal import ChamberPhysics
 from simulators.units.settings import PlaceSettings, WorldSettings
 from simulators.units.unit_file import UnitFile
@@ -48,8 +51,29 @@ def place(channel: str = "x", **changes: Any) -> PlaceSettings:
 
 def counter_form(*, boot_count: bool = True) -> CounterFormat:
     """The frames of our DBC."""
-    latch = LATCH if boot_count else {**LATCH, "boot_count": None}
-    return counter_format(DBC, latch, 1e-6, CHANNELS)
+    return format_in(DBC, LATCH if boot_count else {**LATCH, "boot_count": None}, CHANNELS)
+
+
+def format_in(
+    dbc: Dbc, latch: Mapping[str, Any], channels: Mapping[str, Any], positions: Mapping[str, Any] | None = None
+) -> CounterFormat:
+    """The frames with these names; a tick is 1 µs unless the latch has another."""
+    return counter_format(
+        dbc, LatchOptions.model_validate({"tick_period": "1 µs", **latch}),
+        {name: ChannelOptions.model_validate(each) for name, each in channels.items()},
+        {name: PositionOptions.model_validate({"resolution": "1 arcsec", **each})
+         for name, each in (positions or {}).items()},
+    )  # fmt: skip
+
+
+def a_counter(
+    world: World, faults: FaultPlan, *, dbc: Dbc = DBC, form: CounterFormat | None = None, period_s: float = 0.1,
+    readings: Mapping[str, str] | None = None, positions: Mapping[str, PositionOptions] | None = None,
+) -> SimulatedCounter:  # fmt: skip
+    """A counter that sends the frames of our DBC."""
+    options = CounterOptions.model_construct(period=period_s, positions=dict(positions or {}))
+    setup = NodeSetup("counter", world, faults, options, readings=readings or {})
+    return SimulatedCounter(setup, dbc, form or counter_form())
 
 
 class Laboratory:
@@ -69,8 +93,8 @@ class Laboratory:
     def counter(self, *, period_s: float = 0.1, faults: FaultPlan | None = None) -> SimulatedCounter:
         """A counter whose temperatures are those of the place a."""
         readings = {"Temperatures.Unit": "a"} if "a" in self.world.units else {}
-        settings = CounterSettings("counter", DBC, counter_form(), period_s, readings)
-        return SimulatedCounter(self.world, settings, faults or FaultPlan(now_s=self.world.now))
+        faults = faults or FaultPlan(now_s=self.world.now)
+        return a_counter(self.world, faults, period_s=period_s, readings=readings)
 
     def rate_pps(self, place_name: str = "a", gate_s: float = 100.0) -> float:
         """The mean rate over a gate, as charge: without the steps of counting."""

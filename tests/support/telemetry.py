@@ -10,12 +10,13 @@ from typing import Any
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.can.dbc import Dbc
 from drivers.description import IdentityPin, Nothing, Setup, make_driver
-from drivers.dialects.can_telemetry.decoder import formats_of
 from drivers.dialects.can_telemetry.description import DESCRIPTION, TelemetryOptions
 from drivers.dialects.can_telemetry.driver import CanTelemetry
+from drivers.dialects.can_telemetry.wire import sample_formats
 from drivers.transport.address import Address
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_telemetry import ChannelSettings, SimulatedTelemetry, TelemetrySettings
+from simulators.instruments.can_nodes.can_node import NodeSetup
+from simulators.instruments.can_nodes.can_telemetry import ChannelSettings, SimulatedTelemetry
 from simulators.units.accelerometer import Decoding
 from simulators.units.settings import WorldSettings
 from simulators.units.unit_file import TelemetryModel, UnitFile
@@ -41,7 +42,7 @@ def options(folder: Path = ROOT / "config", **changes: Any) -> TelemetryOptions:
 
 
 DBC = Dbc((ROOT / "config" / "telemetry.dbc").read_text("utf-8"))
-FORMS = formats_of(options(), DBC)
+FORMS = sample_formats(DBC, options().channels)
 
 
 def sending_unit(**telemetry: Any) -> UnitFile:
@@ -64,8 +65,8 @@ class Bench:
             name: ChannelSettings(FORMS[name], period_s, 1e-5, at)
             for name, period_s, at in (("x", 0.02, "a"), ("y", 0.05, "b"))
         }
-        sent = TelemetrySettings("telemetry", DBC, channels, {"Housekeeping.Sensor": "a"})
-        self.node = SimulatedTelemetry(self.world, sent, self.faults)
+        setup = NodeSetup("telemetry", self.world, self.faults, options(), readings={"Housekeeping.Sensor": "a"})
+        self.node = SimulatedTelemetry(setup, DBC, channels)
         self.world.power("supply", True)
         self.bus = Bus(self.node)
 

@@ -60,7 +60,7 @@ def talk(table: SimulatedAcutrol, *messages: bytes) -> list[str]:
         (wire.IDENTITY_QUERY, "*IDN?"),
         (wire.lock_out(True), (":UTIL:LOCKOUT ON", ":UTIL:REMOTELOCKOUT ON")),
         (wire.lock_out(False), (":UTIL:LOCKOUT OFF", ":UTIL:REMOTELOCKOUT OFF")),
-        (wire.energise(1), ":INTERLOCK:CLOSE 1"),
+        (wire.ENERGISE.format(1), ":INTERLOCK:CLOSE 1"),
         (wire.enter(Mode.POSITION, 1), ":MODE:POSITION 1"),
         (wire.enter(Mode.RATE, 2), ":MODE:RATE 2"),
         (wire.enter(Mode.SYNTHESIS, 1), ":MODE:SYNTHESIS 1"),
@@ -73,8 +73,8 @@ def talk(table: SimulatedAcutrol, *messages: bytes) -> list[str]:
         (wire.demand_rate(1, -1000.0), ":DEM:RATE 1,-1000"),
         (wire.configure_sine(1, 0.5, 2.5), ":CONFIG:OSC 1,Enable,0.5,2.5,Pos,Lin"),
         (wire.demand_sine(1, 1.06, 10.0), ":DEM:OSC 1,1.06,10,0"),
-        (wire.state_query(1), ":READ:POS? 1;RATE? 1;:INTERLOCK? 1;:MODE? 1;:STAT:CSR? A1DYN;CSR? SUP0"),
-        (wire.faults_query(2), ":STAT:CSR? A2SWFAULT;CSR? A2INTLK"),
+        (wire.STATE_QUERY.format(1), ":READ:POS? 1;RATE? 1;:INTERLOCK? 1;:MODE? 1;:STAT:CSR? A1DYN;CSR? SUP0"),
+        (wire.FAULTS_QUERY.format(2), ":STAT:CSR? A2SWFAULT;CSR? A2INTLK"),
     ],
 )
 def test_messages_are_spelled_as_documented(message: object, spelled: object) -> None:

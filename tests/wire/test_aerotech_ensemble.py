@@ -42,15 +42,15 @@ def talk(head: SimulatedEnsemble, *lines: bytes) -> list[bytes]:
 @pytest.mark.parametrize(
     ("command", "line"),
     [
-        (wire.enable("X"), "ENABLE X"),
+        (wire.ENABLE.format("X"), "ENABLE X"),
         (wire.move_absolute("X", 90.0, 5.0), "MOVEABS X 90.0 F5"),
         (wire.move_absolute("X", -0.000278, 0.5), "MOVEABS X -0.000278 F0.5"),
         (wire.move_absolute("X", -1e-9, 30.0), "MOVEABS X 0.0 F30"),
-        (wire.abort("X"), "ABORT X"),
-        (wire.feedback_query("X"), "PFBK X"),
-        (wire.status_query("X"), "AXISSTATUS X"),
-        (wire.fault_query("X"), "AXISFAULT X"),
-        (wire.fingerprint_query("X"), "GETPARM(X, CountsPerUnit)"),
+        (wire.ABORT.format("X"), "ABORT X"),
+        (wire.FEEDBACK_QUERY.format("X"), "PFBK X"),
+        (wire.STATUS_QUERY.format("X"), "AXISSTATUS X"),
+        (wire.FAULT_QUERY.format("X"), "AXISFAULT X"),
+        (wire.FINGERPRINT_QUERY.format("X"), "GETPARM(X, CountsPerUnit)"),
     ],
 )
 def test_commands_are_spelled_as_documented(command: str, line: str) -> None:

@@ -15,7 +15,6 @@ from drivers.can.dbc import Dbc, DbcError, encode_frames
 from drivers.can.frame_block import FrameBlock
 from drivers.dialects.can_counter.wire import (
     Counts,
-    counter_format,
     decode_counts,
     decode_positions,
     latches,
@@ -23,7 +22,7 @@ from drivers.dialects.can_counter.wire import (
 )
 from drivers.transport import slcan
 from tests.support.frames import frames
-from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form
+from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form, format_in
 
 FORM = counter_form()
 
@@ -214,8 +213,8 @@ BO_ 769 Pulses: 5 A
  SG_ M : 23|16@0+ (1,0) [0|0] "" A
  SG_ N : 39|8@0+ (1,0) [0|0] "" A
 """)
-OTHER_FORM = counter_format(
-    OTHER, {"tick": "Mark.T", "sequence": "Mark.N"}, 1e-5,
+OTHER_FORM = format_in(
+    OTHER, {"tick": "Mark.T", "sequence": "Mark.N", "tick_period": "10 µs"},
     {"x": {"positive": "Pulses.P", "negative": "Pulses.M", "sequence": "Pulses.N"}},
 )  # fmt: skip
 
@@ -255,8 +254,8 @@ def test_a_narrow_number_finds_its_latch_after_any_gap() -> None:
 
 # An encoder latched with the counters: 0x108, Position u32 in counts of 0.36 arcsec, Sequence u16
 
-TABLE_FORM = counter_format(
-    Dbc((ROOT / "config" / "response.dbc").read_text("utf-8")), LATCH, 1e-6,
+TABLE_FORM = format_in(
+    Dbc((ROOT / "config" / "response.dbc").read_text("utf-8")), LATCH,
     {"gyro": {key: f"Pulses.{key.capitalize()}" for key in ("positive", "negative", "sequence")}},
     {"table": {"position": "Encoder.Position", "sequence": "Encoder.Sequence"}},
 )  # fmt: skip
@@ -317,7 +316,7 @@ def test_motorola_frames_are_written() -> None:
 )
 def test_names_that_the_dbc_does_not_have_are_told(latch_names: dict, channels: dict, problem: str) -> None:
     with pytest.raises(DbcError, match=problem):
-        counter_format(DBC, latch_names, 1e-6, channels)
+        format_in(DBC, latch_names, channels)
 
 
 def test_the_wire_format_loads_no_transport() -> None:

@@ -10,6 +10,8 @@ import pytest
 from drivers.can.dbc import Dbc, DbcError, encode_frames, readings_of
 from drivers.can.encoder_frames import position_formats
 from drivers.can.frame_block import FrameBlock
+from drivers.can.options import PositionOptions
+from drivers.dialects.can_telemetry.options import SampleOptions
 from drivers.dialects.can_telemetry.wire import Samples, arrivals, decode_positions, decode_samples, sample_formats
 from tests.support.frames import frames
 from tests.support.laboratory import ROOT
@@ -30,6 +32,10 @@ def sample(number: int, tick: int | None = None, code: int = 7, status: int = 0)
     tick = 2000 * number if tick is None else tick
     data = (code % 2**24).to_bytes(3, "little") + (tick % 2**24).to_bytes(3, "little")
     return f"200 8 {data.hex()} {number % 256:02X} {status:02X}"
+
+
+def signals(**named: object) -> SampleOptions:
+    return SampleOptions.model_validate({"period": "20 ms", "tick_period": "10 µs", **named})
 
 
 def summary(samples: Samples) -> dict[str, object]:
@@ -130,7 +136,7 @@ LINE = "300 8 FF 38 03 E8 12 34 2A 01"  # - 200, 1000, tick 0x1234, sample 42; t
 
 
 def test_a_value_is_decoded_by_factor_and_offset_of_the_dbc() -> None:
-    forms = sample_formats(OTHER, {"first": FIRST, "second": SECOND})
+    forms = sample_formats(OTHER, {"first": signals(**FIRST), "second": signals(**SECOND)})
     first, second = (decode_samples(forms[name], frames(LINE)) for name in ("first", "second"))
     assert first.values.tolist() == pytest.approx([0.3])
     assert second.values.tolist() == [1000.0], "without a unit it is the code as it came"
@@ -149,7 +155,7 @@ def test_a_value_is_decoded_by_factor_and_offset_of_the_dbc() -> None:
 )
 def test_what_does_not_go_together_is_told(change: dict, problem: str) -> None:
     with pytest.raises(DbcError, match=problem):
-        sample_formats(OTHER, {"a": FIRST | change})
+        sample_formats(OTHER, {"a": signals(**(FIRST | change))})
 
 
 def test_frames_are_written_as_they_are_read() -> None:
@@ -162,11 +168,12 @@ def test_frames_are_written_as_they_are_read() -> None:
 # The encoder of a table, latched at the end of each sample
 
 ON_A_TABLE = Dbc((ROOT / "config/table_telemetry.dbc").read_text("utf-8"))
-OUTPUT = sample_formats(ON_A_TABLE, {"x": {
-    "value": "Output.Code", "tick": "Output.Tick", "sequence": "Output.Sequence", "status": "Output.Status",
-    "invalid_bits": 3, "unit": None,
-}})["x"]  # fmt: skip
-ENCODER = position_formats(ON_A_TABLE, {"table": {"position": "Encoder.Position", "sequence": "Encoder.Sequence"}})
+OUTPUT = sample_formats(ON_A_TABLE, {"x": signals(
+    value="Output.Code", tick="Output.Tick", sequence="Output.Sequence", status="Output.Status", invalid_bits=3,
+)})["x"]  # fmt: skip
+ENCODER = position_formats(ON_A_TABLE, {"table": PositionOptions.model_validate({
+    "position": "Encoder.Position", "sequence": "Encoder.Sequence", "resolution": "1 arcsec",
+})})  # fmt: skip
 SWUNG = (
     "200 8 10 00 00 E8 03 00 FF 00",  # 16 at 1000 ticks, sample 255
     "208 6 40 42 0F 00 FF 01",  # 1 000 000 counts, sample 511, of which the samples know the lowest 8 bits

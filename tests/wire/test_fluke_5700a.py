@@ -57,7 +57,7 @@ def test_commands_and_questions_are_words_of_the_manual() -> None:
     assert (wire.LOCK_RANGE, wire.FREE_RANGE) == ("RANGELCK ON", "RANGELCK OFF")
     assert (wire.IDENTITY_QUERY, wire.STATUS_QUERY, wire.OUTPUT_QUERY) == (b"*IDN?", b"ISR?", b"OUT?")
     assert (wire.EVENTS_QUERY, wire.MINUTES_QUERY, wire.FAULT_QUERY) == (b"*ESR?", b"ETIME?", b"FAULT?")
-    assert wire.explain_query(725) == b"EXPLAIN? 725"
+    assert wire.EXPLAIN_QUERY.format(725) == "EXPLAIN? 725"
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import pytest
 
 from drivers.dialects.newport_xps import wire
 from drivers.dialects.newport_xps.wire import Call, GroupState, Profile, Reply
+from drivers.protocols import scpi
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.axes.newport_xps import SimulatedXps
 from simulators.units.settings import WorldSettings
@@ -40,25 +41,25 @@ def talk(head: SimulatedXps, *calls: bytes) -> list[bytes]:
         (wire.move_absolute("HEAD.Pos", 90.0), "GroupMoveAbsolute(HEAD.Pos,90.0)"),
         (wire.move_absolute("HEAD.Pos", -0.000278), "GroupMoveAbsolute(HEAD.Pos,-0.000278)"),
         (wire.move_absolute("HEAD.Pos", -1e-9), "GroupMoveAbsolute(HEAD.Pos,0.0)"),
-        (wire.abort("HEAD"), "GroupMoveAbort(HEAD)"),
-        (wire.enable("HEAD"), "GroupMotionEnable(HEAD)"),
-        (wire.angle_query("HEAD.Pos"), "GroupPositionCurrentGet(HEAD.Pos,double *)"),
-        (wire.status_query("HEAD"), "GroupStatusGet(HEAD,int *)"),
-        (wire.status_text_query(12), "GroupStatusStringGet(12,char *)"),
-        (wire.error_query("HEAD.Pos"), "PositionerErrorRead(HEAD.Pos,int *)"),
-        (wire.error_text_query(2), "PositionerErrorStringGet(2,char *)"),
-        (wire.code_text_query(-22), "ErrorStringGet(-22,char *)"),
+        (wire.ABORT.format("HEAD"), "GroupMoveAbort(HEAD)"),
+        (wire.ENABLE.format("HEAD"), "GroupMotionEnable(HEAD)"),
+        (wire.ANGLE_QUERY.format("HEAD.Pos"), "GroupPositionCurrentGet(HEAD.Pos,double *)"),
+        (wire.STATUS_QUERY.format("HEAD"), "GroupStatusGet(HEAD,int *)"),
+        (wire.STATUS_TEXT_QUERY.format(12), "GroupStatusStringGet(12,char *)"),
+        (wire.ERROR_QUERY.format("HEAD.Pos"), "PositionerErrorRead(HEAD.Pos,int *)"),
+        (wire.ERROR_TEXT_QUERY.format(2), "PositionerErrorStringGet(2,char *)"),
+        (wire.CODE_TEXT_QUERY.format(-22), "ErrorStringGet(-22,char *)"),
         (
-            wire.profile_query("HEAD.Pos"),
+            wire.PROFILE_QUERY.format("HEAD.Pos"),
             "PositionerSGammaParametersGet(HEAD.Pos,double *,double *,double *,double *)",
         ),
         (
             wire.set_profile("HEAD.Pos", Profile(20.0, 40.0, 0.005, 0.05)),
             "PositionerSGammaParametersSet(HEAD.Pos,20.0,40.0,0.005,0.05)",
         ),
-        (wire.travel_query("HEAD.Pos"), "PositionerUserTravelLimitsGet(HEAD.Pos,double *,double *)"),
+        (wire.TRAVEL_QUERY.format("HEAD.Pos"), "PositionerUserTravelLimitsGet(HEAD.Pos,double *,double *)"),
         (
-            wire.max_motion_query("HEAD.Pos"),
+            wire.MAX_MOTION_QUERY.format("HEAD.Pos"),
             "PositionerMaximumVelocityAndAccelerationGet(HEAD.Pos,double *,double *)",
         ),
     ],
@@ -103,7 +104,7 @@ def test_what_is_not_two_numbers_is_refused(text: str) -> None:
 @pytest.mark.parametrize("text", ["", "1.0", "12,", "0x2"])
 def test_what_is_no_whole_number_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="not a whole number"):
-        wire.read_integer(text)
+        scpi.integer(text)
 
 
 @pytest.mark.parametrize(

@@ -52,9 +52,7 @@ class AclAxis(OverDialogue):
         self._locked_out = False
         framing = partial(wire.whole_answer, order=self._byte_order)
         sync_query = SyncQuery(wire.IDENTITY_QUERY.encode(), self._recognise)
-        self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, sync_query, framing=framing, pace=Pace(ANSWER_S), note=setup.note
-        )  # fmt: skip
+        self._dialogue = Dialogue(setup, sync_query, framing=framing, pace=Pace(ANSWER_S))
 
     async def identify(self) -> Identity:
         """Query the identity; raises WrongIdentity if it has changed."""
@@ -62,14 +60,14 @@ class AclAxis(OverDialogue):
 
     async def read_state(self) -> State:
         """State of the axis, its angle over whole turns."""
-        state = await self._query(wire.state_query(self._number), _read_state)
+        state = await self._query(wire.STATE_QUERY.format(self._number), _read_state)
         return self._turns.count(asyncio.get_running_loop().time(), state)
 
     async def check_fault(self, state: State, sent: str = "") -> None:
         """Raise InstrumentFault with its reasons if the interlock has a fault; `sent` is the command that met it."""
         if state.drive is not Drive.FAULT:
             return
-        reasons = await self._query(wire.faults_query(self._number), wire.read_faults)
+        reasons = await self._query(wire.FAULTS_QUERY.format(self._number), wire.read_faults)
         raise InstrumentFault(
             self._device, f"axis {self._number} has an interlock fault: {reasons or 'no reason reported'}", sent=sent,
             remedy="Remove the cause, reset the interlock at the controller (INTERLOCK:RESET), then run again.",
@@ -87,14 +85,14 @@ class AclAxis(OverDialogue):
         if not state.in_control:
             await self._set(*wire.lock_out(True))
         if state.drive is not Drive.ON:
-            for command in (wire.enter(wire.Mode.OFF, self._number), wire.energise(self._number)):
+            for command in (wire.enter(wire.Mode.OFF, self._number), wire.ENERGISE.format(self._number)):
                 await self._send_command(command)
                 await asyncio.sleep(INTERLOCK_STEP_S)
         state = await read_back(self.read_state, lambda state: state.drive is not Drive.OFF and state.in_control)
         await self.check_fault(state)
         if state.drive is not Drive.ON:
             raise Refused(
-                self._device, f"the drive of axis {self._number} stays off", sent=wire.energise(self._number),
+                self._device, f"the drive of axis {self._number} stays off", sent=wire.ENERGISE.format(self._number),
                 received=f"interlock {_INTERLOCKS[state.drive]}",
                 remedy="Check the emergency stop, the doors and the amplifier, then run again.",
             )  # fmt: skip

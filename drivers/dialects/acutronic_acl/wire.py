@@ -111,7 +111,11 @@ class State(NamedTuple):
     supervisor: Supervisor
 
 
-# Messages and decoding of the driver
+# Messages of the driver, some to be completed by the number of an axis
+
+ENERGISE = ":INTERLOCK:CLOSE {}"  # the controller refuses while a fault is latched
+STATE_QUERY = ":READ:POS? {0};RATE? {0};:INTERLOCK? {0};:MODE? {0};:STAT:CSR? A{0}DYN;CSR? SUP0"  # fields of a State
+FAULTS_QUERY = ":STAT:CSR? A{0}SWFAULT;CSR? A{0}INTLK"  # registers with the cause of an interlock fault
 
 
 def enter(mode: Mode, axis: int) -> str:
@@ -146,25 +150,10 @@ def demand_sine(axis: int, amplitude_deg: float, frequency_hz: float) -> str:
     return f":DEM:OSC {axis},{_decimal(amplitude_deg)},{_decimal(frequency_hz)},0"
 
 
-def energise(axis: int) -> str:
-    """Command: close the interlock of an axis; the controller refuses while a fault is latched."""
-    return f":INTERLOCK:CLOSE {axis}"
-
-
 def lock_out(locked: bool) -> tuple[str, str]:
     """Command: lock out the front panel and other interfaces, or release them."""
     word = "ON" if locked else "OFF"
     return f":UTIL:LOCKOUT {word}", f":UTIL:REMOTELOCKOUT {word}"
-
-
-def state_query(axis: int) -> str:
-    """Query of all fields of a State, in one message."""
-    return f":READ:POS? {axis};RATE? {axis};:INTERLOCK? {axis};:MODE? {axis};:STAT:CSR? A{axis}DYN;CSR? SUP0"
-
-
-def faults_query(axis: int) -> str:
-    """Queries of the registers with the cause of an interlock fault."""
-    return f":STAT:CSR? A{axis}SWFAULT;CSR? A{axis}INTLK"
 
 
 # Decoding of answers
@@ -209,7 +198,7 @@ def read_identity(text: str) -> Identity:
 
 
 def read_state(text: str) -> State:
-    """Decode the answer to `state_query`; ValueError."""
+    """Decode the answer to STATE_QUERY; ValueError."""
     angle, rate, interlock, mode, dynamics, supervisor = scpi.answers(text.encode("ascii"), 6)
     return State(
         scpi.number(angle), scpi.number(rate), spelled(interlock, Interlock), spelled(mode, Mode),
@@ -218,7 +207,7 @@ def read_state(text: str) -> State:
 
 
 def read_faults(text: str) -> str:
-    """Decode the answer to `faults_query` into text like "rate trip, master interlock"; ValueError."""
+    """Decode the answer to FAULTS_QUERY into text like "rate trip, master interlock"; ValueError."""
     software, inputs = (scpi.integer(part) for part in scpi.answers(text.encode("ascii"), 2))
     names = [name for name, bits in SoftwareFault.__members__.items() if bits & software]
     names += [name for name, bits in InterlockInput.__members__.items() if bits & inputs]

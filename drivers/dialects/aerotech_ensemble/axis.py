@@ -14,6 +14,7 @@ from drivers.errors import InstrumentFault, Refused, WrongIdentity
 from drivers.kinds.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
 from drivers.kinds.head.driver import Head
+from drivers.recognised import as_stated
 from drivers.timing.readback import read_back
 from drivers.transport.dialogue import Dialogue, OverDialogue
 from drivers.transport.exchange import Pace, SyncQuery
@@ -35,37 +36,26 @@ class EnsembleAxis(OverDialogue):
     def __init__(self, setup: Setup[EnsembleOptions, HeadLimits, Nothing]) -> None:
         self._device, self._name, self._stated = setup.name, setup.options.axis, setup.identity
         self._fingerprint = ""
-        sync_query = SyncQuery(wire.fingerprint_query(self._name).encode(), self._recognise)
-        self._dialogue = Dialogue(
-            setup.name,
-            setup.wires,
-            setup.address,
-            sync_query,
-            pace=Pace(ANSWER_S),
-            on_connect=self._do_not_wait,
-            note=setup.note,
-        )
+        sync_query = SyncQuery(wire.FINGERPRINT_QUERY.format(self._name).encode(), self._recognise)
+        self._dialogue = Dialogue(setup, sync_query, pace=Pace(ANSWER_S), on_connect=self._do_not_wait)
 
     async def identify(self) -> Identity:
         """Names stated in the bench file, because the controller has none, and the fingerprint that it reports.
 
         Raises WrongIdentity when the fingerprint has changed.
         """
-        await self._dialogue.query(wire.fingerprint_query(self._name).encode(), self._recognise)
-        return Identity(
-            maker=self._stated.maker or "Aerotech", model=self._stated.model or "Ensemble",
-            serial=self._stated.serial or "", firmware=self._stated.firmware or "", verified=False,
-            fingerprint=f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}",
-        )  # fmt: skip
+        await self._dialogue.query(wire.FINGERPRINT_QUERY.format(self._name).encode(), self._recognise)
+        fingerprint = f"{wire.FINGERPRINT_PARAMETER} {self._fingerprint}"
+        return as_stated(self._stated, fingerprint, maker="Aerotech", model="Ensemble")
 
     async def angle(self) -> Reading:
         """Encoder angle (°)."""
-        angle_deg = await self._query(wire.feedback_query(self._name), wire.read_angle)
+        angle_deg = await self._query(wire.FEEDBACK_QUERY.format(self._name), wire.read_angle)
         return Reading(asyncio.get_running_loop().time(), angle_deg)
 
     async def state(self) -> AxisState:
         """Status bits."""
-        status = await self._query(wire.status_query(self._name), wire.read_status)
+        status = await self._query(wire.STATUS_QUERY.format(self._name), wire.read_status)
         return AxisState(
             homed=AxisStatus.HOMED in status,
             enabled=AxisStatus.ENABLED in status,
@@ -75,7 +65,7 @@ class EnsembleAxis(OverDialogue):
 
     async def check_faults(self, sent: str = "") -> None:
         """Raise InstrumentFault with the names of the present faults; `sent` is the command that met them."""
-        faults = await self._query(wire.fault_query(self._name), wire.read_fault)
+        faults = await self._query(wire.FAULT_QUERY.format(self._name), wire.read_fault)
         if faults:
             raise InstrumentFault(
                 self._device, f"axis {self._name} has a fault: {wire.name_faults(faults)}", sent=sent,
@@ -85,7 +75,7 @@ class EnsembleAxis(OverDialogue):
 
     async def enable(self) -> None:
         """Energise the motor; raises Refused unless the status confirms it."""
-        command = wire.enable(self._name)
+        command = wire.ENABLE.format(self._name)
         await self._send_command(command)
         if not (await read_back(self.state, lambda state: state.enabled)).enabled:
             raise Refused(
@@ -106,11 +96,11 @@ class EnsembleAxis(OverDialogue):
 
     async def abort(self) -> None:
         """Decelerate and hold."""
-        await self._send_command(wire.abort(self._name))
+        await self._send_command(wire.ABORT.format(self._name))
 
     def abort_at_once(self) -> None:
         """As `abort`, ahead of any queued message; raises LinkLost."""
-        self._dialogue.line.preempt(wire.abort(self._name).encode())
+        self._dialogue.line.preempt(wire.ABORT.format(self._name).encode())
 
     async def _do_not_wait(self) -> None:
         """Set moves to be acknowledged when they are accepted.

@@ -13,7 +13,7 @@ AXIS = "X"  # the default name of an axis
 
 async def recognise(port: Port) -> Found:
     """Recognise a controller that has an axis X."""
-    reply = wire.read_reply(text_of(await port.query(f"{wire.status_query(AXIS)}\n".encode())).encode())
+    reply = wire.read_reply(text_of(await port.query(f"{wire.STATUS_QUERY.format(AXIS)}\n".encode())).encode())
     if reply.outcome is not Outcome.DONE:
         raise ValueError("no status of an axis")
     wire.read_status(reply.data)

@@ -12,6 +12,8 @@ import re
 from enum import Enum, IntFlag
 from typing import NamedTuple
 
+from drivers.protocols.texts import decimal, matched
+
 NO_WAIT = "WAIT MODE NOWAIT"  # a move is acknowledged when it is accepted, not when it is finished (BLISS, EPICS)
 FINGERPRINT_PARAMETER = (
     "CountsPerUnit"  # EPICS and BLISS address it by number, the Tango server addresses others by name
@@ -73,42 +75,19 @@ class AxisFault(IntFlag):
     MARKER = 1 << 23
 
 
-# Messages and decoding of the driver
+# Messages of the driver, to be completed by the name of an axis
 
-
-def enable(axis: str) -> str:
-    """Command: enable the servo and energise the motor."""
-    return f"ENABLE {axis}"
+ENABLE = "ENABLE {}"  # the servo, and energise the motor
+ABORT = "ABORT {}"  # decelerate and hold
+FEEDBACK_QUERY = "PFBK {}"  # encoder angle, °
+STATUS_QUERY = "AXISSTATUS {}"
+FAULT_QUERY = "AXISFAULT {}"
+FINGERPRINT_QUERY = f"GETPARM({{}}, {FINGERPRINT_PARAMETER})"  # its answer cannot be mistaken for another
 
 
 def move_absolute(axis: str, angle_deg: float, rate_dps: float) -> str:
     """Command: move to an angle at a rate; other drivers write the rate as F5 or, for axis X alone, as XF5."""
-    return f"MOVEABS {axis} {_decimal(angle_deg)} F{_decimal(rate_dps).removesuffix('.0')}"
-
-
-def abort(axis: str) -> str:
-    """Command: decelerate and hold."""
-    return f"ABORT {axis}"
-
-
-def feedback_query(axis: str) -> str:
-    """Query of the encoder angle, °."""
-    return f"PFBK {axis}"
-
-
-def status_query(axis: str) -> str:
-    """Query of the AxisStatus bits."""
-    return f"AXISSTATUS {axis}"
-
-
-def fault_query(axis: str) -> str:
-    """Query of the AxisFault bits."""
-    return f"AXISFAULT {axis}"
-
-
-def fingerprint_query(axis: str) -> str:
-    """Query of an axis parameter whose answer cannot be mistaken for another."""
-    return f"GETPARM({axis}, {FINGERPRINT_PARAMETER})"
+    return f"MOVEABS {axis} {decimal(angle_deg)} F{decimal(rate_dps).removesuffix('.0')}"
 
 
 def read_reply(line: bytes) -> Reply:
@@ -159,12 +138,6 @@ def name_faults(faults: AxisFault) -> str:
     return ", ".join(names)
 
 
-def _decimal(value: float) -> str:
-    """Format as a plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
-    whole, _, digits = f"{round(value, 6) + 0.0:.6f}".partition(".")
-    return f"{whole}.{digits.rstrip('0') or '0'}"
-
-
 # Parsing and messages of the simulator
 
 
@@ -196,9 +169,7 @@ def parse_command(line: bytes) -> Command:
 
 def parse_move(arguments: tuple[str, ...]) -> Move:
     """Parse the arguments of MOVEABS, like X 90.0 F5; ValueError."""
-    match = _MOVE.fullmatch(" ".join(arguments))
-    if match is None:
-        raise ValueError("not an axis, an angle and a rate")
+    match = matched(_MOVE, " ".join(arguments), "not an axis, an angle and a rate")
     return Move(match[1], float(match[2]), None if match[3] is None else float(match[3]))
 
 

@@ -14,6 +14,7 @@ from enum import IntFlag
 from typing import Literal, NamedTuple
 
 from drivers.protocols import scpi
+from drivers.protocols.texts import matched
 from drivers.values import Identity
 
 Kind = Literal["TC", "RTD", "FRTD"]
@@ -125,10 +126,8 @@ def read_channels(text: str) -> tuple[int, ...]:
     length, body = text[2 : 2 + digits], text[2 + digits :]
     if not re.fullmatch(rf"\d{{{digits}}}", length, re.ASCII) or int(length) != len(body):
         raise ValueError(f"a block of {length} characters with {len(body)}")
-    match = _CHANNELS.fullmatch(body)
-    if match is None:
-        raise ValueError(f"'{body}' is no list of channels")
-    return tuple(map(int, match[1].split(","))) if match[1] else ()
+    listed = matched(_CHANNELS, body, f"'{body}' is no list of channels")[1]
+    return tuple(map(int, listed.split(","))) if listed else ()
 
 
 def read_type(line: bytes) -> str:

@@ -20,17 +20,17 @@ from drivers.dialects.binder.wire import (
     words,
 )
 from drivers.errors import BadAnswer, InstrumentFault, LinkLost, NoAnswer, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
-from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
-from drivers.kinds.chamber.words import Words
+from drivers.kinds.chamber.registers import RegisterController, hexadecimal, spelled_by
+from drivers.recognised import as_stated
 from drivers.timing.readback import read_back
 from drivers.values import Identity
 
 
-class _Controller(Connected):
+class _Controller(RegisterController):
     """The common part of MB1 and MB2; a Controller except for the temperature set point.
 
     The controller reports no names and no limits; it is recognised by plausible temperatures in its registers.
@@ -40,11 +40,9 @@ class _Controller(Connected):
     model: ClassVar[str]
 
     def __init__(self, setup: Setup[BinderOptions, ChamberLimits, ChamberSafe]) -> None:
-        self._pin, self._options = setup.identity, setup.options
+        super().__init__(setup)
+        self._options = setup.options
         self._at = registers_of(setup.options.controller, setup.options.set_point, swapped=setup.options.swapped)
-        self._registers = VerifiedRegisters(setup, self._identify)
-        self._link = self._registers.link
-        super().__init__(self._registers)
 
     def _identity(self) -> Identity:
         """Names stated in the bench file; the fingerprint is reported by the controller."""
@@ -56,24 +54,15 @@ class _Controller(Connected):
         return value_c(words(temperature_c))
 
     async def _set(self, temperature_c: float) -> None:
-        await self._registers.set(self._at.set_point, words(temperature_c), "set point", _spelled)
+        await self._registers.set(self._at.set_point, words(temperature_c), "set point", spelled_by(value_c, " °C"))
 
     async def _temperature(self, address: int) -> float:
-        return self._told_c(await self._registers.read(address, 2), address)
-
-    def _told_c(self, pair: Words, address: int) -> float:
-        try:
-            return value_c(pair)
-        except ValueError as problem:
-            raise BadAnswer(
-                self._link.device, str(problem), sent=f"read 2 registers at {address:#06x}",
-                received=hexadecimal(pair), remedy="Look at the controller for a sensor error.",
-            ) from problem  # fmt: skip
+        return self._decode(await self._registers.read(address, 2), value_c, f"{address:#06x}")
 
     async def _identify(self) -> None:
         try:
             for address in (self._at.process_value, self._at.set_point):
-                self._told_c(await self._link.read(address, 2), address)
+                self._decode(await self._link.read(address, 2), value_c, f"{address:#06x}")
             await self._check_more()
         except (Refused, BadAnswer) as problem:
             raise WrongIdentity(
@@ -183,14 +172,6 @@ class Mb2(_Controller):
 
 def _mode_name(mode: int) -> str:
     return Mode(mode).name.lower() if mode in list(Mode) else f"unknown ({mode:#x})"
-
-
-def _spelled(pair: Words) -> str:
-    """Registers as a temperature and in hexadecimal, for a message."""
-    try:
-        return f"{value_c(pair):g} °C ({hexadecimal(pair)})"
-    except ValueError:
-        return hexadecimal(pair)
 
 
 class Binder(Chamber):

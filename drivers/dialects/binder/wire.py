@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
-from drivers.kinds.chamber.words import Words, float32_value, float32_words
+from drivers.kinds.chamber.words import COLDEST_C, HOTTEST_C, Words, float32_value, float32_words
 
 Kind = Literal["mb1", "mb2"]
 SetPointName = Literal["manual", "basic"]
 
-COLDEST_C, HOTTEST_C = -273.15, 2000.0
 SMALLEST_C = 1e-6  # a value closer to zero is a float32 with swapped words
 
 # MB1

@@ -38,6 +38,4 @@ class CounterDecoder(FrameDecoder):
 
 def format_of(options: CounterOptions, dbc: Dbc) -> CounterFormat:
     """Resolve the names of the options in the DBC; DbcError names the missing ones."""
-    channels = {name: channel.model_dump() for name, channel in options.channels.items()}
-    positions = {name: encoder.model_dump() for name, encoder in options.positions.items()}
-    return counter_format(dbc, options.latch.model_dump(), options.latch.tick_period, channels, positions)
+    return counter_format(dbc, options.latch, options.channels, options.positions)

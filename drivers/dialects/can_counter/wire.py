@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,9 @@ from drivers.can.encoder_frames import PositionFormat, position_formats, unwrap_
 from drivers.can.frame_block import FrameBlock
 from drivers.can.frame_cycles import Cycles, cycles_of
 from drivers.can.gap_detection import GapDetector
+from drivers.can.options import PositionOptions
 from drivers.can.sequence_numbers import Integers, ascending, count_restarts, gaps_in, unwrapped_by_clock
+from drivers.dialects.can_counter.options import ChannelOptions, LatchOptions
 
 NEWEST_FRAMES = 64  # rows searched first for the newest frame of each message
 
@@ -47,30 +48,20 @@ class CounterFormat:
 
 
 def counter_format(
-    dbc: Dbc,
-    latch: Mapping[str, str | None],
-    tick_period_s: float,
-    channels: Mapping[str, Mapping[str, str]],
-    positions: Mapping[str, Mapping[str, Any]] | None = None,
+    dbc: Dbc, latch: LatchOptions, channels: Mapping[str, ChannelOptions], positions: Mapping[str, PositionOptions]
 ) -> CounterFormat:
-    """Resolve names in the DBC; DbcError names the missing ones."""
-
-    def field(dotted: str | None) -> Field:
-        return dbc.field(dotted or "")
-
-    bound = {
-        name: ChannelFormat(field(entry["positive"]), field(entry["negative"]), field(entry["sequence"]))
-        for name, entry in channels.items()
-    }
-    boot = latch.get("boot_count")
+    """Resolve the names of the options in the DBC; DbcError names the missing ones."""
     return CounterFormat(
-        tick=field(latch["tick"]),
-        tick_period_s=tick_period_s,
-        sequence=field(latch["sequence"]),
-        boot_count=field(boot) if boot else None,
-        channels=bound,
+        tick=dbc.field(latch.tick),
+        tick_period_s=latch.tick_period,
+        sequence=dbc.field(latch.sequence),
+        boot_count=dbc.field(latch.boot_count) if latch.boot_count is not None else None,
+        channels={
+            name: ChannelFormat(dbc.field(pair.positive), dbc.field(pair.negative), dbc.field(pair.sequence))
+            for name, pair in channels.items()
+        },
         temperatures=dbc.fields_in("°C"),
-        positions=position_formats(dbc, positions or {}),
+        positions=position_formats(dbc, positions),
     )
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from drivers.can.dbc import Dbc, dbc_in
+from drivers.can.dbc import dbc_in
 from drivers.can.decoded import FrameDecoder, Positions, Samples
-from drivers.can.encoder_frames import PositionFormat, position_formats
+from drivers.can.encoder_frames import position_formats
 from drivers.can.frame_block import FrameBlock
 from drivers.can.gap_detection import GapDetector
 from drivers.dialects.can_telemetry import wire
 from drivers.dialects.can_telemetry.options import TelemetryOptions
-from drivers.dialects.can_telemetry.wire import SampleFormat, sample_formats
+from drivers.dialects.can_telemetry.wire import sample_formats
 
 
 class TelemetryDecoder(FrameDecoder):
@@ -19,7 +19,8 @@ class TelemetryDecoder(FrameDecoder):
 
     def __init__(self, options: TelemetryOptions) -> None:
         dbc = dbc_in(options.dbc)
-        self._formats, self._encoders = formats_of(options, dbc), encoders_of(options, dbc)
+        self._formats = sample_formats(dbc, options.channels)
+        self._encoders = position_formats(dbc, options.positions)
         self._channels = {device: encoder.channel for device, encoder in options.positions.items()}
         self.scales = {name: form.scale for name, form in self._formats.items()}
 
@@ -37,13 +38,3 @@ class TelemetryDecoder(FrameDecoder):
     def watches(self) -> Sequence[GapDetector]:
         """Gap detectors, one for each message with samples."""
         return wire.unbroken(self._formats)
-
-
-def formats_of(options: TelemetryOptions, dbc: Dbc) -> dict[str, SampleFormat]:
-    """Resolve the names of each channel in the DBC; DbcError names those missing or spread over several messages."""
-    return sample_formats(dbc, {name: sample.model_dump() for name, sample in options.channels.items()})
-
-
-def encoders_of(options: TelemetryOptions, dbc: Dbc) -> dict[str, PositionFormat]:
-    """Resolve the names of each encoder in the DBC; DbcError names the missing ones."""
-    return position_formats(dbc, {name: encoder.model_dump() for name, encoder in options.positions.items()})

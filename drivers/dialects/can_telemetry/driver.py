@@ -9,12 +9,11 @@ from typing import Self
 import numpy as np
 
 from drivers.can.dbc import Dbc, Field
-from drivers.can.encoder_frames import PositionFormat
+from drivers.can.encoder_frames import PositionFormat, position_formats
 from drivers.can.frame_block import FrameBlock
 from drivers.can.sequence_numbers import Integers
-from drivers.description import Nothing, Setup, check_identity
+from drivers.description import Nothing, Setup
 from drivers.dialects.can_telemetry import wire
-from drivers.dialects.can_telemetry.decoder import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.kinds.frame_source.intake import (
@@ -26,7 +25,6 @@ from drivers.kinds.frame_source.intake import (
     describe_frames,
 )
 from drivers.timing.awake import awake_s
-from drivers.transport.frame_link import FrameLink
 from drivers.values import LastSeen
 
 
@@ -50,21 +48,11 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
     async def __aenter__(self) -> Self:
         """Open the channel; raises CannotConnect, BadAnswer."""
         self._formats, self._fingerprint = bound_format(self.name, self._options.dbc, self._bind)
-        self._begin(await self._open())
-        return self
-
-    async def _open(self) -> FrameLink:
-        link = await self._setup.wires.frames(self.name, self._setup.address)
-        try:
-            check_identity(self.name, self._setup.identity, await self.identify())
-        except BaseException:
-            link.close()
-            raise
-        return link
+        return await super().__aenter__()
 
     def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
-        self._temperatures, self._encoders = dbc.fields_in("°C"), encoders_of(self._options, dbc)
-        return formats_of(self._options, dbc)
+        self._temperatures, self._encoders = dbc.fields_in("°C"), position_formats(dbc, self._options.positions)
+        return wire.sample_formats(dbc, self._options.channels)
 
     def _process(self, block: FrameBlock) -> None:
         """Decode readings and the newest samples of a block; raises if the block has a problem."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from drivers.can.encoder_frames import PositionFormat, unwrap_by_neighbours
 from drivers.can.frame_block import FrameBlock
 from drivers.can.gap_detection import GapDetector
 from drivers.can.sequence_numbers import Integers, ascending, count_restarts, gaps_in, unwrapped_by_clock
+from drivers.dialects.can_telemetry.options import SampleOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,22 +43,22 @@ class SampleFormat:
         return Scale(self.value.signal.scale, self.value.signal.offset) if self.decoded else Scale()
 
 
-def sample_formats(dbc: Dbc, channels: Mapping[str, Mapping[str, Any]]) -> dict[str, SampleFormat]:
+def sample_formats(dbc: Dbc, channels: Mapping[str, SampleOptions]) -> dict[str, SampleFormat]:
     """Resolve the names of each channel in the DBC; DbcError names those missing or spread over several messages."""
-    return {name: _sample_format(dbc, name, entry) for name, entry in channels.items()}
+    return {name: _sample_format(dbc, name, sample) for name, sample in channels.items()}
 
 
-def _sample_format(dbc: Dbc, name: str, entry: Mapping[str, Any]) -> SampleFormat:
-    status = dbc.field(entry["status"]) if entry["status"] else None
+def _sample_format(dbc: Dbc, name: str, sample: SampleOptions) -> SampleFormat:
     form = SampleFormat(
-        value=dbc.field(entry["value"]),
-        tick=dbc.field(entry["tick"]),
-        sequence=dbc.field(entry["sequence"]),
-        status=status,
-        invalid_bits=entry["invalid_bits"],
-        decoded=entry["unit"] is not None,
+        value=dbc.field(sample.value),
+        tick=dbc.field(sample.tick),
+        sequence=dbc.field(sample.sequence),
+        status=dbc.field(sample.status) if sample.status is not None else None,
+        invalid_bits=sample.invalid_bits,
+        decoded=sample.unit is not None,
     )
-    messages = {field.message.name for field in (form.value, form.tick, form.sequence, status) if field is not None}
+    fields = (form.value, form.tick, form.sequence, form.status)
+    messages = {field.message.name for field in fields if field is not None}
     if len(messages) > 1:
         raise DbcError(f"channel {name} is in several messages: {', '.join(sorted(messages))}")
     return form

@@ -13,12 +13,13 @@ from drivers.dialects.cts import wire
 from drivers.dialects.cts.description import CtsOptions
 from drivers.dialects.cts.wire import Ramp, Status
 from drivers.errors import BeyondLimit, InstrumentFault, NoAnswer, Refused
-from drivers.kinds.chamber.controller import Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import TextController, VerifiedLine
 from drivers.kinds.chamber.ramp import OwnRamp
 from drivers.kinds.chamber.tenths import as_stored
+from drivers.recognised import as_stated
 from drivers.timing.awake import now_s
 from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, SyncQuery, lines_ending

@@ -16,6 +16,7 @@ from operator import xor
 from typing import Literal, TypeVar
 
 from drivers.kinds.chamber.tenths import as_stored
+from drivers.protocols.texts import matched
 
 T = TypeVar("T")
 RampChannel = Literal[0, 1]
@@ -101,18 +102,18 @@ def can_be_set(rate_c_per_min: float) -> bool:
 
 def read_temperatures(text: str) -> Temperatures:
     """Decode `A0 023.5 -40.0`."""
-    return Temperatures(*map(float, _groups(_TEMPERATURES, text, "two temperatures")))
+    return Temperatures(*map(float, matched(_TEMPERATURES, text, "not two temperatures").groups()))
 
 
 def read_ramp(text: str) -> Ramp:
     """Decode `R1 11 0001.00 0001.00 -40.00`: active, running, up, down, target."""
-    _, active, _, up, down, target = _groups(_RAMP, text, "a ramp")
+    _, active, _, up, down, target = matched(_RAMP, text, "not a ramp").groups()
     return Ramp(active == "1", float(up), float(down), float(target))
 
 
 def read_status(text: str) -> Status:
     """Decode `S101000000`: running, error, not paused, five unused digits, error number."""
-    running, error, not_paused, number = _groups(_STATUS, text, "a status")
+    running, error, not_paused, number = matched(_STATUS, text, "not a status").groups()
     return Status(running == "1", not_paused == "0", number if error == "1" else "")
 
 
@@ -132,10 +133,3 @@ def read_done(command: str) -> Callable[[str], bool]:
         return True
 
     return read
-
-
-def _groups(form: re.Pattern[str], text: str, what: str) -> tuple[str, ...]:
-    match = form.fullmatch(text)
-    if match is None:
-        raise ValueError(f"not {what}")
-    return match.groups()

@@ -11,11 +11,12 @@ from drivers.dialects.espec_p300 import wire
 from drivers.dialects.espec_p300.description import P300Options
 from drivers.dialects.espec_p300.wire import Monitor, Temperatures
 from drivers.errors import BadAnswer, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.lines import TextController, VerifiedLine
 from drivers.kinds.chamber.tenths import as_stored
+from drivers.recognised import as_stated
 from drivers.timing.readback import read_back
 from drivers.transport.exchange import Pace, SyncQuery
 

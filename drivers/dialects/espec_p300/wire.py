@@ -14,6 +14,7 @@ from typing import TypeVar
 
 from drivers.kinds.chamber.refusal import Refusal
 from drivers.kinds.chamber.tenths import as_stored
+from drivers.protocols.texts import matched
 
 T = TypeVar("T")
 
@@ -102,18 +103,18 @@ def read_done(text: str) -> None:
 
 def read_temperatures(text: str) -> Temperatures:
     """Decode `23.1,25.0,100.0,-40.0`."""
-    return Temperatures(*map(float, _groups(_TEMPERATURES, text, "four temperatures")))
+    return Temperatures(*map(float, matched(_TEMPERATURES, text, "not four temperatures").groups()))
 
 
 def read_monitor(text: str) -> Monitor:
     """Decode `23.1,50,CONSTANT,0`; the humidity may be empty."""
-    process_value, mode, alarms = _groups(_MONITOR, text, "temperature, humidity, mode and alarms")
+    process_value, mode, alarms = matched(_MONITOR, text, "not temperature, humidity, mode and alarms").groups()
     return Monitor(float(process_value), mode, int(alarms))
 
 
 def read_alarms(text: str) -> tuple[int, ...]:
     """Decode `2,1,7`: number of alarms, then the code of each."""
-    count, codes = _groups(_ALARMS, text, "a number of alarms and their codes")
+    count, codes = matched(_ALARMS, text, "not a number of alarms and their codes").groups()
     found = tuple(map(int, codes.split(",")[1:]))
     if len(found) != int(count):
         raise ValueError(f"{count} alarms and {len(found)} codes")
@@ -122,7 +123,7 @@ def read_alarms(text: str) -> tuple[int, ...]:
 
 def read_type(text: str) -> str:
     """Decode the controller's name from `T,T,S2,160.0`: sensors, name, highest temperature."""
-    return _groups(_TYPE, text, "sensors, controller and temperature")[0]
+    return matched(_TYPE, text, "not sensors, controller and temperature").groups()[0]
 
 
 def read_rom(text: str) -> str:
@@ -130,10 +131,3 @@ def read_rom(text: str) -> str:
     if not text.isprintable() or not text.strip():
         raise ValueError("not a version")
     return text.strip()
-
-
-def _groups(form: re.Pattern[str], text: str, what: str) -> tuple[str, ...]:
-    match = form.fullmatch(text)
-    if match is None:
-        raise ValueError(f"not {what}")
-    return match.groups()

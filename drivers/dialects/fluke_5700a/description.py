@@ -6,11 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.certificates.corrections import CurrentCorrections
-from drivers.certificates.current_standard import CurrentUncertainty
-from drivers.description import DriverDescription
 from drivers.dialects.fluke_5700a.wire import RANGES_A, Terminator
-from drivers.kinds.ranges import SourceLimits, range_of
+from drivers.kinds.described import current_source
+from drivers.kinds.ranges import range_of
 from drivers.safe_state import DIALOGUE_S, SafeState
 from drivers.schema.fields import InUnit, PositiveSeconds, StrictModel
 
@@ -42,18 +40,14 @@ class FlukeOptions(StrictModel):
     terminator: Terminator = "crlf"
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = current_source(
     name="fluke_5700a",
     title="calibrator Fluke 5700A, 5720A or 5730A as a precision current source",
-    capabilities=frozenset({"current_source"}),
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.dialects.fluke_5700a.driver:Fluke5700A",
     simulator="simulators.instruments.sources.fluke_5700a:SimulatedFluke",
     recognition="drivers.dialects.fluke_5700a.recognition:RECOGNITION",
     options=FlukeOptions,
-    limits=SourceLimits,
     safe_state=SafeState("0 A, then standby", DIALOGUE_S),
-    uncertainty=CurrentUncertainty,
-    corrections=CurrentCorrections,
     channels={"current": "A", "settled": "", "on_time": "s"},
 )

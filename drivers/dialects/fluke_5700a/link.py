@@ -29,10 +29,7 @@ class FlukeLink(OverDialogue):
         self._device, self._end, self._note = setup.name, end, setup.note
         self._recognised = Recognised(setup.name, setup.identity)
         sync_query = SyncQuery(wire.IDENTITY_QUERY, self._recognise)
-        pace = Pace(answer_s=ANSWER_S)
-        self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, sync_query, end=end, pace=pace, note=setup.note
-        )
+        self._dialogue = Dialogue(setup, sync_query, end=end, pace=Pace(answer_s=ANSWER_S))
 
     async def open(self) -> None:
         """Connect, identifies, and empties the fault queue; raises CannotConnect, WrongIdentity or BadAnswer."""
@@ -84,7 +81,7 @@ class FlukeLink(OverDialogue):
     async def _faults_from(self, fault: int) -> list[str]:
         found: list[str] = []
         while fault != wire.NO_FAULT:
-            found.append(f"{fault} {await self.query(wire.explain_query(fault), wire.read_text)}")
+            found.append(f"{fault} {await self.query(wire.EXPLAIN_QUERY.format(fault).encode(), wire.read_text)}")
             if len(found) == MAX_FAULTS:
                 raise Refused(self._device, "its fault queue does not become empty", received=found[-1])
             fault = await self.query_once(wire.FAULT_QUERY, wire.read_integer)

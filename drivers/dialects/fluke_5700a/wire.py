@@ -24,6 +24,7 @@ NO_FAULT = 0
 XON, XOFF = b"\x11", b"\x13"
 
 IDENTITY_QUERY, STATUS_QUERY, OUTPUT_QUERY = b"*IDN?", b"ISR?", b"OUT?"
+EXPLAIN_QUERY = "EXPLAIN? {}"  # text of a fault code
 EVENTS_QUERY, MINUTES_QUERY, FAULT_QUERY = b"*ESR?", b"ETIME?", b"FAULT?"
 REMOTE, OPERATE, STANDBY = "REMOTE", "OPER", "STBY"
 LOCK_RANGE, FREE_RANGE = "RANGELCK ON", "RANGELCK OFF"
@@ -97,11 +98,6 @@ class State:
 def set_level(level_a: float) -> str:
     """Command: DC current in plain amperes; a calibrator may take MA as mega or milli."""
     return f"OUT {level_a + 0.0:.9G} A, 0 HZ"
-
-
-def explain_query(fault: int) -> bytes:
-    """Query of the text of a fault code."""
-    return f"EXPLAIN? {fault}".encode()
 
 
 def read_integer(line: bytes) -> int:

@@ -33,10 +33,7 @@ class FramedAxis:
         self._device, self.profile, self._pin = setup.name, profile, setup.identity
         self._recognised = Recognised(setup.name, setup.identity)
         self._last: Status | None = None
-        self.line = FramedLine(
-            setup.name, setup.wires, setup.address, profile, answer_s=options.answer_timeout, check=self._take,
-            note=setup.note,
-        )  # fmt: skip
+        self.line = FramedLine(setup, profile, answer_s=options.answer_timeout, check=self._take)
 
     async def open(self) -> None:
         """Connect and identify; raises CannotConnect, NoAnswer, WrongIdentity."""

@@ -12,17 +12,17 @@ import math
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
+from drivers.description import Setup
 from drivers.dialects.framed.profile import FrameProfile
 from drivers.dialects.framed.status import Status, StatusReader
 from drivers.dialects.framed.stream import StatusStream
 from drivers.dialects.framed.wire import NumberFormat, Raw
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
 from drivers.timing.awake import fair_timeout, now_s
-from drivers.transport.address import Address
 from drivers.transport.dialogue import ReconnectBackoff, retry_once
 from drivers.transport.exchange import printable_hex
-from drivers.transport.wires import Wires
 
 DRAIN_LIMIT_S = 5.0
 SILENT_PERIODS = 5  # lower limit of the timeout of a cyclic controller
@@ -37,21 +37,21 @@ class FramedLine:
 
     Reading the status retries once without an answer, and reconnects after a loss: at once, then after increasing
     pauses; a command does neither. `check` gets the first status of every connection, and raises if it is another
-    controller's. `note` receives repeated reads, dropped and missing frames, once a minute at most, and the loss and
-    return of the connection.
+    controller's. `setup.note` receives repeated reads, dropped and missing frames, once a minute at most, and the loss
+    and return of the connection.
 
     Lifetime: `open`, then `close`; `reopen` when the wire was lost. Concurrency: callers queue.
     """
 
     def __init__(
-        self, device: str, wires: Wires, address: Address, profile: FrameProfile, *, answer_s: float,
-        check: Callable[[Status], None], note: Callable[[str], object],
-    ) -> None:  # fmt: skip
-        self._device, self._wires, self._profile = device, wires, profile
+        self, setup: Setup[Any, Any, Any], profile: FrameProfile, *, answer_s: float, check: Callable[[Status], None]
+    ) -> None:
+        self._device, self._wires, self._note, self._profile = setup.name, setup.wires, setup.note, profile
+        address = setup.address
         self._at_a_port = address.scheme == "serial"
         as_stated = profile.line.options() | dict(address.options)
         self._address = replace(address, options=as_stated) if self._at_a_port else address
-        self._check, self._note = check, note
+        self._check = check
         self._period_s = profile.cyclic.period if profile.cyclic is not None else 0.0
         self._answer_s = max(answer_s, SILENT_PERIODS * self._period_s)
         self._reader = StatusReader(profile)

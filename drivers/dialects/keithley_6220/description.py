@@ -6,12 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.certificates.corrections import CurrentCorrections
-from drivers.certificates.current_standard import CurrentUncertainty
-from drivers.description import DriverDescription
 from drivers.dialects.keithley_6220.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A, Terminator
-from drivers.kinds.ranges import SourceLimits, range_of
-from drivers.safe_state import ZERO_THEN_OFF
+from drivers.kinds.described import current_source
+from drivers.kinds.ranges import range_of
 from drivers.schema.fields import InUnit, StrictModel
 
 KNOWN_RANGE = range_of(RANGES_A, "A", "one of 2 nA to 20 mA in decades, or 100 mA")
@@ -33,18 +30,12 @@ class KeithleyOptions(StrictModel):
     terminator: Terminator = "crlf"
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = current_source(
     name="keithley_6220",
     title="precision current source Keithley 6220 or 6221",
-    capabilities=frozenset({"current_source"}),
     schemes=frozenset({"serial", "socket", "tcp"}),
     target="drivers.dialects.keithley_6220.driver:Keithley6220",
     simulator="simulators.instruments.sources.keithley_6220:SimulatedKeithley",
     recognition="drivers.dialects.keithley_6220.recognition:RECOGNITION",
     options=KeithleyOptions,
-    limits=SourceLimits,
-    safe_state=ZERO_THEN_OFF,
-    uncertainty=CurrentUncertainty,
-    corrections=CurrentCorrections,
-    channels={"current": "A"},
 )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from typing import Self, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Self
 
 from drivers.description import Nothing, Setup, check_identity
 from drivers.dialects.keysight_3458a import wire
@@ -17,8 +17,6 @@ from drivers.timing.readback import read_back
 from drivers.transport.dialogue import Dialogue, retry_once
 from drivers.transport.exchange import Pace, SyncQuery
 from drivers.values import Identity, Reading
-
-T = TypeVar("T")
 
 MAX_ERRORS = 32  # more than the bits of its two registers
 MAX_READINGS = 10_000  # so that readings nobody polls do not accumulate
@@ -45,9 +43,7 @@ class Keysight3458A:
         sync_query = SyncQuery(wire.IDENTITY_QUERY, self._recognise)
         # An abandoned reading may still arrive, so the line is silent only after the duration of the longest one.
         pace = Pace(quiet_s=_LONGEST_S)
-        self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, sync_query, end=wire.END, pace=pace, note=setup.note
-        )
+        self._dialogue = Dialogue(setup, sync_query, end=wire.END, pace=pace)
         self._turn, self._note = asyncio.Lock(), setup.note
         self._recognised = Recognised(setup.name, setup.identity)
         self._set: Setting | None = None  # settings that were made and read back
@@ -59,7 +55,7 @@ class Keysight3458A:
         await self._dialogue.open()
         try:
             await retry_once(self._errors, self._note)  # errors caused by other masters are discarded
-            self._line_hz = await self._query(wire.LINE_FREQUENCY_QUERY, wire.read_number)
+            self._line_hz = await self._dialogue.query(wire.LINE_FREQUENCY_QUERY, wire.read_number)
             await self._set_up(self._setting(self._options.nplc))
         except BaseException:
             self._dialogue.close()
@@ -76,9 +72,9 @@ class Keysight3458A:
         The fingerprint is the calibration count. Raises WrongIdentity, also when anything has changed.
         """
         async with self._turn:
-            reported = await self._query(wire.IDENTITY_QUERY, self._recognise)
-            revision = await self._query(wire.REVISION_QUERY, wire.read_numbers)
-            calibrations = await self._query(wire.CALIBRATIONS_QUERY, wire.read_number)
+            reported = await self._dialogue.query(wire.IDENTITY_QUERY, self._recognise)
+            revision = await self._dialogue.query(wire.REVISION_QUERY, wire.read_numbers)
+            calibrations = await self._dialogue.query(wire.CALIBRATIONS_QUERY, wire.read_number)
         found = reported._replace(
             serial=self._pin.serial or "", firmware=",".join(f"{number:g}" for number in revision),
             fingerprint=f"calibrated {calibrations:.0f} times",
@@ -173,7 +169,7 @@ class Keysight3458A:
     async def _misfit(self, setting: Setting) -> str:
         """First answer with a different setting, "" if there is none."""
         for question, expected in wire.state_when(setting).items():
-            found = await self._query(question, wire.read_numbers)
+            found = await self._dialogue.query(question, wire.read_numbers)
             if found[: len(expected)] != expected:
                 reported, wanted = (", ".join(f"{number:g}" for number in numbers) for numbers in (found, expected))
                 return f"{reported} to {question.decode()}, expected {wanted}"
@@ -196,9 +192,6 @@ class Keysight3458A:
                 remedy="Look it up in its user's guide (ERR?, AUXERR?); it may need calibration or repair.",
             )  # fmt: skip
         return errors
-
-    async def _query(self, question: bytes, read: Callable[[bytes], T]) -> T:
-        return await self._dialogue.query(question, read)
 
     def _recognise(self, line: bytes) -> Identity:
         """Query maker and model; raises WrongIdentity if they are not those of the bench file."""

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from drivers.protocols import scpi
 from drivers.protocols.scpi import ErrorEntry
+from drivers.protocols.texts import matched
 from drivers.values import Identity
 
 END = b"\n"  # a CR before it would end the command, and the LF an empty one
@@ -110,9 +111,7 @@ def middle_before_answer_s(nplc: float, line_hz: float) -> float:
 
 def read_identity(line: bytes) -> Identity:
     """Decode the answer to ID?: maker and model, all that the wire reports; ValueError."""
-    match = _IDENTITY.fullmatch(line.decode("ascii").strip(_AROUND))
-    if match is None:
-        raise ValueError("not a 3458A")
+    match = matched(_IDENTITY, line.decode("ascii").strip(_AROUND), "not a 3458A")
     return Identity(maker=match[1], model=match[2].upper(), verified=False)
 
 

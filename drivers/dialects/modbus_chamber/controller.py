@@ -14,18 +14,17 @@ from drivers.dialects.modbus_chamber.profile import (
     ValueRegister,
     WrittenRegister,
 )
-from drivers.errors import BadAnswer, CannotConnect, InstrumentFault, Refused, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
+from drivers.errors import CannotConnect, InstrumentFault, Refused, WrongIdentity
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberOptions, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
-from drivers.kinds.chamber.words import Words
+from drivers.kinds.chamber.registers import RegisterController, spelled_by
+from drivers.kinds.chamber.words import COLDEST_C, HOTTEST_C, Words
+from drivers.recognised import as_stated
 from drivers.values import Identity
 
-COLDEST_C, HOTTEST_C = -273.15, 2000.0
 
-
-class ProfiledController(Connected):
+class ProfiledController(RegisterController):
     """A Controller; what it reports depends on its profile.
 
     A set point is written only if the register holds another value, because writes wear out the memory of many
@@ -33,11 +32,9 @@ class ProfiledController(Connected):
     """
 
     def __init__(self, setup: Setup[Any, ChamberLimits, ChamberSafe], profile: ChamberProfile) -> None:
+        super().__init__(setup, gap_s=profile.gap)
         self.can_start = profile.mode is not None and profile.mode.start is not None
-        self._pin, self._profile = setup.identity, profile
-        self._registers = VerifiedRegisters(setup, self._identify, gap_s=profile.gap)
-        self._link = self._registers.link
-        super().__init__(self._registers)
+        self._profile = profile
 
     def _identity(self) -> Identity:
         """Names stated in the bench file and the profile; the fingerprint is reported by the wire."""
@@ -132,9 +129,8 @@ class ProfiledController(Connected):
                 remedy="Correct the sequence, or the scale in the profile if it is wrong.",
             ) from problem  # fmt: skip
         await self._registers.set(
-            register.address, words, what, lambda stored: self._spelled(register, stored), many=register.write == 16,
-            function=register.read,
-        )  # fmt: skip
+            register.address, words, what, spelled_by(form.value), many=register.write == 16, function=register.read
+        )
 
     async def _switch(self, register: ModeRegister | Switch, word: int, what: str) -> None:
         await self._registers.set(
@@ -171,20 +167,7 @@ class ProfiledController(Connected):
         return low_c, high_c
 
     def _number(self, register: ValueRegister, words: Words) -> float:
-        try:
-            return self._profile.form(register).value(words)
-        except ValueError as problem:
-            raise BadAnswer(
-                self._link.device, str(problem), sent=f"read {len(words)} registers at {register.address}",
-                received=hexadecimal(words), remedy="Look at the controller for a sensor error.",
-            ) from problem  # fmt: skip
-
-    def _spelled(self, register: ValueRegister, words: Words) -> str:
-        """Registers as a number and in hexadecimal, for a message."""
-        try:
-            return f"{self._profile.form(register).value(words):g} ({hexadecimal(words)})"
-        except ValueError:
-            return hexadecimal(words)
+        return self._decode(words, self._profile.form(register).value, register.address)
 
     def _other(self, what: str, received: str, sent: str = "") -> WrongIdentity:
         return WrongIdentity(

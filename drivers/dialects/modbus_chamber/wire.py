@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -10,12 +11,7 @@ from drivers.kinds.chamber.words import WordOrder, Words, float32_value, float32
 
 ValueType = Literal["int16", "uint16", "int32", "uint32", "float32"]
 
-_BOUNDS = {
-    "int16": (-(1 << 15), (1 << 15) - 1),
-    "uint16": (0, (1 << 16) - 1),
-    "int32": (-(1 << 31), (1 << 31) - 1),
-    "uint32": (0, (1 << 32) - 1),
-}
+_CODES = {"int16": "h", "uint16": "H", "int32": "i", "uint32": "I"}
 _DIGITS = 9  # decimals; the rounding residue of a scale beyond them is dropped
 
 
@@ -36,23 +32,20 @@ class ValueFormat:
         """Encode a value into registers, rounded to whole counts; OverflowError if it does not fit."""
         if self.type == "float32":
             return float32_words(value / self.scale, self.word_order)
-        count = round(value / self.scale)
-        low, high = _BOUNDS[self.type]
-        if not low <= count <= high:
-            raise OverflowError(f"{value:g} does not fit {self.type}")
-        if self.count == 1:
-            return (count & 0xFFFF,)
-        upper, lower = count >> 16 & 0xFFFF, count & 0xFFFF
-        return (lower, upper) if self.word_order == "low_first" else (upper, lower)
+        try:
+            packed = struct.pack(f">{_CODES[self.type]}", round(value / self.scale))
+        except struct.error:
+            raise OverflowError(f"{value:g} does not fit {self.type}") from None
+        return self._in_order(struct.unpack(f">{self.count}H", packed))
 
     def value(self, words: Sequence[int]) -> float:
         """Decode the value in registers; ValueError for a float that is not finite."""
         if self.type == "float32":
             return float32_value(words, self.word_order) * self.scale
-        high_first = words[::-1] if self.word_order == "low_first" else words
-        count = 0
-        for word in high_first:
-            count = count << 16 | word
-        if count > _BOUNDS[self.type][1]:
-            count -= 1 << 16 * self.count
+        packed = struct.pack(f">{self.count}H", *self._in_order(tuple(words)))
+        count: int = struct.unpack(f">{_CODES[self.type]}", packed)[0]
         return round(count * self.scale, _DIGITS)
+
+    def _in_order(self, words: Words) -> Words:
+        """Words with the high one first, in the order of the controller; or the other way round."""
+        return words[::-1] if self.word_order == "low_first" else words

@@ -19,6 +19,7 @@ from drivers.errors import InstrumentFault, Refused
 from drivers.kinds.head.axis import ANSWER_S, AxisState, OwnLimits
 from drivers.kinds.head.description import HeadLimits
 from drivers.kinds.head.driver import Head
+from drivers.protocols import scpi
 from drivers.recognised import Recognised
 from drivers.timing.readback import read_back
 from drivers.transport.dialogue import Dialogue
@@ -44,22 +45,19 @@ class XpsAxis:
         # The maker is stated, because the controller does not report it.
         self._recognised = Recognised(setup.name, setup.identity.model_copy(update={"maker": None}))
         self.limits: OwnLimits | None = None
-        self._asking, self._moving, self._stopping = (self._connection(setup) for _ in range(3))
+        sync_query = SyncQuery(wire.FIRMWARE_QUERY.encode(), self._recognise)
+        self._asking, self._moving, self._stopping = (
+            Dialogue(setup, sync_query, end=b"", framing=lines_ending(wire.END), pace=Pace(ANSWER_S)) for _ in range(3)
+        )
         self.double_read = self._asking.double_read
-
-    def _connection(self, setup: Setup[XpsOptions, HeadLimits, Nothing]) -> Dialogue:
-        return Dialogue(
-            setup.name, setup.wires, setup.address, SyncQuery(wire.FIRMWARE_QUERY.encode(), self._recognise), end=b"",
-            framing=lines_ending(wire.END), pace=Pace(ANSWER_S), note=setup.note,
-        )  # fmt: skip
 
     async def open(self) -> None:
         """Connect and read the controller's own limits; raises CannotConnect, WrongIdentity, Refused."""
         try:
             for connection in (self._asking, self._moving, self._stopping):
                 await connection.open()
-            low_deg, high_deg = await self._query(wire.travel_query(self._positioner), _numbers(2))
-            rate_dps, _ = await self._query(wire.max_motion_query(self._positioner), _numbers(2))
+            low_deg, high_deg = await self._query(wire.TRAVEL_QUERY.format(self._positioner), _numbers(2))
+            rate_dps, _ = await self._query(wire.MAX_MOTION_QUERY.format(self._positioner), _numbers(2))
         except BaseException:
             self.close()
             raise
@@ -81,7 +79,7 @@ class XpsAxis:
         Raises WrongIdentity if model or firmware differ from the bench file, or have changed.
         """
         firmware = await self._asking.query(wire.FIRMWARE_QUERY.encode(), self._recognise)
-        rate_dps, acceleration_dps2 = await self._query(wire.max_motion_query(self._positioner), _numbers(2))
+        rate_dps, acceleration_dps2 = await self._query(wire.MAX_MOTION_QUERY.format(self._positioner), _numbers(2))
         return Identity(
             maker=self._stated.maker or "Newport", model=firmware.model, serial=self._stated.serial or "",
             firmware=firmware.firmware, verified=False,
@@ -90,16 +88,16 @@ class XpsAxis:
 
     async def angle(self) -> Reading:
         """Encoder angle (°)."""
-        (angle_deg,) = await self._query(wire.angle_query(self._positioner), _numbers(1))
+        (angle_deg,) = await self._query(wire.ANGLE_QUERY.format(self._positioner), _numbers(1))
         return Reading(asyncio.get_running_loop().time(), angle_deg)
 
     async def state(self) -> AxisState:
         """Status of the group, with the controller's text if it cannot move."""
-        status = await self._query(wire.status_query(self._group), wire.read_integer)
+        status = await self._query(wire.STATUS_QUERY.format(self._group), scpi.integer)
         state = wire.group_state(status)
         at_rest = state is GroupState.READY
         enabled = at_rest or state is GroupState.MOVING
-        words = "" if enabled else await self._words(wire.status_text_query(status), status)
+        words = "" if enabled else await self._words(wire.STATUS_TEXT_QUERY.format(status), status)
         return AxisState(
             homed=state not in (GroupState.NOT_INITIALISED, GroupState.NOT_HOMED),
             enabled=enabled,
@@ -110,17 +108,17 @@ class XpsAxis:
 
     async def check_faults(self, sent: str = "") -> None:
         """Raise InstrumentFault with the positioner's error, or the reason why the group is disabled; met by `sent`."""
-        error = await self._query(wire.error_query(self._positioner), wire.read_integer)
+        error = await self._query(wire.ERROR_QUERY.format(self._positioner), scpi.integer)
         if error:
-            words = await self._words(wire.error_text_query(error), error)
+            words = await self._words(wire.ERROR_TEXT_QUERY.format(error), error)
             raise InstrumentFault(
                 self._device, f"{self._positioner} has an error: {words}", sent=sent, received=f"{error:#x}",
                 remedy="Remove the cause, clear the error at the controller (PositionerErrorGet), initialise and home "
                 "the group if it says so, then run again.",
             )  # fmt: skip
-        status = await self._query(wire.status_query(self._group), wire.read_integer)
+        status = await self._query(wire.STATUS_QUERY.format(self._group), scpi.integer)
         if wire.group_state(status) is GroupState.TRIPPED:
-            words = await self._words(wire.status_text_query(status), status)
+            words = await self._words(wire.STATUS_TEXT_QUERY.format(status), status)
             raise InstrumentFault(
                 self._device, f"group {self._group} was disabled by a fault: {words}", sent=sent,
                 received=f"status {status}",
@@ -129,7 +127,7 @@ class XpsAxis:
 
     async def enable(self) -> None:
         """Energise the motor; raises Refused unless the status confirms it."""
-        call = wire.enable(self._group)
+        call = wire.ENABLE.format(self._group)
         await self._moving.reopen()
         await self._send_command(self._moving, call)
         state = await read_back(self.state, lambda state: state.enabled)
@@ -157,7 +155,7 @@ class XpsAxis:
             )  # fmt: skip
 
     async def _profile(self) -> Profile:
-        return Profile(*await self._query(wire.profile_query(self._positioner), _numbers(4)))
+        return Profile(*await self._query(wire.PROFILE_QUERY.format(self._positioner), _numbers(4)))
 
     async def start_move(self, angle_deg: float, rate_dps: float, *, answer_s: float) -> None:
         """Start a move to an angle, sent once, as prepared; the answer arrives at its end.
@@ -171,7 +169,7 @@ class XpsAxis:
         """Decelerate and hold; an axis at rest is no error. A queued move is not sent any more."""
         await self._stopping.reopen()
         self._preempt(self._moving)
-        await self._send_command(self._stopping, wire.abort(self._group), also=wire.NOT_ALLOWED)
+        await self._send_command(self._stopping, wire.ABORT.format(self._group), also=wire.NOT_ALLOWED)
 
     def abort_at_once(self) -> None:
         """As `abort`, ahead of any pending call; raises LinkLost.
@@ -179,13 +177,13 @@ class XpsAxis:
         Also sent on the other connections, which refuse it during a call: a queued move there is not sent any more, and
         a dead connection is noticed only by sending on it.
         """
-        self._stopping.line.preempt(wire.abort(self._group).encode())
+        self._stopping.line.preempt(wire.ABORT.format(self._group).encode())
         for connection in (self._moving, self._asking):
             self._preempt(connection)
 
     def _preempt(self, connection: Dialogue) -> None:
         if connection.is_open:
-            connection.line.preempt(wire.abort(self._group).encode())
+            connection.line.preempt(wire.ABORT.format(self._group).encode())
 
     async def _query(self, question: str, read: Callable[[str], T]) -> T:
         """Query and decode with `read`; raises Refused if the answer is an error."""
@@ -209,7 +207,7 @@ class XpsAxis:
             raise await self._refusal(call, reply)
 
     async def _refusal(self, sent: str, reply: Reply) -> Refused:
-        words = await self._words(wire.code_text_query(reply.code), reply.code)
+        words = await self._words(wire.CODE_TEXT_QUERY.format(reply.code), reply.code)
         return Refused(
             self._device, f"the controller did not execute a call: {words}", sent=sent, received=str(reply),
             remedy="Look at the controller's own page, and check the group and the positioner in the bench file.",

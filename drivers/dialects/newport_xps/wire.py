@@ -13,6 +13,8 @@ import re
 from enum import Enum
 from typing import NamedTuple
 
+from drivers.protocols.texts import decimal, matched
+
 END = b",EndOfAPI"
 SUCCESS = 0
 BUSY = -1  # the previous call on this connection is not answered yet
@@ -76,87 +78,40 @@ class Profile(NamedTuple):
     max_jerk_s: float
 
 
-# Messages and decoding of the driver
+# Calls of the driver, to be completed by a group, a positioner or a number
 
 FIRMWARE_QUERY = "FirmwareVersionGet(char *)"
+ABORT = "GroupMoveAbort({})"  # decelerate and hold; the call of the move is then answered with ABORTED
+ENABLE = "GroupMotionEnable({})"  # the servo of a group disabled by a command
+STATUS_QUERY = "GroupStatusGet({},int *)"
+STATUS_TEXT_QUERY = "GroupStatusStringGet({},char *)"
+ANGLE_QUERY = "GroupPositionCurrentGet({},double *)"  # of the encoder, °
+ERROR_QUERY = "PositionerErrorRead({},int *)"  # without clearing it, as PositionerErrorGet would
+ERROR_TEXT_QUERY = "PositionerErrorStringGet({},char *)"
+CODE_TEXT_QUERY = "ErrorStringGet({},char *)"  # of an error number
+PROFILE_QUERY = "PositionerSGammaParametersGet({},double *,double *,double *,double *)"
+TRAVEL_QUERY = "PositionerUserTravelLimitsGet({},double *,double *)"  # minimum and maximum target, °
+MAX_MOTION_QUERY = "PositionerMaximumVelocityAndAccelerationGet({},double *,double *)"  # °/s, °/s²
 
 
 def move_absolute(positioner: str, angle_deg: float) -> str:
     """Call: move to an angle; answered at the end of the move."""
-    return f"GroupMoveAbsolute({positioner},{_decimal(angle_deg)})"
-
-
-def abort(group: str) -> str:
-    """Call: decelerate and hold; the call of the move is then answered with ABORTED."""
-    return f"GroupMoveAbort({group})"
-
-
-def enable(group: str) -> str:
-    """Call: enable the servo of a group disabled by a command."""
-    return f"GroupMotionEnable({group})"
+    return f"GroupMoveAbsolute({positioner},{decimal(angle_deg)})"
 
 
 def set_profile(positioner: str, profile: Profile) -> str:
     """Call: set the motion settings of the next moves."""
-    return f"PositionerSGammaParametersSet({positioner},{','.join(_decimal(value) for value in profile)})"
-
-
-def profile_query(positioner: str) -> str:
-    """Query of the motion settings."""
-    return f"PositionerSGammaParametersGet({positioner},double *,double *,double *,double *)"
-
-
-def angle_query(positioner: str) -> str:
-    """Query of the encoder angle, °."""
-    return f"GroupPositionCurrentGet({positioner},double *)"
-
-
-def status_query(group: str) -> str:
-    """Query of the group status number."""
-    return f"GroupStatusGet({group},int *)"
-
-
-def status_text_query(status: int) -> str:
-    """Query of the text of a group status number."""
-    return f"GroupStatusStringGet({status},char *)"
-
-
-def error_query(positioner: str) -> str:
-    """Query of the positioner error without clearing it, as PositionerErrorGet would."""
-    return f"PositionerErrorRead({positioner},int *)"
-
-
-def error_text_query(error: int) -> str:
-    """Query of the text of a positioner error."""
-    return f"PositionerErrorStringGet({error},char *)"
-
-
-def code_text_query(code: int) -> str:
-    """Query of the text of an error number."""
-    return f"ErrorStringGet({code},char *)"
-
-
-def travel_query(positioner: str) -> str:
-    """Query of the minimum and maximum target, °."""
-    return f"PositionerUserTravelLimitsGet({positioner},double *,double *)"
-
-
-def max_motion_query(positioner: str) -> str:
-    """Query of the maximum rate, °/s, and acceleration, °/s²."""
-    return f"PositionerMaximumVelocityAndAccelerationGet({positioner},double *,double *)"
+    return f"PositionerSGammaParametersSet({positioner},{','.join(decimal(value) for value in profile)})"
 
 
 _REPLY = re.compile(r"(-?\d{1,4}),(.*)", re.ASCII | re.DOTALL)
 _NUMBER = re.compile(r"[+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?", re.ASCII)
-_INTEGER = re.compile(r"[+-]?\d{1,10}", re.ASCII)
 _MODEL = re.compile(r"\b(?:XPS|HXP)-[A-Z]+\d*", re.ASCII)
 
 
 def read_reply(answer: bytes) -> Reply:
     """Decode an answer; ValueError if malformed."""
-    match = _REPLY.fullmatch(answer.decode("latin-1"))
-    if match is None:
-        raise ValueError("no error number and comma at its beginning")
+    match = matched(_REPLY, answer.decode("latin-1"), "no error number and comma at its beginning")
     return Reply(int(match[1]), match[2])
 
 
@@ -170,25 +125,12 @@ def read_numbers(text: str, count: int) -> tuple[float, ...]:
     raise ValueError(f"'{text}' is not {count} number{'s' * (count > 1)}")
 
 
-def read_integer(text: str) -> int:
-    """Decode an integer; ValueError."""
-    if not _INTEGER.fullmatch(text):
-        raise ValueError(f"'{text}' is not a whole number")
-    return int(text)
-
-
 def read_model(firmware: str) -> str:
     """Decode the controller's model from its firmware version; ValueError if it is no XPS."""
     match = _MODEL.search(firmware)
     if match is None:
         raise ValueError(f"'{firmware}' is not the firmware of an XPS")
     return match[0]
-
-
-def _decimal(value: float) -> str:
-    """Format as a plain decimal with up to six digits after the point: 1e-6° is 0.004 arcsec; never -0."""
-    whole, _, digits = f"{round(value, 6) + 0.0:.6f}".partition(".")
-    return f"{whole}.{digits.rstrip('0') or '0'}"
 
 
 # Parsing and messages of the simulator
@@ -206,9 +148,7 @@ _CALL = re.compile(r"(\w+)\s*\(([^()]*)\)", re.ASCII)
 
 def parse_call(text: str) -> Call:
     """Parse a complete call; ValueError."""
-    match = _CALL.fullmatch(text.strip())
-    if match is None:
-        raise ValueError("not a call")
+    match = matched(_CALL, text.strip(), "not a call")
     words = [word.strip() for word in match[2].split(",")]
     return Call(match[1], tuple(word for word in words if word and not word.endswith("*")))
 

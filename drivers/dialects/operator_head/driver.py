@@ -14,6 +14,7 @@ from drivers.errors import BeyondLimit, Refused
 from drivers.kinds.head.bounds import check_angle
 from drivers.kinds.latest import Latest, Order
 from drivers.person import OperatorAnswer, OperatorRequest, Turn
+from drivers.recognised import as_stated
 from drivers.values import Approach, Identity, Reading
 
 MAX_ANSWERS = 5  # maximum answers to one move: after that, operator and sequence disagree
@@ -48,11 +49,7 @@ class OperatorHead:
 
     async def identify(self) -> Identity:
         """Identity stated in the bench file: a head without a wire reports none."""
-        stated = self._stated
-        return Identity(
-            maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
-            firmware=stated.firmware or "", verified=False, fingerprint="turned by hand",
-        )  # fmt: skip
+        return as_stated(self._stated, "turned by hand")
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """The angle that was typed; no reading while it is unknown."""

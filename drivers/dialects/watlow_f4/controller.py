@@ -21,11 +21,12 @@ from drivers.dialects.watlow_f4.wire import (
     event_output,
 )
 from drivers.errors import InstrumentFault, LinkLost, NoAnswer, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
-from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
+from drivers.kinds.chamber.registers import RegisterController, hexadecimal, spelled_by
 from drivers.kinds.chamber.words import Words
+from drivers.recognised import as_stated
 from drivers.timing.readback import read_back
 from drivers.values import Identity
 
@@ -33,7 +34,7 @@ TERMINATING_S = 0.5  # pause that the controller needs after the end of a profil
 _PROFILE = {Status.PROFILE_RUNS: "a profile runs", Status.PROFILE_ON_HOLD: "a profile is on hold"}
 
 
-class F4Channel(Connected):
+class F4Channel(RegisterController):
     """A Controller ramped by a series of set points.
 
     Every accepted set point is stored in a memory that wears out, so one that is set already is not sent.
@@ -42,15 +43,13 @@ class F4Channel(Connected):
     can_start = True
 
     def __init__(self, setup: Setup[F4Options, ChamberLimits, ChamberSafe]) -> None:
-        self._pin, power_event = setup.identity, setup.options.power_event
+        super().__init__(setup)
+        power_event = setup.options.power_event
         self._power = event_output(power_event) if power_event is not None else None
         self._power_name = f"event output {power_event}"
         self._form = TemperatureFormat()
         self._known: tuple[Words, Words, int] | None = None  # of the controller at the first connection
         self._commanded_c = math.nan
-        self._registers = VerifiedRegisters(setup, self._identify)
-        self._link = self._registers.link
-        super().__init__(self._registers)
 
     def _identity(self) -> Identity:
         """Names stated in the bench file; the fingerprint is reported by the controller."""
@@ -83,7 +82,8 @@ class F4Channel(Connected):
         word = self._form.word(temperature_c)
         self._commanded_c = temperature_c
         if await self._registers.read(Register.SET_POINT, 1) != (word,):
-            await self._registers.set(Register.SET_POINT, (word,), "set point", self._spelled)
+            spelled = spelled_by(lambda words: self._form.value_c(words[0]), " °C")
+            await self._registers.set(Register.SET_POINT, (word,), "set point", spelled)
 
     def as_stored(self, temperature_c: float) -> float:
         """Set point rounded to the decimals of the controller; unchanged if no register can hold it."""
@@ -173,10 +173,6 @@ class F4Channel(Connected):
 
     def _other(self, what: str, received: str, remedy: str) -> WrongIdentity:
         return WrongIdentity(self._link.device, what, received=received, remedy=remedy)
-
-    def _spelled(self, words: Words) -> str:
-        """Register as a temperature and in hexadecimal, for a message."""
-        return f"{self._form.value_c(words[0]):g} °C ({hexadecimal(words)})"
 
 
 def _firmware(names: Words) -> str:

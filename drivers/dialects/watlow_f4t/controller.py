@@ -20,21 +20,21 @@ from drivers.dialects.watlow_f4t.wire import (
     RampScale,
     mode_name,
 )
-from drivers.errors import BadAnswer, InstrumentFault, WrongIdentity
-from drivers.kinds.chamber.controller import Connected, Control, ControllerState, as_stated
+from drivers.errors import InstrumentFault, WrongIdentity
+from drivers.kinds.chamber.controller import Control, ControllerState
 from drivers.kinds.chamber.description import ChamberLimits, ChamberSafe
 from drivers.kinds.chamber.driver import Chamber
 from drivers.kinds.chamber.ramp import ARRIVED_WITHIN_C
-from drivers.kinds.chamber.registers import VerifiedRegisters, hexadecimal
-from drivers.kinds.chamber.words import Words
+from drivers.kinds.chamber.registers import RegisterController, spelled_by
+from drivers.kinds.chamber.words import COLDEST_C, HOTTEST_C, Words
+from drivers.recognised import as_stated
 from drivers.values import Identity
 
-COLDEST_C, HOTTEST_C = -273.15, 2000.0
 _CONTROL: Mapping[int, Control] = {ControlMode.AUTO: Control.SET_POINT, ControlMode.OFF: Control.IDLE}
 NARROWEST_C = 1.0  # closer set-point limits are swapped words, which decode to almost zero
 
 
-class F4TLoop(Connected):
+class F4TLoop(RegisterController):
     """A Controller that ramps by itself; its loop can be switched to auto only by a person.
 
     The controller reports no names: it is identified by its set-point limits.
@@ -43,11 +43,9 @@ class F4TLoop(Connected):
     can_start = False
 
     def __init__(self, setup: Setup[F4TOptions, ChamberLimits, ChamberSafe]) -> None:
-        self._pin, self._block_reads = setup.identity, setup.options.block_reads
+        super().__init__(setup)
+        self._block_reads = setup.options.block_reads
         self._form = LoopFormat(setup.options.loop, setup.options.word_order)
-        self._registers = VerifiedRegisters(setup, self._identify)
-        self._link = self._registers.link
-        super().__init__(self._registers)
 
     def _identity(self) -> Identity:
         """Names stated in the bench file; the fingerprint is reported by the controller."""
@@ -92,11 +90,7 @@ class F4TLoop(Connected):
     async def _block(self) -> LoopBlock:
         """Read the block in one request, so that its values are simultaneous."""
         address = self._form.address(BLOCK_FIRST)
-        words = await self._registers.read(address, BLOCK_COUNT)
-        try:
-            return self._form.block(words)
-        except ValueError as problem:
-            raise self._no_number(words, address, problem) from problem
+        return self._decode(await self._registers.read(address, BLOCK_COUNT), self._form.block, address)
 
     async def _block_singly(self) -> LoopBlock:
         """Read the block with one request for each value, for a controller that refuses the block."""
@@ -106,11 +100,12 @@ class F4TLoop(Connected):
 
     async def _number(self, register: LoopRegister) -> float:
         address = self._form.address(register)
-        return self._finite(await self._registers.read(address, 2), address)
+        return self._decode(await self._registers.read(address, 2), self._form.value, address)
 
     async def _set(self, register: LoopRegister, words: Words) -> None:
         name = register.name.lower().replace("_", " ")
-        await self._registers.set(self._form.address(register), words, name, self._spelled)
+        spelled = spelled_by(self._form.value) if len(words) > 1 else lambda words: str(words[0])
+        await self._registers.set(self._form.address(register), words, name, spelled)
 
     async def _identify(self) -> None:
         register = DISPLAY_UNIT_SERIAL if self._link.address.is_serial_line else DISPLAY_UNIT
@@ -132,7 +127,7 @@ class F4TLoop(Connected):
 
     async def _read_limits(self) -> tuple[float, float]:
         low_c, high_c = [
-            self._finite(await self._link.read(address, 2), address)
+            self._decode(await self._link.read(address, 2), self._form.value, address)
             for address in map(self._form.address, (LoopRegister.SET_POINT_MIN, LoopRegister.SET_POINT_MAX))
         ]
         if low_c < COLDEST_C or high_c > HOTTEST_C or high_c - low_c < NARROWEST_C:
@@ -142,27 +137,6 @@ class F4TLoop(Connected):
                 remedy="Check options.word_order in the bench file; the data map of the controller must be 1.",
             )  # fmt: skip
         return low_c, high_c
-
-    def _finite(self, words: Words, address: int) -> float:
-        try:
-            return self._form.value(words)
-        except ValueError as problem:
-            raise self._no_number(words, address, problem) from problem
-
-    def _no_number(self, words: Words, address: int, problem: ValueError) -> BadAnswer:
-        return BadAnswer(
-            self._link.device, str(problem), sent=f"read {len(words)} registers at {address}",
-            received=hexadecimal(words), remedy="Look at the controller for a sensor error.",
-        )  # fmt: skip
-
-    def _spelled(self, words: Words) -> str:
-        """Registers as numbers and in hexadecimal, for a message."""
-        if len(words) == 1:
-            return str(words[0])
-        try:
-            return f"{self._form.value(words):g} ({hexadecimal(words)})"
-        except ValueError:
-            return hexadecimal(words)
 
 
 def _range(limits_c: tuple[float, float]) -> str:

@@ -6,12 +6,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from drivers.certificates.corrections import CurrentCorrections
-from drivers.certificates.current_standard import CurrentUncertainty
-from drivers.description import DriverDescription
 from drivers.dialects.yokogawa_gs200.wire import COMPLIANCE_MAX_V, COMPLIANCE_MIN_V, RANGES_A
-from drivers.kinds.ranges import SourceLimits, range_of
-from drivers.safe_state import ZERO_THEN_OFF
+from drivers.kinds.described import current_source
+from drivers.kinds.ranges import range_of
 from drivers.schema.fields import InUnit, StrictModel
 from drivers.schema.wording import telling
 
@@ -35,18 +32,12 @@ class GS200Options(StrictModel):
     ] = Field(description="maximum compliance of a sequence, in whole volts")
 
 
-DESCRIPTION = DriverDescription(
+DESCRIPTION = current_source(
     name="yokogawa_gs200",
     title="precision current source Yokogawa GS200",
-    capabilities=frozenset({"current_source"}),
     schemes=frozenset({"tcp"}),
     target="drivers.dialects.yokogawa_gs200.driver:YokogawaGS200",
     simulator="simulators.instruments.sources.yokogawa_gs200:SimulatedGS200",
     recognition="drivers.dialects.yokogawa_gs200.recognition:RECOGNITION",
     options=GS200Options,
-    limits=SourceLimits,
-    safe_state=ZERO_THEN_OFF,
-    uncertainty=CurrentUncertainty,
-    corrections=CurrentCorrections,
-    channels={"current": "A"},
 )

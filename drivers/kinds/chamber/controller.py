@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
-from drivers.description import IdentityPin
 from drivers.values import Identity
 
 
@@ -107,11 +106,3 @@ class Connected:
 
     def _identity(self) -> Identity:
         raise NotImplementedError
-
-
-def as_stated(pin: IdentityPin, fingerprint: str, *, maker: str, model: str, firmware: str = "") -> Identity:
-    """Identity of a controller that reports no names: those of the bench file, otherwise these, unverified."""
-    return Identity(
-        maker=pin.maker or maker, model=pin.model or model, serial=pin.serial or "",
-        firmware=firmware or pin.firmware or "", verified=False, fingerprint=fingerprint,
-    )  # fmt: skip

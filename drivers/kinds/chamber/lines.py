@@ -41,9 +41,8 @@ class VerifiedLine:
         self._device, self._note = setup.name, setup.note
         self._identify, self._order_gap_s = identify, order_gap_s
         self._dialogue = Dialogue(
-            setup.name, setup.wires, setup.address, sync_query, end=end, framing=framing, wrap=wrap, pace=pace,
-            on_connect=identify, note=setup.note,
-        )  # fmt: skip
+            setup, sync_query, end=end, framing=framing, wrap=wrap, pace=pace, on_connect=identify
+        )
         self.double_read = self._dialogue.double_read
         self._busy_until_s = -math.inf
 

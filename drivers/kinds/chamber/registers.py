@@ -1,18 +1,20 @@
-"""Registers of a chamber's controller, on a connection that is identified before use."""
+"""Registers of a chamber's controller, on a connection that is identified before use, and controllers with them."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from drivers.description import Setup
-from drivers.errors import DriverError, LinkLost, NoAnswer, Refused
+from drivers.errors import BadAnswer, DriverError, LinkLost, NoAnswer, Refused
+from drivers.kinds.chamber.controller import Connected
 from drivers.kinds.chamber.words import Words
 from drivers.protocols.modbus_frames import ReadFunction
 from drivers.timing.readback import read_back
 from drivers.transport.dialogue import retry_once
 from drivers.transport.modbus import GAP_S, ModbusLink
 
+T = TypeVar("T")
 Spelled = Callable[[Words], str]
 """Formats registers as numbers for a message."""
 
@@ -114,6 +116,42 @@ class VerifiedRegisters:
             raise
 
 
+class RegisterController(Connected):
+    """Part of a Controller with such registers."""
+
+    def __init__(self, setup: Setup[Any, Any, Any], *, gap_s: float = GAP_S) -> None:
+        self._pin = setup.identity
+        self._registers = VerifiedRegisters(setup, self._identify, gap_s=gap_s)
+        self._link = self._registers.link
+        super().__init__(self._registers)
+
+    async def _identify(self) -> None:
+        """Identify by `_link`, and set `limits_c`; raises WrongIdentity."""
+        raise NotImplementedError
+
+    def _decode(self, words: Words, read: Callable[[Words], T], address: object) -> T:
+        """Decode the words at an address with `read`; BadAnswer if it raises ValueError."""
+        try:
+            return read(words)
+        except ValueError as problem:
+            raise BadAnswer(
+                self._link.device, str(problem), sent=f"read {len(words)} registers at {address}",
+                received=hexadecimal(words), remedy="Look at the controller for a sensor error.",
+            ) from problem  # fmt: skip
+
+
 def hexadecimal(words: Words) -> str:
     """Format words in hexadecimal, as on the wire."""
     return " ".join(f"{word:04x}" for word in words)
+
+
+def spelled_by(read: Callable[[Words], float], unit: str = "") -> Spelled:
+    """Format registers as the number that `read` decodes, and in hexadecimal; only so if it raises ValueError."""
+
+    def spelled(words: Words) -> str:
+        try:
+            return f"{read(words):g}{unit} ({hexadecimal(words)})"
+        except ValueError:
+            return hexadecimal(words)
+
+    return spelled

@@ -9,6 +9,7 @@ from typing import Literal
 
 Words = tuple[int, ...]
 WordOrder = Literal["low_first", "high_first"]
+COLDEST_C, HOTTEST_C = -273.15, 2000.0  # a value beyond them is no temperature
 
 
 def float32_words(value: float, order: WordOrder) -> Words:

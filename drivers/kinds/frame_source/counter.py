@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from drivers.can.dbc import Field, Message
 from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.can.sequence_numbers import Integers
-from drivers.description import Nothing, OptionsT, Setup, check_identity
+from drivers.description import Nothing, OptionsT, Setup
 from drivers.errors import InstrumentFault, NoAnswer
 from drivers.kinds.frame_source.intake import FROZEN_FRAMES, SILENT_PERIODS, FrameDriver, describe_frames
 from drivers.timing.awake import awake_s
@@ -40,11 +39,6 @@ class FreeCounter(FrameDriver[OptionsT]):
         self._last_numbers: list[int] = []  # sequence numbers of the last latches
         self._counts: dict[str, tuple[int, int]] = {}  # newest counts of each channel
 
-    async def __aenter__(self) -> Self:
-        """Open the channel and wait for a first latch; raises CannotConnect, NoAnswer, BadAnswer."""
-        self._begin(await self._open())
-        return self
-
     @property
     @abstractmethod
     def _latch(self) -> Message:
@@ -63,17 +57,7 @@ class FreeCounter(FrameDriver[OptionsT]):
     def _newest(self, block: FrameBlock) -> Newest:
         """Newest counts in a block, without channels that have none."""
 
-    async def _open(self) -> FrameLink:
-        link = await self._setup.wires.frames(self.name, self._setup.address)
-        try:
-            await self._first_latch(link)
-            check_identity(self.name, self._setup.identity, await self.identify())
-        except BaseException:
-            link.close()
-            raise
-        return link
-
-    async def _first_latch(self, link: FrameLink) -> None:
+    async def _await_frames(self, link: FrameLink) -> None:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + FIRST_FRAME_S
         received_ids: set[int] = set()

@@ -9,14 +9,15 @@ from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 from drivers.can.bus_errors import BUS_OFF, RESTARTED, class_names, error_classes
 from drivers.can.dbc import Dbc, DbcError, Field, readings_of
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.can.options import IDLE_BLOCK_S, text_of
-from drivers.description import Nothing, OptionsT, Setup
+from drivers.description import Nothing, OptionsT, Setup, check_identity
 from drivers.errors import BadAnswer, DriverError, InstrumentFault, LinkLost, NoAnswer
+from drivers.recognised import as_stated
 from drivers.transport.dialogue import ReconnectBackoff
 from drivers.transport.frame_link import FrameLink
 from drivers.values import Identity, LastSeen, Reading
@@ -192,8 +193,8 @@ class _Blocks(AsyncIterator[FrameBlock]):
 class FrameDriver(ABC, Generic[OptionsT]):
     """Common part of receive-only drivers.
 
-    A subclass opens its link with `_open`, starts with `_begin`, and processes every block with `_process`, which
-    updates `_readings` (new ones by channel) and `_last_seen`, and raises if the block has a problem.
+    A subclass processes every block with `_process`, which updates `_readings` (new ones by channel) and `_last_seen`,
+    and raises if the block has a problem.
 
     A poll reconnects a lost link: at once, then after increasing pauses. An acquisition does not, and fails if the link
     is lost: no block spans the gap.
@@ -209,17 +210,18 @@ class FrameDriver(ABC, Generic[OptionsT]):
         self._intake: FrameIntake
         self._backoff = ReconnectBackoff()
 
+    async def __aenter__(self) -> Self:
+        """Open the channel and wait for a first frame; raises CannotConnect, NoAnswer, BadAnswer."""
+        self._begin(await self._open())
+        return self
+
     async def __aexit__(self, *exc: object) -> None:
         """Close the channel."""
         await self._intake.end()
 
     async def identify(self) -> Identity:
         """Identity stated in the bench file; the fingerprint is that of the frame description."""
-        stated = self._setup.identity
-        return Identity(
-            maker=stated.maker or "", model=stated.model or "", serial=stated.serial or "",
-            firmware=stated.firmware or "", verified=False, fingerprint=self._fingerprint,
-        )  # fmt: skip
+        return as_stated(self._setup.identity, self._fingerprint)
 
     async def poll(self) -> Mapping[str, Sequence[Reading]]:
         """Temperatures received since the last poll; raises the error of the intake."""
@@ -251,9 +253,19 @@ class FrameDriver(ABC, Generic[OptionsT]):
         """
         return self._intake.acquire(block_s)
 
-    @abstractmethod
     async def _open(self) -> FrameLink:
         """Open a link that delivers frames; raises CannotConnect, NoAnswer, LinkLost."""
+        link = await self._setup.wires.frames(self.name, self._setup.address)
+        try:
+            await self._await_frames(link)
+            check_identity(self.name, self._setup.identity, await self.identify())
+        except BaseException:
+            link.close()
+            raise
+        return link
+
+    async def _await_frames(self, link: FrameLink) -> None:
+        """Wait for the first frame, where silence is a fault; raises NoAnswer."""
 
     @abstractmethod
     def _process(self, block: FrameBlock) -> None:

@@ -18,6 +18,7 @@ from simulators.serving.serve import DelayedAnswers
 from simulators.world import World
 
 DEFAULT_RATE_DPS = 10.0
+COUNTS_PER_UNIT = "1000000"
 VERSION = "5.06.001"
 _HOME, _HOME_AT_ONCE = "HOME", "HOMEASYNC"
 _ACCEPTED = ("WAIT MODE NOWAIT", "RAMP MODE RATE", "ACKNOWLEDGEALL", "VERSION", "ABSOLUTE", "INCREMENTAL")
@@ -47,7 +48,7 @@ class SimulatedEnsemble:
     """
 
     def __init__(
-        self, world: World, faults: FaultPlan, *, axis: str = "X", homed: bool = True, counts_per_unit: int = 1_000_000,
+        self, world: World, faults: FaultPlan, *, axis: str = "X", homed: bool = True,
         software_limits_deg: tuple[float, float] = (-370.0, 370.0), role: str | None = None,
     ) -> None:  # fmt: skip
         self.faults = faults
@@ -60,7 +61,7 @@ class SimulatedEnsemble:
         self._incremental = False  # unit of the distance of LINEAR
         low_deg, high_deg = software_limits_deg
         self._parameters = {
-            **dict.fromkeys(_PARAMETERS.values(), "1"), wire.FINGERPRINT_PARAMETER.upper(): str(counts_per_unit),
+            **dict.fromkeys(_PARAMETERS.values(), "1"), wire.FINGERPRINT_PARAMETER.upper(): COUNTS_PER_UNIT,
             "SOFTWARELIMITLOW": f"{low_deg:g}", "SOFTWARELIMITHIGH": f"{high_deg:g}",
             "DEFAULTSPEED": f"{DEFAULT_RATE_DPS:g}", "DEFAULTRAMPRATE": f"{world.settings.axis_acceleration_dps2:g}",
         }  # fmt: skip

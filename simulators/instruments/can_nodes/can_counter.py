@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
@@ -16,42 +16,20 @@ from drivers.certificates.corrections import ARCSEC_PER_DEG
 from drivers.dialects.can_counter.decoder import format_of
 from drivers.dialects.can_counter.options import CounterOptions
 from drivers.dialects.can_counter.wire import CounterFormat
-from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind, FaultPlan
+from simulators.faults.instrument_faults import PASSIVE_FAULT, FaultEffect, FaultKind
 from simulators.instruments.can_nodes.can_node import (
     TEMPERATURE_PERIOD_S,
     CanNode,
     NodeSetup,
+    Source,
     in_order,
     temperature_frames,
 )
 from simulators.physics.integrator import Counts, Integrator
-from simulators.units.accelerometer_unit import SimulatedUnit
-from simulators.units.gyro_unit import SimulatedGyro
-from simulators.units.imu import ImuChannel
 from simulators.units.unit_file import stream
-from simulators.world import World
 
 Array = NDArray[np.float64]
 BOARD_C = 25.0
-
-
-@dataclass(frozen=True, slots=True)
-class CounterSettings:
-    """A counter as its bench file describes it.
-
-    By `Message.Signal` of a temperature: `readings` gives the place of the unit, `boards` the place of the converter,
-    and `imu_readings` the place and the sensors of an inertial unit; `name` is the counter's role. `encoders` are the
-    counts per degree of the latched encoders, by axis.
-    """
-
-    name: str
-    dbc: Dbc
-    form: CounterFormat
-    period_s: float
-    readings: Mapping[str, str] = field(default_factory=dict)
-    boards: Mapping[str, str] = field(default_factory=dict)
-    imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    encoders: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,28 +61,30 @@ class SimulatedCounter(CanNode):
         **CanNode.FAULT_EFFECTS, "stuck_count": PASSIVE_FAULT, "cleared_count": PASSIVE_FAULT,
     }  # fmt: skip
 
-    def __init__(self, world: World, settings: CounterSettings, faults: FaultPlan) -> None:
-        super().__init__(settings.name, world, faults)
-        self._settings = settings
-        self._latch_s = settings.period_s / (1 + world.settings.device_clock)  # true seconds between two latches
+    def __init__(self, setup: NodeSetup, dbc: Dbc, form: CounterFormat) -> None:
+        super().__init__(setup.role, setup.world, setup.faults)
+        self._setup, self._dbc, self._form = setup, dbc, form
+        options: CounterOptions = setup.options
+        self._period_s = options.period
+        self._per_deg = {device: ARCSEC_PER_DEG / each.resolution for device, each in options.positions.items()}
+        world = setup.world
+        self._latch_s = self._period_s / (1 + world.settings.device_clock)  # true seconds between two latches
         draws = stream(world.settings.seed, "counter", "start")
         self._tick0 = int(draws.integers(0, 1 << 32))
         self._sequence0 = int(draws.integers(0, 1 << 16))
         self._boots = 0
         self._latch = self._shown = 0  # number of the last latch, and the one last sent in frames
         self._origin_s = self._counted_s = world.now()  # true time of latch 0, and time up to which pulses are counted
-        self._units: dict[str, SimulatedUnit | SimulatedGyro | ImuChannel] = {
+        self._units: dict[str, Source] = {
             unit.settings.channel: unit for unit in world.counted.values() if unit.settings.channel
         }
         for imu in world.imus.values():
-            self._units |= {name: unit for name, unit in imu.channels.items() if name in settings.form.channels}
-        began = [
-            [draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in settings.form.channels
-        ]
+            self._units |= {name: unit for name, unit in imu.channels.items() if name in form.channels}
+        began = [[draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in form.channels]
         self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
         self._carry = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, before a change of stimulus
-        self._latches_per_temperature = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
-        self.may_swap = frozenset(channel.sequence.message.id for channel in settings.form.channels.values())
+        self._latches_per_temperature = max(1, round(TEMPERATURE_PERIOD_S / self._period_s))
+        self.may_swap = frozenset(channel.sequence.message.id for channel in form.channels.values())
         self._held: dict[str, int] = {}  # values of stuck counts
         self._cleared: dict[str, int] = {}  # values of counts before they were cleared
         world.integrate_with(self._before_change)
@@ -112,27 +92,21 @@ class SimulatedCounter(CanNode):
     @classmethod
     def of(cls, setup: NodeSetup) -> Self:
         """Create from a bench file."""
-        options: CounterOptions = setup.options
-        dbc = dbc_in(options.dbc)
-        encoders = {device: ARCSEC_PER_DEG / encoder.resolution for device, encoder in options.positions.items()}
-        settings = CounterSettings(
-            setup.role, dbc, format_of(options, dbc), options.period, setup.readings, setup.boards, setup.imu_readings,
-            encoders,
-        )  # fmt: skip
-        return cls(setup.world, settings, setup.faults)
+        dbc = dbc_in(setup.options.dbc)
+        return cls(setup, dbc, format_of(setup.options, dbc))
 
     def _made(self, began: Array) -> list[_Converters]:
         """Converters of all channels, one row each: residual charge, and + and - counts."""
         residue, counts = began[:, :1], began[:, 1:].astype(np.int64)
         steady, made = [], []
-        for row, name in enumerate(self._settings.form.channels):
+        for row, name in enumerate(self._form.channels):
             if (unit := self._units.get(name)) is not None and unit.swings:
                 alone = Integrator(residue[row], counts[row, :1], counts[row, 1:])
                 made.append(_Converters([name], True, alone))
             else:
                 steady.append(row)
         if steady:
-            names = np.array(list(self._settings.form.channels))[steady].tolist()
+            names = np.array(list(self._form.channels))[steady].tolist()
             together = Integrator(residue[steady], counts[steady, :1], counts[steady, 1:])
             made.append(_Converters(names, False, together))
         return made
@@ -163,10 +137,10 @@ class SimulatedCounter(CanNode):
         """Power-on: device clock, latches and counts start at 0, and the boot counter increases."""
         self._boots += 1
         self._origin_s, self._latch, self._tick0, self._sequence0 = self._counted_s, 0, 0, 0
-        self._converters = self._made(np.zeros((len(self._settings.form.channels), 3)))
+        self._converters = self._made(np.zeros((len(self._form.channels), 3)))
 
     def _frames(self, numbers: NDArray[np.int64], edges_s: Array) -> FrameBlock:
-        form, at_s = self._settings.form, edges_s[1:]
+        form, at_s = self._form, edges_s[1:]
         frozen = self.faults.active("frozen")
         shown = np.full_like(numbers, self._shown) if frozen else numbers
         self._shown = int(shown[-1])
@@ -175,7 +149,7 @@ class SimulatedCounter(CanNode):
         def put(field: Field, integers: NDArray[np.int64]) -> None:
             values.setdefault(field.message.name, {})[field.signal.name] = integers
 
-        put(form.tick, self._tick0 + np.rint(shown * (self._settings.period_s / form.tick_period_s)).astype(np.int64))
+        put(form.tick, self._tick0 + np.rint(shown * (self._period_s / form.tick_period_s)).astype(np.int64))
         put(form.sequence, self._sequence0 + shown)
         if form.boot_count is not None:
             put(form.boot_count, np.full_like(numbers, self._boots))
@@ -196,7 +170,7 @@ class SimulatedCounter(CanNode):
             put(encoder.position, self._positions(name, np.full_like(at_s, at_s[0]) if frozen else at_s))
             put(encoder.sequence, self._sequence0 + shown)
         host_s = self._world.host_time(at_s)
-        return in_order([encode_frames(self._settings.dbc, host_s, values), self._temperature_frames(numbers, at_s)])
+        return in_order([encode_frames(self._dbc, host_s, values), self._temperature_frames(numbers, at_s)])
 
     def _with_faults(self, name: str, at_s: Array, counts: Counts) -> Counts:
         """Apply stuck and cleared counts to the counts of one sign at the times."""
@@ -205,7 +179,7 @@ class SimulatedCounter(CanNode):
             if since.any():
                 cleared = self._cleared.setdefault(name, int(counts[np.argmax(since)]))
                 counts = np.where(since, counts - cleared, counts)
-        if name.removeprefix("-") == next(iter(self._settings.form.channels)):
+        if name.removeprefix("-") == next(iter(self._form.channels)):
             for begin_s, end_s in self.faults.spans_s("stuck_count"):
                 during = (at_s >= begin_s) & (at_s < end_s)
                 if during.any():
@@ -231,17 +205,17 @@ class SimulatedCounter(CanNode):
     def _positions(self, role: str, at_s: Array) -> NDArray[np.int64]:
         """Encoder reading of an axis at the times, in counts."""
         angle_deg = self._world.axis_of(role).encoder_angles_deg(at_s + self._world.settings.encoder_skew_s)
-        return np.floor(angle_deg * self._settings.encoders[role]).astype(np.int64)
+        return np.floor(angle_deg * self._per_deg[role]).astype(np.int64)
 
     def _temperature_frames(self, numbers: NDArray[np.int64], at_s: Array) -> FrameBlock:
         """One frame of each temperature message per second; a signal without a unit is the converter board's."""
         at_s = at_s[numbers % self._latches_per_temperature == 0]
-        fields, host_s = self._settings.form.temperatures, self._world.host_time(at_s)
-        return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
+        fields, host_s = self._form.temperatures, self._world.host_time(at_s)
+        return temperature_frames(self._dbc, fields, lambda name: self._celsius(name, at_s), host_s)
 
     def _celsius(self, signal: str, at_s: Array) -> Array:
-        place, board = self._settings.readings.get(signal), self._settings.boards.get(signal)
-        of_imu = self._settings.imu_readings.get(signal)
+        place, board = self._setup.readings.get(signal), self._setup.boards.get(signal)
+        of_imu = self._setup.imu_readings.get(signal)
         if place is not None:
             return self._world.counted[place].thermometer_c(at_s)
         if board is not None:

@@ -30,6 +30,8 @@ T = TypeVar("T", bound=np.generic)
 TEMPERATURE_PERIOD_S = 1.0
 BAD_SHARE = 0.02  # share of affected frames on a bad bus
 PROTOCOL_ERROR = 0x008
+Source = SimulatedUnit | SimulatedGyro | ImuChannel
+"""Source of the counts or samples of one channel: a unit, or a channel of an inertial unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,7 @@ class NodeSetup:
     encoder_skew_s: float = 0.0
 
     @property
-    def units(self) -> Mapping[str, SimulatedUnit | SimulatedGyro | ImuChannel]:
+    def units(self) -> Mapping[str, Source]:
         """Simulated units, or sensors of inertial units, on its channels."""
         imus, counted = self.world.imus, self.world.counted
         return {
@@ -124,7 +126,7 @@ class CanNode(ABC):
         """Frames without those sent while the node was silent."""
         for span_s in self.faults.spans_s("silent"):
             begin_s, end_s = self._world.host_time(np.array(span_s))
-            frames = _rows(frames, np.flatnonzero((frames.at_s < begin_s) | (frames.at_s >= end_s)))
+            frames = frames.at(np.flatnonzero((frames.at_s < begin_s) | (frames.at_s >= end_s)))
         return frames
 
     @abstractmethod
@@ -158,17 +160,11 @@ def _merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
 
 def _before(frames: FrameBlock, at_s: float) -> FrameBlock:
     """Frames sent before a time of the host's clock."""
-    return _rows(frames, np.flatnonzero(frames.at_s < at_s))
+    return frames.at(np.flatnonzero(frames.at_s < at_s))
 
 
 def _error_frame(classes: int, at_s: float) -> FrameBlock:
-    return FrameBlock(
-        np.array([ERROR | classes], np.uint32), np.array([at_s]), np.array([8], np.uint8), np.zeros((1, 8), np.uint8)
-    )
-
-
-def _rows(frames: FrameBlock, rows: NDArray[np.intp]) -> FrameBlock:
-    return FrameBlock(frames.ids[rows], frames.at_s[rows], frames.dlc[rows], frames.payloads(rows))
+    return FrameBlock.of([(at_s, ERROR | classes, bytes(8))])
 
 
 def temperature_frames(

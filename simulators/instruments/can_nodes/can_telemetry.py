@@ -5,56 +5,31 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.dbc import Dbc, Field, dbc_in, encode_frames
-from drivers.can.encoder_frames import PositionFormat
+from drivers.can.encoder_frames import PositionFormat, position_formats
 from drivers.can.frame_block import FrameBlock
 from drivers.certificates.corrections import ARCSEC_PER_DEG
-from drivers.dialects.can_telemetry.decoder import encoders_of, formats_of
 from drivers.dialects.can_telemetry.options import TelemetryOptions
-from drivers.dialects.can_telemetry.wire import SampleFormat
-from simulators.faults.instrument_faults import FaultPlan
+from drivers.dialects.can_telemetry.wire import SampleFormat, sample_formats
 from simulators.instruments.can_nodes.can_node import (
     TEMPERATURE_PERIOD_S,
     CanNode,
     NodeSetup,
+    Source,
     in_order,
     temperature_frames,
 )
 from simulators.instruments.setup import NotSimulated
-from simulators.units.accelerometer import Sent
 from simulators.units.unit_file import stream
 from simulators.world import World
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-
-class Sender(Protocol):
-    """Source of the samples of one channel: a unit, or a channel of an inertial unit."""
-
-    @property
-    def place(self) -> str:
-        """Place of the unit."""
-
-    @property
-    def faults(self) -> FaultPlan:
-        """Faults of the unit."""
-
-    @property
-    def powered_at_s(self) -> float | None:
-        """Time of power-on; None without power."""
-
-    @property
-    def sent(self) -> Sent:
-        """Its conversion to codes."""
-
-    def mean_codes(self, edges_s: Array) -> Array:
-        """Mean output in each interval between consecutive times, in codes before rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,42 +55,28 @@ class ChannelSettings:
     encoder_skew_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class TelemetrySettings:
-    """The telemetry of a bench; `name` is its role.
-
-    `readings` gives the place of a temperature signal, `imu_readings` the place and the sensors of an inertial unit.
-    """
-
-    name: str
-    dbc: Dbc
-    channels: Mapping[str, ChannelSettings]
-    readings: Mapping[str, str] = field(default_factory=dict)
-    imu_readings: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-
-
 class SimulatedTelemetry(CanNode):
     """The units of the world that send their output.
 
     At every power-on a unit restarts its clock, its numbers and its samples.
     """
 
-    def __init__(self, world: World, settings: TelemetrySettings, faults: FaultPlan) -> None:
-        super().__init__(settings.name, world, faults)
-        self._settings = settings
+    def __init__(self, setup: NodeSetup, dbc: Dbc, channels: Mapping[str, ChannelSettings]) -> None:
+        super().__init__(setup.role, setup.world, setup.faults)
+        self._setup, self._dbc, world = setup, dbc, setup.world
         self._restarts = 0
-        senders: dict[str, Sender] = {
-            name: world.counted[each.place] for name, each in settings.channels.items() if each.place in world.counted
+        senders: dict[str, Source] = {
+            name: world.counted[each.place] for name, each in channels.items() if each.place in world.counted
         }
         for imu in world.imus.values():
             senders |= imu.channels
-        self._streams = [_Stream(name, senders[name], each, world) for name, each in settings.channels.items()]
+        self._streams = [_Stream(name, senders[name], each, world) for name, each in channels.items()]
         self._messages: dict[str, list[_Stream]] = {}
         for each in self._streams:
             self._messages.setdefault(each.settings.form.value.message.name, []).append(each)
-        self._thermometers: dict[str, dict[str, Field]] = {each.place: {} for each in settings.channels.values()}
-        for name, of_signal in settings.dbc.fields_in("°C").items():
-            place = settings.readings.get(name, settings.imu_readings.get(name, ("", ""))[0])
+        self._thermometers: dict[str, dict[str, Field]] = {each.place: {} for each in channels.values()}
+        for name, of_signal in dbc.fields_in("°C").items():
+            place = setup.readings.get(name, setup.imu_readings.get(name, ("", ""))[0])
             if place in self._thermometers:
                 self._thermometers[place][name] = of_signal
         world.integrate_with(self._before_change)
@@ -125,7 +86,7 @@ class SimulatedTelemetry(CanNode):
         """Create from a bench file; only channels with a unit send."""
         options: TelemetryOptions = setup.options
         dbc = dbc_in(options.dbc)
-        forms, encoders = formats_of(options, dbc), encoders_of(options, dbc)
+        forms, encoders = sample_formats(dbc, options.channels), position_formats(dbc, options.positions)
         channels = {}
         for channel, sample in options.channels.items():
             if channel in setup.places:
@@ -139,8 +100,7 @@ class SimulatedTelemetry(CanNode):
                     setup.encoder_skew_s,
                 )  # fmt: skip
         _check_messages(setup.role, channels)
-        settings = TelemetrySettings(setup.role, dbc, channels, setup.readings, setup.imu_readings)
-        return cls(setup.world, settings, setup.faults)
+        return cls(setup, dbc, channels)
 
     def _before_change(self) -> None:
         """Send samples that are due, and integrate the output under the stimulus that is about to change."""
@@ -166,7 +126,7 @@ class SimulatedTelemetry(CanNode):
                 said = {message: values}
                 for each in streams:
                     said |= self._positions(each, numbers, shown_s)
-                blocks.append(encode_frames(self._settings.dbc, self._world.host_time(at_s), said))
+                blocks.append(encode_frames(self._dbc, self._world.host_time(at_s), said))
                 if each.unit.place not in warmed:
                     blocks.append(
                         self._temperature_frames(each.unit.place, at_s[numbers % each.samples_per_temperature == 0])
@@ -188,13 +148,13 @@ class SimulatedTelemetry(CanNode):
     def _temperature_frames(self, place: str, at_s: Array) -> FrameBlock:
         """Thermometer readings of a unit, once a second."""
         fields, host_s = self._thermometers[place], self._world.host_time(at_s)
-        return temperature_frames(self._settings.dbc, fields, lambda name: self._celsius(name, at_s), host_s)
+        return temperature_frames(self._dbc, fields, lambda name: self._celsius(name, at_s), host_s)
 
     def _celsius(self, signal: str, at_s: Array) -> Array:
-        of_imu = self._settings.imu_readings.get(signal)
+        of_imu = self._setup.imu_readings.get(signal)
         if of_imu is not None:
             return self._world.imus[of_imu[0]].thermometer_c(of_imu[1], at_s)
-        return self._world.counted[self._settings.readings[signal]].thermometer_c(at_s)
+        return self._world.counted[self._setup.readings[signal]].thermometer_c(at_s)
 
 
 def _check_messages(role: str, channels: Mapping[str, ChannelSettings]) -> None:
@@ -213,7 +173,7 @@ def _check_messages(role: str, channels: Mapping[str, ChannelSettings]) -> None:
 class _Stream:
     """Samples of one channel: means of its unit's output over a sample period."""
 
-    def __init__(self, name: str, unit: Sender, settings: ChannelSettings, world: World) -> None:
+    def __init__(self, name: str, unit: Source, settings: ChannelSettings, world: World) -> None:
         self.unit, self.settings, self._how = unit, settings, unit.sent
         self.samples_per_temperature = max(1, round(TEMPERATURE_PERIOD_S / settings.period_s))
         self._sample_s = settings.period_s / (1 + self._how.clock)  # true seconds from sample to sample

@@ -72,5 +72,4 @@ class SimulatedAdapter(asyncio.Protocol):
 
 def _without_errors(block: FrameBlock) -> FrameBlock:
     """Frames without error frames, which the protocol of the adapter does not have."""
-    rows = np.flatnonzero((block.ids & np.uint32(ERROR)) == 0)
-    return FrameBlock(block.ids[rows], block.at_s[rows], block.dlc[rows], block.payloads(rows))
+    return block.at(np.flatnonzero((block.ids & np.uint32(ERROR)) == 0))

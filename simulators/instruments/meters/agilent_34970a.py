@@ -27,6 +27,7 @@ from simulators.instruments.scpi import (
     Handler,
     Interpreter,
     Refusal,
+    ScpiInstrument,
     setting,
     switch,
 )
@@ -48,7 +49,7 @@ _UNITS: Mapping[str, Callable[[float], float]] = {
 }  # fmt: skip
 
 
-class SimulatedScanner:
+class SimulatedScanner(ScpiInstrument):
     """A scanner with a card of 20 channels in each slot of `slots`.
 
     A sensor named like a place is on the unit there; any other is in the air of the chamber. A scan takes 0.2 s for
@@ -92,11 +93,6 @@ class SimulatedScanner:
     def joined(self, answers: list[str]) -> str:
         """Join the answers to one line."""
         return self._interpreter.joined(answers)
-
-    def restart(self) -> None:
-        """Short power failure: scanning stops."""
-        self._reset()
-        self._interpreter.power_on()
 
     def begin_scan(self, *, kept: bool = True) -> float | None:
         """Begin a scan; return its duration (s), or None if there is nothing to scan or a scan is running."""
@@ -188,19 +184,19 @@ class SimulatedScanner:
             "DATA:REMove?": self._remove,
             "R?": self._read_out,
             "FORMat:READing:TIME:TYPE": lambda _: None,
-            wire.CONFIGURE: self._unless_stuck(self._configure),
-            wire.SCAN: self._unless_stuck(self._set_scan),
+            wire.CONFIGURE: self.unless_stuck(self._configure),
+            wire.SCAN: self.unless_stuck(self._set_scan),
             f"{wire.SCAN}?": lambda _: _block(wire.listed(self.scan)),
             f"{wire.SCAN}:SIZE?": lambda _: f"{len(self.scan):+d}",
-            wire.UNIT: self._unless_stuck(self._set_unit),
+            wire.UNIT: self.unless_stuck(self._set_unit),
             f"{wire.UNIT}?": lambda argument: self._of_each(argument, lambda channel: self.units.get(channel, "C")),
             f"{wire.KIND}?": lambda argument: self._of_each(argument, lambda channel: self._sensor(channel)[0]),
             "[SENSe:]FUNCtion?": lambda argument: self._of_each(argument, self._function),
-            "CONFigure:VOLTage[:DC]": self._unless_stuck(self._configure_volts),
+            "CONFigure:VOLTage[:DC]": self.unless_stuck(self._configure_volts),
             "CONFigure?": lambda argument: self._of_each(argument, self._configured),
-            "ROUTe:MONitor": self._unless_stuck(self._set_monitor),
+            "ROUTe:MONitor": self.unless_stuck(self._set_monitor),
             "ROUTe:MONitor?": lambda _: _block(wire.listed(self.monitored)),
-            "ROUTe:MONitor:STATe": self._unless_stuck(self._switch_monitor),
+            "ROUTe:MONitor:STATe": self.unless_stuck(self._switch_monitor),
             "ROUTe:MONitor:STATe?": lambda _: str(int(self.monitors)),
             "ROUTe:MONitor:DATA?": lambda _: self._monitor(),
             f"{wire.CONDITION}?": lambda _: f"{int(Condition.SCANNING) if self.left_s() else 0:+d}",
@@ -216,12 +212,9 @@ class SimulatedScanner:
         for header in wire.TYPES.values():
             commands[f"{header}?"] = lambda argument: self._of_each(argument, self._type)
         for name in _FORMATS:
-            commands[f"FORMat:READing:{name}"] = self._unless_stuck(self._format(name))
+            commands[f"FORMat:READing:{name}"] = self.unless_stuck(self._format(name))
             commands[f"FORMat:READing:{name}?"] = self._formatted(name)
         return commands
-
-    def _unless_stuck(self, handler: Handler) -> Handler:
-        return lambda argument: self.faults.carry_out(lambda: handler(argument), Refusal)
 
     def _begin(self) -> None:
         self.begin_scan()
@@ -332,7 +325,7 @@ class SimulatedScanner:
 
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **MEASUREMENT_AND_COMMAND_FAULTS,
-        "restart": FaultEffect(restart),
+        "restart": FaultEffect(ScpiInstrument.restart),
         "open_sensor": FaultEffect(
             lambda scanner: scanner.open.update(scanner.names), lambda scanner: scanner.open.clear()
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 
@@ -36,41 +36,6 @@ class MeterInput(Protocol):
         """Reading of that mean, without noise."""
 
 
-class PassingNoise(Protocol):
-    """Noise of a unit for an observer that reads it occasionally."""
-
-    def pass_over(self, passed_s: float) -> None:
-        """Advance the time without a reading."""
-
-
-N = TypeVar("N", bound=PassingNoise)
-
-
-class AnalogueUnit(Protocol[N]):
-    """A unit whose output is a current."""
-
-    def own_noise(self, name: str) -> N:
-        """Noise generator for one observer."""
-
-    def mean_volts(self, begin_s: float, end_s: float, noise: N, load_ohm: float) -> float:
-        """Mean voltage of its current across a load."""
-
-
-class NoUnit:
-    """A load without a unit: no current, and no noise."""
-
-    def own_noise(self, name: str) -> NoUnit:
-        """The object itself, as noise source."""
-        return self
-
-    def pass_over(self, passed_s: float) -> None:
-        """Do nothing: there is no drift."""
-
-    def mean_volts(self, begin_s: float, end_s: float, noise: NoUnit, load_ohm: float) -> float:
-        """Zero."""
-        return 0.0
-
-
 class VoltsOnLoad:
     """A load that carries the current of the unit in a place; `name` separates the noise of several meters."""
 
@@ -79,11 +44,14 @@ class VoltsOnLoad:
     def __init__(self, world: World, settings: VoltmeterSettings, name: str) -> None:
         self.noise = settings.noise_v
         self._settings = settings
-        self._unit: AnalogueUnit[Any] = world.counted[settings.place] if settings.place else NoUnit()
-        self._unit_noise, self._looked_s = self._unit.own_noise(name), 0.0
+        self._unit = world.counted[settings.place] if settings.place else None
+        self._unit_noise = self._unit.own_noise(name) if self._unit is not None else None
+        self._looked_s = 0.0
 
     def mean(self, begin_s: float, end_s: float) -> float:
-        """Mean voltage; the bias of the unit drifts between readings."""
+        """Mean voltage; the bias of the unit drifts between readings. A load without a unit carries no current."""
+        if self._unit is None or self._unit_noise is None:
+            return 0.0
         if begin_s > self._looked_s:
             self._unit_noise.pass_over(begin_s - self._looked_s)
         self._looked_s = end_s

@@ -6,7 +6,13 @@ from collections.abc import Callable, Mapping
 
 from simulators.instruments.meters.scanner_sweeps import exponential
 from simulators.instruments.scpi import Handler
-from simulators.instruments.stored_settings import StoredSetting, stored_number, stored_switch, stored_word
+from simulators.instruments.stored_settings import (
+    StoredSetting,
+    StoredSettings,
+    stored_number,
+    stored_switch,
+    stored_word,
+)
 
 Channels = Callable[[str], tuple[int, ...]]
 """Parse a channel list like `(@101:103)`, empty for the scan list; raises Refusal."""
@@ -25,21 +31,12 @@ STORED: Mapping[str, StoredSetting] = {
 }
 
 
-class ChannelSettings:
+class ChannelSettings(StoredSettings):
     """Settings of every channel."""
 
     def __init__(self, channels: Channels) -> None:
+        super().__init__(STORED)
         self._channels = channels
-        self._values: dict[tuple[str, int], str] = {}
-
-    def commands(self) -> dict[str, Handler]:
-        """Handlers of settings and queries, by header."""
-        setters = {header: self._setter(header) for header in STORED}
-        return setters | {f"{header}?": self._query_handler(header) for header in STORED}
-
-    def reset(self) -> None:
-        """Reset all settings to their defaults."""
-        self._values.clear()
 
     def _setter(self, header: str) -> Handler:
         def store(argument: str) -> None:

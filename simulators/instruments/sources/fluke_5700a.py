@@ -12,6 +12,7 @@ from typing import ClassVar, Self
 from drivers.dialects.fluke_5700a import wire
 from drivers.dialects.fluke_5700a.wire import Event, Status, Terminator
 from drivers.protocols.scpi import number
+from drivers.protocols.texts import matched
 from simulators.faults.instrument_faults import COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.setup import InstrumentSetup
 from simulators.world import World
@@ -277,9 +278,7 @@ class FlukeSession:
 
 def quantity(text: str) -> tuple[float, str]:
     """Parse a value in a unit with multiplier, from capitals like `10V`, `1.2 MA` or `1KHZ`; ValueError."""
-    match = _QUANTITY.fullmatch(text)
-    if match is None:
-        raise ValueError(f"'{text}' is not a number with a unit")
+    match = matched(_QUANTITY, text, f"'{text}' is not a number with a unit")
     value, word = number(match[1]), match[2]
     if word in _MEGA:
         return 1e6 * value, _MEGA[word]

@@ -98,11 +98,6 @@ class SimulatedKeithley(LoadedSource):
         if not closed:
             self.put_output(False)
 
-    def restart(self) -> None:
-        """Short power failure: all settings are as at power-on."""
-        self._reset()
-        self._interpreter.power_on()
-
     def _commands(self) -> dict[str, Handler]:
         return {
             wire.LEVEL: self.unless_stuck(self._set_level),
@@ -193,7 +188,6 @@ class SimulatedKeithley(LoadedSource):
 
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **LoadedSource.FAULT_EFFECTS,
-        "restart": FaultEffect(restart),
         "interlock": sets("interlock_closed", False, True),
     }
 

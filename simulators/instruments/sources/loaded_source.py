@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from simulators.faults.instrument_faults import COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
-from simulators.instruments.scpi import Handler, Refusal
+from simulators.instruments.scpi import ScpiInstrument
 from simulators.world import World
 
 WITHOUT_WIRE = 1e6  # factor of its load
 
 
-class LoadedSource:
+class LoadedSource(ScpiInstrument):
     """An output in front of `load_ohm`. `stuck`: settings are accepted and not executed."""
 
     def __init__(self, world: World, faults: FaultPlan, load_ohm: float) -> None:
@@ -49,11 +49,8 @@ class LoadedSource:
         self._world.before_change()
         self.output = on
 
-    def unless_stuck(self, handler: Handler) -> Handler:
-        """Execute a setting, unless it is stuck or delayed."""
-        return lambda argument: self.faults.carry_out(lambda: handler(argument), Refusal)
-
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **COMMAND_FAULTS,
         "compliance": FaultEffect(take_load_off, put_load_back),
+        "restart": FaultEffect(ScpiInstrument.restart),
     }

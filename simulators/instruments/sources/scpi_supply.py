@@ -10,12 +10,13 @@ from drivers.dialects.scpi_supply import wire
 from simulators.faults.instrument_faults import MEASUREMENT_AND_COMMAND_FAULTS, FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.scpi import (
     ILLEGAL_VALUE,
-    NOT_ALLOWED,
     SETTINGS_CONFLICT,
     Handler,
     Interpreter,
     LineSession,
     Refusal,
+    ScpiInstrument,
+    asked,
     setting,
     switch,
 )
@@ -39,7 +40,7 @@ _STORED = {  # levels at which others trip; here it trips on request
 }
 
 
-class SimulatedSupply:
+class SimulatedSupply(ScpiInstrument):
     """One output, with the units whose places name it.
 
     `frozen`: measured values repeat. `stuck`: the output does not switch.
@@ -64,9 +65,9 @@ class SimulatedSupply:
             f"INERTIAL TEST BENCH,{model},{serial},1.0",
             {
                 wire.VOLTAGE: self._maybe_delayed(self._set_level),
-                f"{wire.VOLTAGE}?": lambda asked: f"{_asked(asked, self._level_v, VOLTAGE_MAX_V):.3f}",
+                f"{wire.VOLTAGE}?": lambda which: f"{asked(which, self._level_v, 0.0, VOLTAGE_MAX_V):.3f}",
                 wire.CURRENT: self._maybe_delayed(self._set_limit),
-                f"{wire.CURRENT}?": lambda asked: f"{_asked(asked, self._limit_a, CURRENT_MAX_A):.4f}",
+                f"{wire.CURRENT}?": lambda which: f"{asked(which, self._limit_a, 0.0, CURRENT_MAX_A):.4f}",
                 wire.OUTPUT: self._switch,
                 f"{wire.OUTPUT}?": lambda _: str(int(self.output)),
                 f"{wire.MEASURE_VOLTAGE}?": lambda _: f"{self._measure()[0]:.4f}",
@@ -133,11 +134,6 @@ class SimulatedSupply:
     def _set_watchdog(self, argument: str) -> None:
         self._watchdog_s = round(setting(argument, 1.0, WATCHDOG_MAX_S))
 
-    def restart(self) -> None:
-        """Short power failure: all settings are as at power-on."""
-        self._reset()
-        self._interpreter.power_on()
-
     def _set_level(self, argument: str) -> None:
         self._level_v = round(setting(argument, 0.0, VOLTAGE_MAX_V), 3)
         self._feed_units()
@@ -185,7 +181,7 @@ class SimulatedSupply:
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **MEASUREMENT_AND_COMMAND_FAULTS,
         "tripped": FaultEffect(trip),
-        "restart": FaultEffect(restart),
+        "restart": FaultEffect(ScpiInstrument.restart),
     }
 
 
@@ -193,10 +189,3 @@ def _select(output: str) -> None:
     """Select the only output."""
     if output.upper() not in ("1", "OUT1", "OUTP1", "CH1"):
         raise Refusal(ILLEGAL_VALUE)
-
-
-def _asked(which: str, set_to: float, most: float) -> float:
-    """Answer to a level query: the setting, or with MIN or MAX its limit."""
-    if which.upper() not in ("", "MIN", "MAX"):
-        raise Refusal(NOT_ALLOWED)
-    return {"MIN": 0.0, "MAX": most}.get(which.upper(), set_to)

@@ -10,13 +10,13 @@ from drivers.dialects.yokogawa_gs200.wire import Condition, Function
 from simulators.faults.instrument_faults import FaultEffect, FaultKind, FaultPlan
 from simulators.instruments.scpi import (
     ILLEGAL_VALUE,
-    NOT_ALLOWED,
     OUT_OF_RANGE,
     SETTINGS_CONFLICT,
     Handler,
     Interpreter,
     LineSession,
     Refusal,
+    asked,
     setting,
     switch,
 )
@@ -95,11 +95,6 @@ class SimulatedGS200(LoadedSource):
         """Trip its protection: the output switches off."""
         self.put_output(False)
 
-    def restart(self) -> None:
-        """Short power failure: all settings are as at power-on."""
-        self._reset()
-        self._interpreter.power_on()
-
     def _commands(self) -> dict[str, Handler]:
         return {
             wire.FUNCTION: self.unless_stuck(self._set_function),
@@ -110,7 +105,7 @@ class SimulatedGS200(LoadedSource):
             wire.AUTO_LEVEL: self.unless_stuck(self._set_auto_level),
             f"{wire.LEVEL}?": lambda _: f"{self.level_a:+.5E}",
             wire.COMPLIANCE: self.unless_stuck(self._set_compliance),
-            f"{wire.COMPLIANCE}?": lambda asked: f"+{_engineering(_asked(asked, self.compliance_v))}",
+            f"{wire.COMPLIANCE}?": lambda which: f"+{_engineering(self._compliance(which))}",
             wire.CURRENT_LIMIT: self.unless_stuck(self._set_current_limit),
             f"{wire.CURRENT_LIMIT}?": lambda _: f"{self.current_limit_a:+.5E}",
             wire.OUTPUT: self.unless_stuck(lambda argument: self.put_output(switch(argument))),
@@ -187,6 +182,9 @@ class SimulatedGS200(LoadedSource):
     def _set_compliance(self, argument: str) -> None:
         self.compliance_v = float(round(setting(argument, wire.COMPLIANCE_MIN_V, wire.COMPLIANCE_MAX_V)))
 
+    def _compliance(self, which: str) -> float:
+        return asked(which, self.compliance_v, wire.COMPLIANCE_MIN_V, wire.COMPLIANCE_MAX_V)
+
     def _set_current_limit(self, argument: str) -> None:
         self.current_limit_a = setting(argument, *_CURRENT_LIMITS_A)
 
@@ -210,16 +208,8 @@ class SimulatedGS200(LoadedSource):
 
     FAULT_EFFECTS: ClassVar[Mapping[FaultKind, FaultEffect]] = {
         **LoadedSource.FAULT_EFFECTS,
-        "restart": FaultEffect(restart),
         "tripped": FaultEffect(trip),
     }
-
-
-def _asked(which: str, set_to: float) -> float:
-    """Answer to a voltage limit query: the setting, or with MIN or MAX its limit."""
-    if which.upper() not in ("", "MIN", "MAX"):
-        raise Refusal(NOT_ALLOWED)
-    return {"MIN": wire.COMPLIANCE_MIN_V, "MAX": wire.COMPLIANCE_MAX_V}.get(which.upper(), set_to)
 
 
 def _engineering(value: float) -> str:

@@ -7,12 +7,14 @@ from itertools import pairwise
 import pytest
 
 from bench.loop import AS_FAST_AS_POSSIBLE, run
+from drivers.description import IdentityPin, Nothing, Setup, ignore_note
 from drivers.errors import BadAnswer, CannotConnect, LinkLost, NoAnswer
 from drivers.transport.address import Address
 from drivers.transport.dialogue import Dialogue, safe_in_time
 from drivers.transport.exchange import LineExchange, SyncQuery
 from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, MemoryTransport, join
+from drivers.transport.wires import Wires
 
 
 class Echo(asyncio.Protocol):
@@ -55,7 +57,12 @@ def check(line: bytes) -> None:
 
 
 def a_dialogue(wires: Echoes, address: str = "tcp://127.0.0.1:5025") -> Dialogue:
-    return Dialogue("echo", wires, Address.parse(address), SyncQuery(b"who?", check))
+    return dialogue_of(wires, Address.parse(address), ignore_note)
+
+
+def dialogue_of(wires: Wires, address: Address, note: Callable[[str], object]) -> Dialogue:
+    setup = Setup("echo", address, wires, Nothing(), Nothing(), Nothing(), IdentityPin(), note=note)
+    return Dialogue(setup, SyncQuery(b"who?", check))
 
 
 def now_s() -> float:
@@ -153,7 +160,7 @@ def test_a_question_connects_again_after_a_lost_wire_and_says_so() -> None:
 
     async def main() -> None:
         address = Address.parse("tcp://127.0.0.1:5025")
-        dialogue = Dialogue("echo", wires, address, SyncQuery(b"who?", check), note=notes.append)
+        dialogue = dialogue_of(wires, address, notes.append)
         await dialogue.open()
         wires.opened[-1].transport.abort()
         await asyncio.sleep(1.0)

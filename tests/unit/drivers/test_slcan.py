@@ -15,11 +15,11 @@ from drivers.transport.can import Slcan, open_slcan
 from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.instruments.can_nodes.can_counter import SimulatedCounter
 from simulators.instruments.can_nodes.slcan_adapter import UNREAD_LIMIT_BYTES, SimulatedAdapter
 from simulators.units.settings import WorldSettings
 from simulators.world import World
-from tests.support.laboratory import DBC, counter_form
+from tests.support.laboratory import a_counter
 
 LINES = b"t1008A08601000500002A\rt1016010203040506\rT1ABCDEF02ffEE\rt7FF0\r"
 
@@ -342,7 +342,7 @@ def test_a_reason_is_told_when_the_system_gives_one() -> None:
 def simulated_counter() -> SimulatedCounter:
     loop = asyncio.get_running_loop()
     world = World(WorldSettings(seed=1, gravity_mps2=9.8), loop.time)
-    return SimulatedCounter(world, CounterSettings("counter", DBC, counter_form(), 0.1), FaultPlan(now_s=loop.time))
+    return a_counter(world, FaultPlan(now_s=loop.time))
 
 
 def test_our_reader_takes_what_the_simulated_adapter_sends() -> None:

@@ -15,11 +15,11 @@ from drivers.transport.address import Address
 from drivers.transport.memory import Line, join
 from drivers.transport.socketcand import Socketcand, open_socketcand, parse, render
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
+from simulators.instruments.can_nodes.can_counter import SimulatedCounter
 from simulators.instruments.can_nodes.socketcand_server import SimulatedServer
 from simulators.units.settings import WorldSettings
 from simulators.world import World
-from tests.support.laboratory import DBC, counter_form
+from tests.support.laboratory import a_counter
 
 ADDRESS = Address.parse("socketcand://192.168.1.30:29536/can0")
 TEXTS = (
@@ -195,7 +195,7 @@ def test_a_server_that_closes_is_told() -> None:
 
 def node(faults: FaultPlan) -> SimulatedCounter:
     world = World(WorldSettings(seed=1, gravity_mps2=9.8), asyncio.get_running_loop().time)
-    return SimulatedCounter(world, CounterSettings("counter", DBC, counter_form(), 0.1), faults)
+    return a_counter(world, faults)
 
 
 def test_the_simulated_server_sends_what_its_node_sends() -> None:

@@ -9,16 +9,16 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.can.dbc import Dbc
-from drivers.dialects.can_counter.wire import counter_format, decode_counts, decode_positions
+from drivers.can.options import PositionOptions
+from drivers.dialects.can_counter.wire import decode_counts, decode_positions
 from simulators.faults.instrument_faults import FaultPlan
-from simulators.instruments.can_nodes.can_counter import CounterSettings, SimulatedCounter
 from simulators.physics.attitude import EAST, UP, Fixture
 from simulators.physics.motion import Axis, AxisErrors
 from simulators.physics.profiles import Slew
 from simulators.physics.table_kinematics import EARTH_DPS, Level, TableErrors, TableKinematics
 from simulators.units.gyro import GyroModel, draw_gyro, noise_of_gyro
 from simulators.units.gyro_file import GyroFile
-from tests.support.laboratory import LATCH, ROOT, Laboratory, place
+from tests.support.laboratory import LATCH, ROOT, Laboratory, a_counter, format_in, place
 
 TABLE = Fixture((UP,), EAST, UP)
 DBC = Dbc((ROOT / "config" / "response.dbc").read_text("utf-8"))
@@ -128,9 +128,10 @@ def on_a_table(unit, **settings):
     given = {"unit": unit, "mount_angle_deg": 90.0} | settings.pop("place", {})
     lab = Laboratory(place(**given), axes={"table": AxisErrors()}, fixture=TABLE, **settings)
     lab.world.power("supply", True)
-    form = counter_format(DBC, LATCH, 1e-6, CHANNELS, POSITIONS)
-    counter = CounterSettings("counter", DBC, form, 1e-3, {}, encoders={"table": 1e4})
-    return lab, form, SimulatedCounter(lab.world, counter, FaultPlan(now_s=lab.world.now))
+    form = format_in(DBC, LATCH, CHANNELS, POSITIONS)
+    encoders = {"table": PositionOptions.model_validate({**POSITIONS["table"], "resolution": "0.36 arcsec"})}
+    faults = FaultPlan(now_s=lab.world.now)
+    return lab, form, a_counter(lab.world, faults, dbc=DBC, form=form, period_s=1e-3, positions=encoders)
 
 
 def test_pulses_and_encoder_are_latched_together():
