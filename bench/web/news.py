@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from typing import Any, NamedTuple
@@ -47,6 +48,7 @@ NEWS = {
 URGENT = frozenset({"problem", "step_failed", "unit_dropped", "device_left_out", "fault", "stalled"})
 SENTENCES = frozenset({"text", "why", "by"})  # values with words of the program
 OF_PEOPLE = frozenset({"asked", "answered", "command", "order", "order_refused"})
+FACTS = re.compile(r"; (?=\w+: )")  # between the facts of an entry in one text
 LASTING = frozenset({"ramp", "soak", "wait", "wait_until", "set", "orient", "rotate", "oscillate"})
 
 
@@ -84,6 +86,14 @@ def _worded(events: Iterable[Event], steps: Mapping[str, Facts]) -> Iterator[tup
             planned = steps.get(first_visit(event.step))
             if planned is not None and planned["facts"]["verb"] in LASTING:
                 yield event, escape(in_words(NOW, planned))
+
+
+def facts_in_words(text: str) -> Markup:
+    """Return the facts of an entry, as "text: …; by: …", with its sentences in the current language."""
+    facts = [fact.partition(": ") for fact in FACTS.split(text)]
+    return Markup("; ").join(
+        escape(key + colon) + (said(value) if key in SENTENCES else escape(value)) for key, colon, value in facts
+    )
 
 
 def _values(kind: str, data: Mapping[str, Any]) -> _Known:
