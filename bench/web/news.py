@@ -47,7 +47,7 @@ NEWS = {
 }
 URGENT = frozenset({"problem", "step_failed", "unit_dropped", "device_left_out", "fault", "stalled"})
 SENTENCES = frozenset({"text", "why", "by"})  # values with words of the program
-OF_PEOPLE = frozenset({"asked", "answered", "command", "order", "order_refused"})
+OF_PEOPLE = frozenset({"asked", "answered", "command", "order"})  # entries with what people have said
 FACTS = re.compile(r"; (?=\w+: )")  # between the facts of an entry in one text
 LASTING = frozenset({"ramp", "soak", "wait", "wait_until", "set", "orient", "rotate", "oscillate"})
 
